@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import click
@@ -27,7 +29,22 @@ def _channels(context: click.Context, option: click.Parameter, texts: tuple[str,
     return MAPPED(context, option, mapped)
 
 
+def _shift(_context: click.Context, _option: click.Parameter, text: str | None) -> float | str | None:
+    """Return seconds, "auto" or None."""
+    if text in (None, "auto"):
+        return text
+    try:
+        if math.isfinite(shift := float(str(text))):
+            return shift
+    except ValueError:
+        pass
+    raise ConfigError(f"--align: not a shift, got '{text}'; write --align 3.2, in s, or --align auto")
+
+
 def _check(options: Mapping[str, Any]) -> None:
+    if (options["diff"] or options["align"] is not None) and len(options["logs"]) != 2:
+        flag = "--diff" if options["diff"] else "--align"
+        raise ConfigError(f"bfi plot: {flag} is about two logs, got {len(options['logs'])}; give two")
     if options["out"] is None and not options["as_json"]:
         raise ConfigError("bfi plot: --out is missing; give --out DIR, or --json for phases and windows alone")
 
@@ -51,6 +68,13 @@ def _check(options: Mapping[str, Any]) -> None:
         type=click.Path(),
         help="Draw what this result of identify, start-time, detect or diagnose declares and suspects; repeatable.",
     ),
+    click.option("--diff", is_flag=True, help="Of two logs, draw the channels of the second less those of the first."),
+    click.option(
+        "--align",
+        metavar="S|auto",
+        callback=_shift,
+        help="Add this many seconds to the times of the second log; auto: those for which their channels agree best.",
+    ),
     *("units", "out", "force", "as_json", "series"),
     check=_check,
     out="Write figures, zoom.html, report, tables and result; needed without --json.",
@@ -60,20 +84,43 @@ def command(asked: Asked) -> Answer:
 
     Above the channels stand the phases of the flight, its manoeuvres, the windows that are worth an analysis, ranked,
     and the events of stored results. zoom.html shows the same in a browser, to zoom and to move; it needs no network.
+    With --diff two recorders of one flight are compared, on common time.
     Of a configuration file counts what says how the logs are read, its window and the units to show.
     """
     from ..flightlog import read_log
-    from ..flightlog.plot import MOST_PANELS, plot_content, plot_document, read_events
+    from ..flightlog.difference import time_shift
+    from ..flightlog.plot import (
+        MOST_PANELS,
+        channels_to_plot,
+        moved,
+        plot_content,
+        plot_document,
+        read_events,
+        shared_channels,
+    )
+    from ..flightlog.record import frozen_array
 
-    names, window = asked.options["channels"], asked.config.window
+    names, window, diff = asked.options["channels"], asked.config.window, asked.options["diff"]
+    align, shift_s = asked.options["align"], 0.0
     pages = range(1, -(-len(names) // MOST_PANELS))
-    figures = ("channels", *(f"channels_{i + 1}" for i in pages))
-    asked.check_out(figures, ("events", "windows", "phases"), zoom=True)
+    kinds = ("channels", "differences") if diff else ("channels",)
+    figures = tuple(name for kind in kinds for name in (kind, *(f"{kind}_{i + 1}" for i in pages)))
+    asked.check_out(figures, (*kinds[1:], "events", "windows", "phases"), zoom=True)
     found = [(path, *read_events(path)) for path in asked.options["results"]]
-    reading = {"from_s": window.from_s, "to_s": window.to_s, **source_of(asked.config)}
+    # Of logs whose clocks differ a part is known only after the shift.
+    part = {"from_s": window.from_s, "to_s": window.to_s} if align is None else {}
+    reading = {**part, **source_of(asked.config)}
     flights = [read_log(log, **reading) for log in asked.options["logs"]]
     known = {flight.sha256 for flight in flights}
-    events = sorted((event for _, events, _ in found for event in events), key=lambda one: one.onset_s)
+    events = [event for _, events, _ in found for event in events]
+    if align is not None:
+        first, second = flights
+        chosen = shared_channels(first, second, channels_to_plot(first, names, events))
+        shift_s = time_shift(first, second, chosen) if align == "auto" else align
+        flights[1] = replace(second, time_s=frozen_array(second.time_s + shift_s))
+        of_second = [sha256 == second.sha256 != first.sha256 for _, events, sha256 in found for _ in events]
+        events = [moved(one, shift_s) if late else one for one, late in zip(events, of_second, strict=True)]
+    events.sort(key=lambda one: one.onset_s)
     notes = [
         Note.method(f"{path} is the result of another log than those drawn, its events may not fit")
         for path, _, sha256 in found
@@ -81,7 +128,15 @@ def command(asked: Asked) -> Answer:
     ]
     return Answer(
         document=lambda origin: plot_document(
-            flights, names, events, origin, from_s=window.from_s, to_s=window.to_s, notes=notes
+            flights,
+            names,
+            events,
+            origin,
+            from_s=window.from_s,
+            to_s=window.to_s,
+            diff=diff,
+            shift_s=shift_s,
+            notes=notes,
         ),
         content=plot_content,
         log_sha256=" ".join(flight.sha256 for flight in flights),

@@ -5,23 +5,24 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..display_units import SI, Units
-from ..errors import ConfigError
+from ..errors import ConfigError, LogError
 from ..notes import Note, unique
 from ..provenance import Provenance
-from ..report.content import Block, Curve, Drawing, Panel, ReportContent, curve, notes_of, thinned
-from ..report.text import instant
+from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, notes_of, thinned
+from ..report.text import change, instant
 from ..serialization import SCHEMA, check_schema, mapping, member, to_plain
 from .derived import DERIVED, with_derived
+from .difference import GAP, difference
 from .phases import phases_of
 from .quality import ranked_windows
-from .record import FlightLog
+from .record import Channel, FlightLog, FloatArray
 from .report import lane_panel
 from .timeline import STATES, bands_of, event_table, lanes_of, phase_columns, phase_table, shows, window_table
 
@@ -40,8 +41,10 @@ PAGE, LEAST, MOST = 3.7, 0.44, 0.9
 # Points of a curve on the page that can be zoomed, four screens wide, and on one of paper: a least and a greatest value
 # for each pixel.
 ZOOM_POINTS, PAGE_POINTS = 8000, 2000
-# Time steps, above which samples are missing for longer than a reader would take for jitter.
-GAP = 5.0
+DIFFERENCES = (
+    "Channels of the second log less those of the first, at the times of the one with the lower rate; between samples "
+    "of the other in straight lines, and nothing within its gaps."
+)
 GIVE = "give the result.json of bfi identify, start-time, detect or diagnose"
 # Under which key a kind of document has its events, and under which it has what is suspected.
 EVENTS = {
@@ -120,6 +123,12 @@ def _event(entry: Plain, kind: str, state: str, onset_s: float) -> Event:
     return Event(analysis=kind, name=name, channels=places, state=state, onset_s=times[0], offset_s=offset_s)
 
 
+def moved(event: Event, shift_s: float) -> Event:
+    """Return an event on an axis of time that is moved."""
+    offset_s = None if event.offset_s is None else event.offset_s + shift_s
+    return replace(event, onset_s=event.onset_s + shift_s, offset_s=offset_s)
+
+
 def channels_to_plot(log: FlightLog, names: Sequence[str], events: Sequence[Event]) -> tuple[str, ...]:
     """Return the channels to draw: those named, else the usual ones and those of the events.
 
@@ -144,6 +153,8 @@ def plot_document(
     *,
     from_s: float | None,
     to_s: float | None,
+    diff: bool = False,
+    shift_s: float = 0.0,
     notes: Sequence[Note] = (),
 ) -> dict[str, Any]:
     """Return the document of `bfi plot --json`: phases and windows of the first log, and the curves as `series`.
@@ -154,6 +165,8 @@ def plot_document(
     names : channels to draw; () for the usual ones.
     events : of analyses of these logs.
     from_s, to_s : the part to draw, None for the whole.
+    diff : subtract the channels of the first of two logs from those of the second.
+    shift_s : that the times of the second have been moved by.
     notes : put before those of the logs.
 
     Raises
@@ -162,6 +175,8 @@ def plot_document(
     """
     first = logs[0]
     chosen = channels_to_plot(first, names, events)
+    if diff and not names:
+        chosen = shared_channels(logs[0], logs[1], chosen)
     whole = [with_derived(log, chosen, from_s=from_s, to_s=to_s) for log in logs]
     if names:
         for log in whole:
@@ -178,6 +193,9 @@ def plot_document(
         said.append(
             Note.method(f"{len(outside)} of {len(events)} events lie outside {instant(low)} to {instant(high)} s")
         )
+    if shift_s:
+        said.append(Note.method(f"times of {logs[1].path} are moved by {shift_s:.4g} s, to those of {first.path}"))
+    changes = [(name, *difference(parts[0], parts[1], name)) for name in chosen] if diff else []
     happens = {"phases": to_plain(phases), "windows": to_plain(ranked_windows(first, phases))}
     document: dict[str, Any] = to_plain(
         {
@@ -197,8 +215,17 @@ def plot_document(
             "channels": [{"name": name, "unit": whole[0].channels[name].unit} for name in chosen],
             **{key: [one for one in ones if shows(one, (low, high))] for key, ones in happens.items()},
             "events": events,
+            "differences": [
+                _difference(name, whole[0].channels[name].unit, time_s, values) for name, time_s, values in changes
+            ],
             "series": [
-                _series(part, i, name) for name in chosen for i, part in enumerate(parts) if name in part.channels
+                *(
+                    _series(i, part.channels[name], part.time_s, part.channels[name].values)
+                    for name in chosen
+                    for i, part in enumerate(parts)
+                    if name in part.channels
+                ),
+                *(_series(None, whole[0].channels[name], time_s, values) for name, time_s, values in changes),
             ],
             "notes": unique(said),
             "provenance": provenance,
@@ -207,20 +234,43 @@ def plot_document(
     return document
 
 
-def _series(log: FlightLog, i: int, name: str) -> dict[str, Any]:
+def shared_channels(first: FlightLog, second: FlightLog, chosen: Sequence[str]) -> tuple[str, ...]:
+    """Return those of the chosen channels of the first log that the second has.
+
+    Raises
+    ------
+    LogError : there are none.
+    """
+    shared = tuple(name for name in chosen if name in second.channels)
+    if not shared:
+        raise LogError(
+            f"{second.path}: shares none of {', '.join(chosen)} with {first.path}; name others with --channel NAME"
+        )
+    return shared
+
+
+def _difference(name: str, unit: str, time_s: FloatArray, values: FloatArray) -> dict[str, Any]:
+    """Return what a difference is in numbers; None where it is known nowhere."""
+    known = np.isfinite(values)
+    if not known.any():
+        return {"channel": name, "unit": unit, **dict.fromkeys(("mean", "sd", "largest", "at_s"))}
+    at = int(np.argmax(np.where(known, np.abs(values), -1.0)))
+    spread = {"mean": float(values[known].mean()), "sd": float(values[known].std())}
+    return {"channel": name, "unit": unit, **spread, "largest": float(values[at]), "at_s": float(time_s[at])}
+
+
+def _series(log: int | None, channel: Channel, time_s: FloatArray, values: FloatArray) -> dict[str, Any]:
     """Return the curve of a channel, of a long one the least and the greatest value of each stretch."""
-    channel = log.channels[name]
-    kept = thinned(channel.values, max_points=ZOOM_POINTS)
-    time_s, values = log.time_s[kept], channel.values[kept]
+    kept = thinned(values, max_points=ZOOM_POINTS)
     # No line is drawn over a gap: a point without a value stands in its middle.
-    before = np.flatnonzero(np.diff(log.time_s) > GAP / log.rate_hz)
+    before = np.flatnonzero(np.diff(time_s) > GAP * float(np.median(np.diff(time_s))))
     at = np.searchsorted(kept, before, side="right")
     return {
-        "log": i,
-        "channel": name,
+        "log": log,
+        "channel": channel.name,
         "unit": channel.unit,
-        "time_s": np.insert(time_s, at, 0.5 * (log.time_s[before] + log.time_s[before + 1])),
-        "values": np.insert(values, at, np.nan),
+        "time_s": np.insert(time_s[kept], at, 0.5 * (time_s[before] + time_s[before + 1])),
+        "values": np.insert(values[kept], at, np.nan),
     }
 
 
@@ -239,9 +289,19 @@ def plot_content(document: Plain, units: Units = SI) -> ReportContent:
         said.append("dashed lines are onsets of declared (red) and suspected (orange) faults")
     caption = f"{'; '.join(said)}. Long records are drawn as the least and the greatest value of each stretch of time."
 
-    def drawing(name: str, channels: Sequence[str], points: int) -> Drawing:
-        panels = _panels(document, channels, units, points, named=points > PAGE_POINTS)
+    pages = [names[i : i + MOST_PANELS] for i in range(0, len(names), MOST_PANELS)]
+    differs = bool(document.get("differences"))
+
+    def drawing(name: str, channels: Sequence[str]) -> Drawing:
+        panels = _panels(document, channels, units, PAGE_POINTS)
         return Drawing(name=name, caption=caption, panels=panels, shared_x=True)
+
+    def differing(name: str, channels: Sequence[str]) -> Drawing:
+        return Drawing(name=name, caption=DIFFERENCES, panels=_changes(document, channels, units, PAGE_POINTS))
+
+    every = _panels(document, names, units, ZOOM_POINTS, named=True)
+    if differs:
+        every += _changes(document, names, units, ZOOM_POINTS)
 
     return ReportContent(
         category="Flight log" if len(logs) == 1 else "Flight logs",
@@ -250,13 +310,19 @@ def plot_content(document: Plain, units: Units = SI) -> ReportContent:
         verdict=(
             f"{paths}: {', '.join(names)} from {instant(limits[0])} s to {instant(limits[1])} s, {n_samples} samples"
         ),
-        tables=(*event_table(events), *window_table(document["windows"]), *phase_table(document["phases"])),
+        tables=(
+            *_difference_table(document, units),
+            *event_table(events),
+            *window_table(document["windows"]),
+            *phase_table(document["phases"]),
+        ),
         drawings=tuple(
-            drawing(f"channels_{i // MOST_PANELS + 1}" if i else "channels", names[i : i + MOST_PANELS], PAGE_POINTS)
-            for i in range(0, len(names), MOST_PANELS)
+            make(f"{name}_{i}" if i > 1 else name, page)
+            for name, make in (("channels", drawing), ("differences", differing))[: 2 if differs else 1]
+            for i, page in enumerate(pages, start=1)
         ),
         notes=notes_of(document, units),
-        zoom=(drawing("channels", names, ZOOM_POINTS),),
+        zoom=(Drawing(name="channels", caption=caption, panels=every, shared_x=True),),
         data={"phases.csv": phase_columns(document["phases"])} if document["phases"] else {},
     )
 
@@ -272,36 +338,76 @@ def _panels(
     labels = [Path(log["path"]).name for log in logs]
     if len(set(labels)) < len(labels):
         labels = [f"{i}: {log['path']}" for i, log in enumerate(logs, start=1)]
-    onsets = [
-        Block(label="", low=time_s, high=time_s, shade=STATES.get(one["state"], "suspect"))
-        for one in events
-        for time_s in (one["onset_s"], one["offset_s"])
-        if time_s is not None
-    ]
-    bands = [one for one in (*bands_of(document["phases"]), *onsets) if one.high >= limits[0] and one.low <= limits[1]]
+    bands = _bands(document)
     lanes = lanes_of(document["phases"], document["windows"], (), events, limits=limits)
     panels = [lane_panel(lanes, limits)] if lanes else []
     for i, name in enumerate(names):
         curves: list[Curve] = []
         unit = units.of("", channel=name).unit
-        for one in (one for one in document["series"] if one["channel"] == name):
+        for one in (one for one in document["series"] if one["channel"] == name and one["log"] is not None):
             shown = units.of(one["unit"], channel=name)
-            values, time_s = shown.readings(one["values"]), np.array(one["time_s"], dtype=np.float64)
-            missing = np.isnan(values)
-            breaks = np.flatnonzero(missing & ~np.append(False, missing[:-1]))  # no line is drawn over them
-            kept = np.union1d(thinned(values, max_points=points), breaks)
             label = labels[one["log"]] if (named or i == 0) and len(logs) > 1 else ""
             unit = unit if curves else shown.unit
-            curves.append(curve(label, time_s[kept], values[kept]))
+            curves.append(_curve(label, one["time_s"], shown.readings(one["values"]), points))
         panels.append(
-            Panel(
-                x_label="time [s]",
-                y_label=f"{name}\n[{unit or 'no unit'}]",
-                curves=tuple(curves),
-                bands=tuple(bands),
-                x_limits=limits,
-                height=float(np.clip(PAGE / max(len(names), 1), LEAST, MOST)),
-                clock=not panels,
-            )
+            _channel_panel(f"{name}\n[{unit or 'no unit'}]", curves, bands, limits, len(names), clock=not panels)
         )
     return tuple(panels)
+
+
+def _changes(document: Plain, names: Sequence[str], units: Units, points: int) -> tuple[Panel, ...]:
+    """Return a panel for the difference of each channel."""
+    limits, bands, panels = (document["from_s"], document["to_s"]), _bands(document), list[Panel]()
+    for one in (one for one in document["series"] if one["log"] is None and one["channel"] in names):
+        shown = units.of(one["unit"], channel=one["channel"])
+        label = f"{one['channel']}: 2nd - 1st\n[{shown.unit or 'no unit'}]"
+        drawn = _curve("", one["time_s"], shown.changes(one["values"]), points)
+        panels.append(_channel_panel(label, [drawn], bands, limits, len(names), clock=not panels))
+    return tuple(panels)
+
+
+def _bands(document: Plain) -> tuple[Block, ...]:
+    """Return the parts of the flight and the onsets and ends of events, as far as they are drawn."""
+    onsets = [
+        Block(label="", low=time_s, high=time_s, shade=STATES.get(one["state"], "suspect"))
+        for one in document["events"]
+        for time_s in (one["onset_s"], one["offset_s"])
+        if time_s is not None
+    ]
+    every = (*bands_of(document["phases"]), *onsets)
+    return tuple(one for one in every if one.high >= document["from_s"] and one.low <= document["to_s"])
+
+
+def _curve(label: str, time_s: Sequence[float], values: FloatArray, points: int) -> Curve:
+    """Return a curve of so many points, and of the places where the line breaks."""
+    missing = np.isnan(values)
+    breaks = np.flatnonzero(missing & ~np.append(False, missing[:-1]))
+    kept = np.union1d(thinned(values, max_points=points), breaks)
+    return curve(label, np.array(time_s, dtype=np.float64)[kept], values[kept])
+
+
+def _channel_panel(
+    label: str, curves: Sequence[Curve], bands: tuple[Block, ...], limits: tuple[float, float], n: int, *, clock: bool
+) -> Panel:
+    """Return one of the `n` panels of a page."""
+    return Panel(
+        x_label="time [s]",
+        y_label=label,
+        curves=tuple(curves),
+        bands=bands,
+        x_limits=limits,
+        height=float(np.clip(PAGE / max(n, 1), LEAST, MOST)),
+        clock=clock,
+    )
+
+
+def _difference_table(document: Plain, units: Units) -> list[Table]:
+    """Return the differences of two logs in numbers; [] where none are asked for."""
+    rows = []
+    for one in document.get("differences", ()):
+        shown = units.of(one["unit"], channel=one["channel"])
+        sizes = (change(one[key], shown) if one[key] is not None else "-" for key in ("mean", "sd", "largest"))
+        rows.append((one["channel"], *sizes, "-" if one["at_s"] is None else instant(one["at_s"])))
+    heads = ("channel", "mean", "sd", "largest", "at [s]")
+    title = "Second log less the first"
+    return [Table(name="differences", title=title, heads=heads, rows=tuple(rows))] if rows else []

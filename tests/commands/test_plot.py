@@ -282,3 +282,44 @@ def test_a_log_without_time_or_with_missing_samples_is_drawn_as_asked(bfi: Calla
     assert [note for note in texts(document["notes"]) if "--sample-rate 5 Hz" in note]
     assert [note for note in texts(document["notes"]) if "'pitch'" in note and "interpolated" in note]
     assert document["phases"] == document_of(bfi, log)["phases"]
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("align", ["auto", "12.4"])
+def test_two_recorders_of_one_flight_differ_by_what_one_of_them_errs(
+    bfi: Callable, log: Path, tmp_path: Path, align: str
+) -> None:
+    other, out = write_flight(tmp_path / "other.h5", tas_offset=-5.0), tmp_path / "out"
+    with h5py.File(other, "a") as file:
+        file["time"][:] = T - 12.4
+        del file["sat"]
+    assert bfi("plot", log, other, "--diff", "--align", align, "--out", out).code == 0
+    document = json.loads((out / "result.json").read_text())
+    tas, height, *_ = document["differences"]
+    assert (tas["channel"], tas["unit"], tas["largest"]) == ("tas", "m/s", pytest.approx(-5.0, abs=0.5))
+    assert abs(height["mean"]) < 0.1
+    (drawn,) = [one for one in document["series"] if one["log"] is None and one["channel"] == "tas"]
+    settled = [value for t, value in zip(drawn["time_s"], drawn["values"], strict=True) if 500.0 < t < 700.0]
+    np.testing.assert_allclose(settled, -5.0, atol=1e-3)
+    assert (out / "differences.csv").is_file()
+    assert "tas: 2nd - 1st" in (out / "zoom.html").read_text()
+    assert bfi("report", out / "result.json", "--out", tmp_path / "again").code == 0
+    assert (tmp_path / "again" / "zoom.html").read_bytes() == (out / "zoom.html").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("argv", "code", "message"),
+    [
+        (["--diff"], 2, "bfi plot: --diff is about two logs, got 1; give two"),
+        (["--align", "1"], 2, "bfi plot: --align is about two logs, got 1; give two"),
+        (["LOG", "--align", "soon"], 2, "--align: not a shift, got 'soon'; write --align 3.2, in s, or --align auto"),
+        (["LOG", "--diff", "--align", "nan"], 2, "--align: not a shift, got 'nan'"),
+        (["LOG", "--diff", "--align", "1e6"], 3, "shares no time with"),
+    ],
+)
+def test_what_cannot_be_subtracted_is_refused(
+    bfi: Callable, log: Path, argv: list[str], code: int, message: str
+) -> None:
+    outcome = bfi("plot", log, *(log if word == "LOG" else word for word in argv), "--json")
+    assert (outcome.code, outcome.stdout) == (code, "")
+    assert message in outcome.stderr

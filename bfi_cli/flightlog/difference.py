@@ -1,0 +1,106 @@
+"""Two logs of one flight: by how much their clocks differ, and their channels on common time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+
+from ..errors import LogError
+from .record import FlightLog
+
+FloatArray = NDArray[np.float64]
+
+# Time steps, above which samples are missing for longer than a reader would take for jitter.
+GAP = 5.0
+# Of the search for the shift: its grid is no finer than this, of which a parabola tells a tenth and less.
+SEARCH_HZ = 5.0
+# Of the shorter log, what must lie within the other: two half flights that are alike are not two records of one.
+LEAST_OVERLAP = 0.5
+# Share of the variance of the first log that the best shift may leave: more, and the logs show different flights.
+MOST_LEFT = 0.5
+
+
+def values_at(log: FlightLog, name: str, time_s: FloatArray) -> FloatArray:
+    """Return a channel at other times, (n,), in straight lines between its samples; NaN outside and within gaps."""
+    known = np.isfinite(log.channels[name].values)
+    t, values = log.time_s[known], log.channels[name].values[known]
+    if t.size < 2:
+        return np.full(time_s.shape, np.nan)
+    after = np.clip(np.searchsorted(t, time_s), 1, t.size - 1)
+    inside = (time_s >= t[0]) & (time_s <= t[-1]) & (t[after] - t[after - 1] <= GAP / log.rate_hz)
+    return np.where(inside, np.interp(time_s, t, values), np.nan)
+
+
+def difference(first: FlightLog, second: FlightLog, name: str) -> tuple[FloatArray, FloatArray]:
+    """Return the times of the log with the lower rate within both, (n,), and there the second channel less the first.
+
+    Raises
+    ------
+    LogError : the logs share no time.
+    """
+    low, high = (end(log.time_s[i] for log in (first, second)) for end, i in ((max, 0), (min, -1)))
+    slow = first if first.rate_hz <= second.rate_hz else second
+    time_s = slow.time_s[(slow.time_s >= low) & (slow.time_s <= high)]
+    if time_s.size < 2:
+        raise LogError(
+            f"{second.path}: shares no time with {first.path}, {second.time_s[0]:g} to {second.time_s[-1]:g} s and "
+            f"{first.time_s[0]:g} to {first.time_s[-1]:g} s; give --align S, seconds to add, or --align auto"
+        )
+    return time_s, values_at(second, name, time_s) - values_at(first, name, time_s)
+
+
+def time_shift(first: FlightLog, second: FlightLog, names: Sequence[str]) -> float:
+    """Return the seconds to add to the times of the second log for its channels to be those of the first.
+
+    The shift with the least variance of the difference over the overlap, summed over the channels in units of their
+    variances in the first log; constant differences, as between two sensors, do not move it.
+
+    Parameters
+    ----------
+    names : channels of both.
+
+    Raises
+    ------
+    LogError : no channel moves, or the logs show different flights.
+    """
+    step = 1.0 / min(first.rate_hz, second.rate_hz, SEARCH_HZ)
+    n_first, n_second = (int((log.time_s[-1] - log.time_s[0]) / step) + 1 for log in (first, second))
+    n = next_fast_len(n_first + n_second, real=True)
+    lags = np.arange(-(n_second - 1), n_first)
+
+    def against(a: FloatArray, b: FloatArray) -> FloatArray:
+        """Return the sums of a(k + lag) b(k) over k, by lag."""
+        return np.asarray(irfft(rfft(a, n) * np.conj(rfft(b, n)), n))[lags]
+
+    left, weight = np.zeros(lags.size), np.zeros(lags.size)
+    for name in names:
+        a, b = (
+            values_at(log, name, log.time_s[0] + step * np.arange(m))
+            for log, m in ((first, n_first), (second, n_second))
+        )
+        spread = float(np.nanstd(a)) if np.isfinite(a).any() else 0.0
+        if spread <= 1e-9 * float(np.nanmax(np.abs(a), initial=0.0)) or not np.isfinite(b).any():
+            continue
+        middle = float(np.nanmean(a))
+        (in_a, a), (in_b, b) = (
+            (np.isfinite(one).astype(float), np.nan_to_num((one - middle) / spread)) for one in (a, b)
+        )
+        count = np.maximum(np.round(against(in_a, in_b)), 0.0)
+        mean = (against(a, in_b) - against(in_a, b)) / np.maximum(count, 1.0)
+        square = (against(a * a, in_b) + against(in_a, b * b) - 2.0 * against(a, b)) / np.maximum(count, 1.0)
+        enough = count >= LEAST_OVERLAP * min(in_a.sum(), in_b.sum())
+        left += np.where(enough, square - mean**2, np.inf)
+        weight += 1.0
+    best = int(np.argmin(left))
+    if not weight[best] or left[best] > MOST_LEFT * weight[best]:
+        raise LogError(
+            f"{second.path}: no shift of its time makes {', '.join(names) or 'its channels'} those of {first.path}; "
+            "give --align S, seconds to add, or --channel NAME that both have"
+        )
+    before, here, after = (left[min(max(best + i, 0), lags.size - 1)] for i in (-1, 0, 1))
+    bend = before - 2.0 * here + after
+    vertex = 0.5 * (before - after) / bend if np.isfinite(bend) and bend > 0.0 else 0.0
+    return float(first.time_s[0] - second.time_s[0] + step * (lags[best] + vertex))

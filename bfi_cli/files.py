@@ -17,6 +17,8 @@ from .errors import ConfigError
 # How a file says that this program wrote it: the first line of a CSV file, an attribute of the root of an HDF5 file,
 # the kind and the provenance of a JSON document.
 MARK = "# written by bfi"
+# Of a list of events for programs that take the first line of a CSV file for its header, and that line alone.
+EVENTS = "time,end,event,channels,state,kind,shape,magnitude,unit,low,high,p_value"
 ATTRIBUTE, OWNER = "written_by", "bfi"
 KIND = re.compile(
     rb'"kind"\s*:\s*"(?:calibration|compare|detect|diagnosability|diagnose|dictionary|identify|info|montecarlo|plot'
@@ -51,7 +53,7 @@ def is_ours(path: Path) -> bool:
             return False
     if head.lstrip()[:1] == b"{":
         return all(words.search(head) or words.search(tail) for words in (KIND, PROVENANCE))
-    return head.removeprefix(b"\xef\xbb\xbf").splitlines()[:1] == [MARK.encode()]
+    return head.removeprefix(b"\xef\xbb\xbf").splitlines()[:1] in ([MARK.encode()], [EVENTS.encode()])
 
 
 def list_of_files(files: Mapping[str, bytes]) -> bytes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import click
 
@@ -23,6 +24,12 @@ from .options import ANSWER, CHANNELS, log_argument
         type=click.IntRange(min=1),
         help="Processes; the numbers are the same.  [default: cores]",
     ),
+    click.option(
+        "--events-csv",
+        metavar="FILE",
+        type=click.Path(path_type=Path),
+        help="Write a row for each event, for PlotJuggler, Foxglove or a spreadsheet.",
+    ),
     from_s="Start of the part that is diagnosed.  [default: take-off]",
     to_s="End of it, in the log's seconds.  [default: landing]",
     strict="Exit 4 where the log cannot tell.",
@@ -36,9 +43,14 @@ def command(asked: Asked) -> Answer:
     """
     from ..config import merge
     from ..diagnose import diagnose_content, diagnose_document, diagnose_flight
+    from ..diagnose.export import events_csv
+    from ..files import aside, check_files
     from ..parity.record import USED
 
-    asked.check_out(("timeline",), ("events", "deviations", "limits", "phases"))
+    asked.check_out(("timeline",), ("events", "deviations", "limits", "phases"), zoom=True)
+    listed = asked.options["events_csv"]
+    if listed is not None:
+        check_files([listed], inputs=asked.inputs, force=asked.options["force"], option="--events-csv")
     # The whole log, whatever part is diagnosed: the rest of the flight tells the aircraft's angle of zero lift.
     flight = log_of(asked.log, merge(asked.config, {"window": {"from_s": None, "to_s": None}}))
     flight, findings = judged(flight, asked.config)
@@ -47,6 +59,9 @@ def command(asked: Asked) -> Answer:
     with saying_first(findings):
         result = diagnose_flight(flight, asked.config, findings=findings, workers=workers, progress=asked.progress)
     result = replace(asked, findings=result.plausibility).noted(result)
+    if listed is not None:
+        with aside(listed.parent, place=listed, option="--events-csv") as new:
+            (new / listed.name).write_bytes(events_csv(result.events))
     return Answer(
         document=partial(diagnose_document, result),
         content=diagnose_content,

@@ -1,21 +1,32 @@
-"""What the flight would have shown without its faults, and the course of each fault beside its named shape."""
+"""What the flight would have shown without its faults, and the course of each fault beside its named shape.
+
+`corrected_channels` and `course_of` are of a diagnosis, once a second; `corrected_log` is a whole log at its own rate.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
+from ..errors import ConfigError
+from ..flightlog import Channel, FlightLog
+from ..flightlog.record import frozen_array
 from ..kernels.free_course import Course as SmoothedCourse
 from ..kernels.free_course import correlated_noise, smoothed_course
 from ..kernels.likelihood_ratio import FAST_S
+from ..notes import Note
 from ..parity import Record, WindowScan
 from ..parity.explain import course_for
-from ..parity.record import Hypothesis, hypotheses, with_fault, without_fault
+from ..parity.record import LINES, USED, Hypothesis, hypotheses, with_fault, without_fault
 from ..parity.scan import residual_values
+from ..serialization import check_schema, from_plain, member
 from .flight import Flight
 from .result import Course, Event
 
@@ -23,6 +34,8 @@ FloatArray = NDArray[np.float64]
 
 SHOWN = ("tas", "cas", "ias", "mach", "altitude", "aoa", "pitch")
 FEWEST_S = 10.0  # of a course after its onset
+MEASURED = "_measured"  # ends the name of what was recorded, beside a channel that is corrected
+GIVE = "give the result.json of bfi diagnose"
 
 
 def corrected_channels(record: Record, events: Sequence[Event]) -> dict[str, FloatArray]:
@@ -121,3 +134,93 @@ def _smoother(part: Record, scan: WindowScan, hypothesis: Hypothesis) -> Callabl
         nuisances=np.asarray(block_diag(*columns)),
         covariance=np.asarray(block_diag(*blocks)),
     )
+
+
+def events_to_correct(path: Path, log: FlightLog) -> tuple[Event, ...]:
+    """Return the events of a stored diagnosis of a log.
+
+    Raises
+    ------
+    ConfigError : the file is no diagnosis, or one of another log, or of channels in other units or with other signs.
+    """
+    try:
+        document = json.loads(path.read_text("utf-8"))
+    except OSError as error:
+        raise ConfigError(f"{path}: {(error.strerror or str(error)).lower()}; {GIVE}") from None
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"{path}: not JSON ({error}); {GIVE}") from None
+    if not isinstance(document, Mapping) or document.get("kind") != "diagnose":
+        raise ConfigError(f"{path}: not a diagnosis; {GIVE}")
+    check_schema(document, where=str(path))
+    origin = member(document, "provenance", where=str(path))
+    if not isinstance(origin, Mapping) or origin.get("log_sha256") != log.sha256:
+        raise ConfigError(f"{path}: the diagnosis of another log than {log.path}; run bfi diagnose {log.path} first")
+    try:
+        changed = [one for one in document.get("plausibility", ()) if one["fixed"] and one["what"] in ("unit", "sign")]
+        events = from_plain(tuple[Event, ...], document["events"], where=str(path))
+    except (KeyError, TypeError) as error:
+        raise ConfigError(f"{path}: damaged, {error!r}; run bfi diagnose again") from None
+    if changed:
+        names = ", ".join(name for one in changed for name in one["channels"])
+        raise ConfigError(
+            f"{path}: --fix-units changed {names}; state their units with --unit in both commands, and run bfi "
+            "diagnose again"
+        )
+    return events
+
+
+def corrected_log(log: FlightLog, events: Sequence[Event]) -> FlightLog:
+    """Return the log without its declared faults, with what was measured and a flag for each event beside.
+
+    A fault has the course of its named shape from its onset to its end, or to the last window that shows it. Where it
+    may still be there and nothing tells its size, as of a line that is held, its channels are NaN. `tas_measured` is
+    what was recorded of a channel `tas` that is corrected; `event_1_tas` is 1 while the first event is there.
+    """
+    t, flags, notes = log.time_s, dict[str, Channel](), []
+    values = {name: channel.values for name, channel in log.channels.items()}
+    record = Record(
+        time_s=t,
+        channels={name: values[name] for name in USED if name in values},
+        gained=None,
+        airspeed="tas" if "tas" in values else "",
+    )
+    for k, event in enumerate(sorted(events, key=lambda one: one.onset_s), start=1):
+        inside = (t >= event.onset_s) & (t < (np.inf if event.offset_s is None else event.offset_s))
+        name = f"event_{k}_{event.fault}"
+        flags[name] = Channel(name=name, values=frozen_array(inside), unit="1", source=name)
+        if event.state != "declared":
+            continue
+        known = inside & (t < event.seen_until_s) if event.offset_s is None else inside
+        clean = _clean(record, event, known)
+        if clean is None:
+            known, clean = np.zeros_like(inside), record
+        for channel in event.channels:
+            if channel in values:
+                told = known & (channel in clean.channels)
+                right = clean.channels.get(channel, values[channel])
+                values[channel] = np.where(told, right, np.where(inside, np.nan, values[channel]))
+        record = replace(record, channels={one: values[one] for one in record.channels})
+        lost = ", ".join(one for one in event.channels if one in values)
+        size = "corrected" if known.any() else "left empty, nothing tells the size"
+        notes.append(Note.method(f"{event.fault} from {event.onset_s:.1f} s: {lost} {size}"))
+    wrong = [name for name, channel in log.channels.items() if values[name] is not channel.values]
+    new = {name: replace(log.channels[name], values=frozen_array(values[name])) for name in wrong}
+    kept = {f"{name}{MEASURED}": log.channels[name] for name in wrong}
+    kept = {name: replace(channel, name=name, source=name) for name, channel in kept.items()}
+    # What was injected is no longer in the channels.
+    return replace(log, channels={**log.channels, **new, **kept, **flags}, truth=None, notes=(*log.notes, *notes))
+
+
+def _clean(record: Record, event: Event, known: NDArray[np.bool_]) -> Record | None:
+    """Return a record without an event where it is known; None where its course cannot be subtracted."""
+    if event.magnitude is None:
+        return None
+    if event.shape == "offset":
+        fault, amount = event.fault, np.full(record.time_s.shape, event.magnitude)
+    elif course_for(event.shape, event.constant_s) is not None:
+        fault, amount = _amount(event, record.time_s)
+    else:
+        return None
+    if fault not in LINES and fault not in record.channels:
+        return None
+    return without_fault(record, fault, np.where(known, amount, 0.0))

@@ -105,12 +105,25 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
             *(Note.advice(f"{_name(one)}: next time, {one['repeat']}") for one in events if one["repeat"]),
             *notes_of(document, units),
         ),
+        zoom=_zoom(document, drawings, units),
         data={
             "events.csv": _columns(events, EVENT_COLUMNS),
             **({"deviations.csv": _columns(document["deviations"], EVENT_COLUMNS)} if document["deviations"] else {}),
             **({"limits.csv": _columns(document["limits"], document["limits"][0])} if document["limits"] else {}),
         },
     )
+
+
+def _zoom(document: Plain, drawings: Sequence[Drawing], units: Units) -> tuple[Drawing, ...]:
+    """Return the timeline with the limits and the courses of the events below it; () where no course is stored."""
+    if not document["series"]["time_s"]:
+        return ()
+    span = (float(document["log"]["start_s"]), float(document["log"]["stop_s"]))
+    bands = (*bands_of(document["phases"]), *_lines(document["events"]))
+    panels = {one.name: one.panels for one in drawings}
+    limits = (replace(one, y_label=f"limit of {one.y_label}", bands=bands) for one in panels.get("limits", ()))
+    courses = (_course_panel(document, one, span, bands, units) for one in document["series"]["courses"])
+    return (replace(drawings[0], panels=(*panels["timeline"], *limits, *courses)),)
 
 
 def _columns(rows: Sequence[Plain], keys: Iterable[str]) -> dict[str, list[Any]]:
@@ -437,6 +450,26 @@ def _course_label(course: Plain, shown: Shown) -> str:
     return f"error of\n{course['channel']} [{shown.unit}]"
 
 
+def _course_panel(
+    document: Plain, course: Plain, limits: tuple[float, float], bands: tuple[Block, ...], units: Units
+) -> Panel:
+    """Return the course of an event beside its named shape."""
+    shown = units.of(course["unit"], channel=_channel(course["channel"]))
+    time_s, named = _floats(course["time_s"]), document["events"][course["event"]]["shape"]
+    low, high = (shown.changes(_floats(course[end])) for end in ("low", "high"))
+    free = shown.changes(_floats(course["free"]))
+    return Panel(
+        x_label="time [s]",
+        y_label=_course_label(course, shown),
+        curves=(
+            curve("of any shape, 95 % band", time_s, free, low=low, high=high),
+            curve(f"as a {named}", time_s, shown.changes(_floats(course["named"])), style="dashed"),
+        ),
+        bands=bands,
+        x_limits=limits,
+    )
+
+
 def _page(document: Plain, k: int, units: Units) -> Drawing:
     """Return the figure of an event: its channels, its course beside the named shape, its evidence by residual."""
     event, series = document["events"][k], document["series"]
@@ -449,26 +482,7 @@ def _page(document: Plain, k: int, units: Units) -> Drawing:
     for course in series["courses"]:
         if course["event"] != k:
             continue
-        shown = units.of(course["unit"], channel=_channel(course["channel"]))
-        time_s = _floats(course["time_s"])
-        panels.append(
-            Panel(
-                x_label="time [s]",
-                y_label=_course_label(course, shown),
-                curves=(
-                    curve(
-                        "of any shape, 95 % band",
-                        time_s,
-                        shown.changes(_floats(course["free"])),
-                        low=shown.changes(_floats(course["low"])),
-                        high=shown.changes(_floats(course["high"])),
-                    ),
-                    curve(f"as a {event['shape']}", time_s, shown.changes(_floats(course["named"])), style="dashed"),
-                ),
-                bands=inside,
-                x_limits=(low, high),
-            )
-        )
+        panels.append(_course_panel(document, course, (low, high), inside, units))
     # The panels above each other have one time axis; its name stands below the last.
     panels[:-1] = [replace(panel, x_label="") for panel in panels[:-1]]
     # A line is held where its pressure scatters least: no bar shows that.

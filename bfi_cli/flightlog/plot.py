@@ -297,7 +297,8 @@ def plot_content(document: Plain, units: Units = SI) -> ReportContent:
         return Drawing(name=name, caption=caption, panels=panels, shared_x=True)
 
     def differing(name: str, channels: Sequence[str]) -> Drawing:
-        return Drawing(name=name, caption=DIFFERENCES, panels=_changes(document, channels, units, PAGE_POINTS))
+        panels = _changes(document, channels, units, PAGE_POINTS)
+        return Drawing(name=name, caption=DIFFERENCES, panels=panels, shared_x=True)
 
     every = _panels(document, names, units, ZOOM_POINTS, named=True)
     if differs:
@@ -360,7 +361,7 @@ def _changes(document: Plain, names: Sequence[str], units: Units, points: int) -
     limits, bands, panels = (document["from_s"], document["to_s"]), _bands(document), list[Panel]()
     for one in (one for one in document["series"] if one["log"] is None and one["channel"] in names):
         shown = units.of(one["unit"], channel=one["channel"])
-        label = f"{one['channel']}: 2nd - 1st\n[{shown.unit or 'no unit'}]"
+        label = f"Δ {one['channel']}\n[{shown.unit or 'no unit'}]"
         drawn = _curve("", one["time_s"], shown.changes(one["values"]), points)
         panels.append(_channel_panel(label, [drawn], bands, limits, len(names), clock=not panels))
     return tuple(panels)

@@ -140,7 +140,7 @@ const drawCurves = (panel, svg, height) => {
   for (const [name, place] of panel.levels) {
     if (!(scaled(place) > low && scaled(place) < high)) continue;
     make("line", { class: "level", x1: LEFT, x2: width - RIGHT, y1: y(place), y2: y(place), stroke: "#000", "stroke-dasharray": "7 4" }, svg);
-    make("text", { x: LEFT + 5, y: y(place) - 3, fill: INK, class: "value" }, svg, name);
+    make("text", { x: LEFT + 5, y: y(place) < 14 ? y(place) + 12 : y(place) - 3, fill: INK, class: "value" }, svg, name);
   }
   curves.forEach((curve, c) => {
     const points = (ends) => shown[c].map((i) => scaled(ends[i]) === null ? null : [at(curve.x[i]), y(ends[i])]);
@@ -300,7 +300,7 @@ const toggle = (button, set, key) => button.addEventListener("click", () => {
 });
 page.panels.forEach((panel, p) => {
   const button = document.getElementById("channels").appendChild(document.createElement("button"));
-  button.textContent = panel.label[0] || "phases";
+  button.textContent = panel.label.join(" ").replace(/ ?\[[^\]]*\] ?$/, "") || "phases";
   button.setAttribute("aria-pressed", "true");
   toggle(button, hidden, p);
 });

@@ -302,7 +302,7 @@ def test_two_recorders_of_one_flight_differ_by_what_one_of_them_errs(
     settled = [value for t, value in zip(drawn["time_s"], drawn["values"], strict=True) if 500.0 < t < 700.0]
     np.testing.assert_allclose(settled, -5.0, atol=1e-3)
     assert (out / "differences.csv").is_file()
-    assert "tas: 2nd - 1st" in (out / "zoom.html").read_text()
+    assert "\\u0394 tas" in (out / "zoom.html").read_text()
     assert bfi("report", out / "result.json", "--out", tmp_path / "again").code == 0
     assert (tmp_path / "again" / "zoom.html").read_bytes() == (out / "zoom.html").read_bytes()
 

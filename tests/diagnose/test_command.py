@@ -131,7 +131,7 @@ def test_the_files(diagnoses: Diagnoses, tmp_path: Path):
     assert "Fault: pitot icing from 4" in outcome.stdout
     names = {path.name for path in (tmp_path / "a").iterdir()}
     tables = {f"{name}.csv" for name in ("events", "limits", "agreement", "unwatched", "phases")}
-    assert names == {"result.json", "report.html"} | tables | {
+    assert names == {"result.json", "report.html", "zoom.html"} | tables | {
         name for figure in FIGURES for name in (f"{figure}.png", f"{figure}.svg", f"{figure}_figure.csv")
     }
     stored = json.loads((tmp_path / "a" / "result.json").read_text("utf-8"))

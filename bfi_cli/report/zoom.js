@@ -300,7 +300,7 @@ const toggle = (button, set, key) => button.addEventListener("click", () => {
 });
 page.panels.forEach((panel, p) => {
   const button = document.getElementById("channels").appendChild(document.createElement("button"));
-  button.textContent = panel.label.join(" ").replace(/ ?\[[^\]]*\] ?$/, "") || "phases";
+  button.textContent = panel.label.join(" ").replace(/ ?\[[^\]]*\] ?$/, "").trim() || "phases";
   button.setAttribute("aria-pressed", "true");
   toggle(button, hidden, p);
 });

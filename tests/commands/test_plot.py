@@ -323,3 +323,17 @@ def test_what_cannot_be_subtracted_is_refused(
     outcome = bfi("plot", log, *(log if word == "LOG" else word for word in argv), "--json")
     assert (outcome.code, outcome.stdout) == (code, "")
     assert message in outcome.stderr
+
+
+def test_events_of_the_second_log_move_with_its_clock(bfi: Callable, log: Path, tmp_path: Path) -> None:
+    other = write_flight(tmp_path / "other.h5", tas_offset=-5.0)
+    found = {"events": [event("aoa", 440.0, offset_s=500.0)]}
+    paths = []
+    for path in (log, other):
+        sha256 = document_of(bfi, path)["logs"][0]["sha256"]
+        paths.append(result(tmp_path / f"{path.stem}.json", provenance={"log_sha256": sha256}, **found))
+    argv = [log, other, "--events", paths[0], "--events", paths[1], "--align", 30]
+    assert [(one["onset_s"], one["offset_s"]) for one in document_of(bfi, *argv)["events"]] == [
+        (440.0, 500.0),
+        (470.0, 530.0),
+    ]

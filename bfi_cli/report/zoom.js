@@ -320,6 +320,7 @@ panels.addEventListener("wheel", (event) => {
 panels.addEventListener("pointerdown", (event) => { held = { t: time(event), x: event.clientX, moved: false }; });
 panels.addEventListener("pointermove", (event) => {
   const t = time(event);
+  if (!event.buttons) held = null;  // released outside
   if (held && !held.moved && Math.abs(event.clientX - held.x) > 3) {
     held.moved = true;
     panels.setPointerCapture(event.pointerId);

@@ -145,6 +145,19 @@ def test_the_wheel_the_mouse_and_the_keys_zoom_and_move(page: Any) -> None:
     assert view(page) == (50.0, 150.0)
 
 
+def test_a_button_released_outside_holds_nothing(page: Any) -> None:
+    x, y = place(page, 100.0)
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x, 5)
+    page.mouse.up()
+    page.get_by_role("button", name="+").click()
+    before = view(page)
+    page.mouse.move(x, y)
+    page.mouse.move(x + 200.0, y, steps=3)
+    assert view(page) == before == (50.0, 150.0)
+
+
 def test_an_event_that_is_clicked_is_seen_closer(page: Any) -> None:
     page.locator("#panels rect[data-low='80']").click()
     low, high = view(page)

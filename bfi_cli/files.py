@@ -15,7 +15,8 @@ from pathlib import Path
 from .errors import ConfigError
 
 # How a file says that this program wrote it: the first line of a CSV file, an attribute of the root of an HDF5 file,
-# the kind and the provenance of a JSON document.
+# the library of an MCAP file (its second string, after an empty one and 9 bytes of the head of the record), the kind
+# and the provenance of a JSON document.
 MARK = "# written by bfi"
 # Of a list of events for programs that take the first line of a CSV file for its header, and that line alone.
 EVENTS = "time,end,event,channels,state,kind,shape,magnitude,unit,low,high,p_value"
@@ -28,6 +29,7 @@ PROVENANCE = re.compile(rb'"provenance"\s*:\s*\{')
 # Our documents begin with their kind and end with their provenance; the series between may be gigabytes long.
 END_BYTES = 65_536
 HDF5 = b"\x89HDF\r\n\x1a\n"
+MCAP = b"\x89MCAP0\r\n"
 # What a folder of results is known by, and what is moved into it last.
 DOCUMENTS = ("result.json", "summary.json")
 # The page of a result ends with a list of what was written with it, so that a later result can take it away.
@@ -51,6 +53,8 @@ def is_ours(path: Path) -> bool:
                 return bool(file.attrs.get(ATTRIBUTE) == OWNER)
         except Exception:  # a damaged file can make the HDF5 library raise anything
             return False
+    if head.startswith(MCAP):
+        return head[len(MCAP) + 17 :].startswith(OWNER.encode())
     if head.lstrip()[:1] == b"{":
         return all(words.search(head) or words.search(tail) for words in (KIND, PROVENANCE))
     return head.removeprefix(b"\xef\xbb\xbf").splitlines()[:1] in ([MARK.encode()], [EVENTS.encode()])

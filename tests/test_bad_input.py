@@ -360,7 +360,7 @@ COMMANDS = {
     "convert good.csv -o new.h5 --rate -1": (2, "--rate: must be a positive number, got -1 Hz; give one like 10"),
     "convert good.csv -o new.h5 --rate 1e-9": (3, "shorter than one step at 1e-09 Hz; give a higher --rate"),
     "convert good.csv -o new.h5 --rate fast": (2, "--rate: not a number, got 'fast'; give one like 12.5"),
-    "convert good.csv -o new.txt": (2, "new.txt: no format with the suffix '.txt'; name the file .h5 or .csv"),
+    "convert good.csv -o new.txt": (2, "new.txt: no format with the suffix '.txt'; name the file .h5, .csv or .mcap"),
     "convert good.csv -o folder": (2, "folder: cannot be written, is a directory; give another --output"),
     "convert good.csv -o in_the_way/new.h5": (2, "in_the_way/new.h5: cannot be written, not a directory; give"),
     "convert good.csv -o folder.csv": (2, "folder.csv: cannot be written, is a directory; give another --output"),

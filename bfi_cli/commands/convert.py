@@ -1,4 +1,4 @@
-"""`bfi convert`: any readable log to HDF5 or CSV."""
+"""`bfi convert`: any readable log to HDF5, CSV or MCAP."""
 
 from __future__ import annotations
 
@@ -36,7 +36,10 @@ def command(
     to_s: float | None,
     **options: Any,
 ) -> None:
-    """Write a log as HDF5 or CSV, under standard names and in SI units, resampled with --rate."""
+    """Write a log as HDF5 or CSV, under standard names and in SI units, resampled with --rate.
+
+    As OUT.mcap it opens in Foxglove and PlotJuggler: one topic of JSON messages with the channels.
+    """
     inputs: list[str | Path] = [log] if corrected is None else [log, corrected]
     check_files([options["out_file"]], inputs=inputs, force=options["force"])
     first_s, last_s = with_reach(rate_hz, from_s, to_s)

@@ -28,7 +28,7 @@ from .options import ANSWER, CHANNELS, log_argument
         "--events-csv",
         metavar="FILE",
         type=click.Path(path_type=Path),
-        help="Write a row for each event, for PlotJuggler, Foxglove or a spreadsheet.",
+        help="Write a row for each event, for PlotJuggler or a spreadsheet.",
     ),
     from_s="Start of the part that is diagnosed.  [default: take-off]",
     to_s="End of it, in the log's seconds.  [default: landing]",

@@ -1,18 +1,21 @@
-"""Write a flight log as HDF5 or CSV, whole or not at all."""
+"""Write a flight log as HDF5, CSV or MCAP, whole or not at all."""
 
 from __future__ import annotations
 
 import csv
+import json
 import re
+import struct
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import ConfigError
-from ..files import ATTRIBUTE, MARK, OWNER, aside
+from ..files import ATTRIBUTE, MARK, MCAP, OWNER, aside
 from ..filters import filters_to_json
 from ..printable import SHOWN, printable
 from .record import CLEAN, FlightLog, FloatArray, Truth, faults_to_json, segments_to_json
@@ -25,12 +28,13 @@ if TYPE_CHECKING:
 def write_log(log: FlightLog, path: str | Path) -> None:
     """Write a log; the suffix tells the format, and reading it back gives the same numbers.
 
-    Channels are written under their names in `log`, with units, segments and the truth of injected faults.
+    Channels are written under their names in `log`, with units, segments and the truth of injected faults; MCAP, for
+    Foxglove and PlotJuggler, has the channels and their units alone.
 
     Parameters
     ----------
-    path : ends in .h5, .hdf5 or .csv; an existing file is replaced only when the new one is complete, a missing folder
-        is made.
+    path : ends in .h5, .hdf5, .csv or .mcap; an existing file is replaced only when the new one is complete, a missing
+        folder is made.
 
     Raises
     ------
@@ -38,10 +42,11 @@ def write_log(log: FlightLog, path: str | Path) -> None:
     """
     target = Path(path)
     suffix = target.suffix.lower()
-    if suffix not in (".h5", ".hdf5", ".csv"):
-        raise ConfigError(f"{target}: no format with the suffix '{target.suffix}'; name the file .h5 or .csv")
+    writers = {".h5": _write_hdf5, ".hdf5": _write_hdf5, ".csv": _write_csv, ".mcap": _write_mcap}
+    if suffix not in writers:
+        raise ConfigError(f"{target}: no format with the suffix '{target.suffix}'; name the file .h5, .csv or .mcap")
     with aside(target.parent, place=target, option="--output") as new:
-        (_write_csv if suffix == ".csv" else _write_hdf5)(log, new / target.name)
+        writers[suffix](log, new / target.name)
 
 
 def _write_hdf5(log: FlightLog, path: Path) -> None:
@@ -96,6 +101,38 @@ def _write_csv(log: FlightLog, path: Path) -> None:
         csv.writer(file, lineterminator="\n").writerow(columns)
         for row in np.column_stack(list(columns.values())).tolist():
             file.write(",".join(map(repr, row)) + "\n")
+
+
+def _write_mcap(log: FlightLog, path: Path) -> None:
+    """Write a message of JSON for each sample on the topic `/log`, a missing value being left out of it.
+
+    Records as of the specification of MCAP (mcap.dev/spec), without chunks, an index or checksums, all of which are
+    optional. Times are nanoseconds since the zero of the log's axis.
+    """
+    if log.time_s[0] < 0.0:
+        raise ConfigError(f"{log.path}: begins at {log.time_s[0]:g} s, MCAP has no time below 0; give --from 0")
+
+    def text(words: str | bytes) -> bytes:
+        data = words.encode() if isinstance(words, str) else words
+        return struct.pack("<I", len(data)) + data
+
+    def record(kind: int, content: bytes) -> bytes:
+        return struct.pack("<BQ", kind, len(content)) + content
+
+    names = _names(log, printable)
+    fields = {names[name]: {"type": "number", "description": one.unit} for name, one in log.channels.items()}
+    schema = json.dumps({"type": "object", "properties": fields}).encode()
+    columns = np.column_stack([channel.values for channel in log.channels.values()])
+    with path.open("wb") as file:
+        file.write(MCAP + record(1, text("") + text(OWNER)))
+        file.write(record(3, struct.pack("<H", 1) + text("log") + text("jsonschema") + text(schema)))
+        file.write(record(4, struct.pack("<HH", 1, 1) + text("/log") + text("json") + text(b"")))
+        moments = np.round(1e9 * log.time_s).astype(np.int64).tolist()
+        for i, (moment, row) in enumerate(zip(moments, columns, strict=True)):
+            known = {name: value for name, value in zip(fields, row.tolist(), strict=True) if isfinite(value)}
+            head = struct.pack("<HIQQ", 1, i, moment, moment)
+            file.write(record(5, head + json.dumps(known, separators=(",", ":")).encode()))
+        file.write(record(15, struct.pack("<I", 0)) + record(2, struct.pack("<QQI", 0, 0, 0)) + MCAP)
 
 
 def _names(log: FlightLog, allowed: Callable[[str], str]) -> dict[str, str]:

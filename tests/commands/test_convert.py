@@ -52,7 +52,7 @@ def test_rate_window_unit_and_channel(bfi, log: Path, tmp_path: Path):
 @pytest.mark.parametrize(
     ("options", "code", "message"),
     [
-        (["-o", "OUT/out.xlsx"], 2, "no format with the suffix '.xlsx'; name the file .h5 or .csv"),
+        (["-o", "OUT/out.xlsx"], 2, "no format with the suffix '.xlsx'; name the file .h5, .csv or .mcap"),
         (["-o", "OUT/flight.csv"], 2, "flight.csv: is an input of this command; give another --output"),
         (["-o", "OUT/out.h5", "--rate", "100"], 3, "recorded at 50 Hz, it cannot be resampled to 100 Hz"),
         (["-o", "OUT/out.h5", "--rate", "fast"], 2, "--rate"),

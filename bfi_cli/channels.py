@@ -5,8 +5,10 @@ Signs are those of the recorder: nothing here turns a signal over.
 
 from __future__ import annotations
 
+import difflib
 import math
 import re
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from .units import si_unit
@@ -155,6 +157,15 @@ def _match_spelling(spelling: str) -> NameMatch | None:
             if si_unit(stated) == STANDARD[name].unit:
                 return NameMatch(name=name, unit=stated, rank=3)
     return None
+
+
+def meant_channel(name: str, known: Collection[str]) -> str | None:
+    """Return which of the channels a person may mean by a name, None where none is near it."""
+    match = match_name(name)
+    spelled = name.lower()
+    like = (one for one in ("tas", "cas", "ias") if "speed" in spelled and "air" in spelled)
+    close = [] if match else difflib.get_close_matches(spelled, known, n=1)
+    return next((one for one in (match.name if match else "", *like, *close) if one in known), None)
 
 
 def split_unit(header: str) -> tuple[str, str | None]:

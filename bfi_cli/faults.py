@@ -333,6 +333,8 @@ def _problems(given: Mapping[str, Any]) -> Iterator[str]:
             yield f"{key}: {unknown_key(key, allowed)}"
         elif problem := _value_problem(key, value):
             yield f"{key}: {problem}, got {shown(value)}"
+        elif key == "magnitude" and SHAPES[shape].is_loss and value < 0.0:
+            yield f"magnitude: a loss is positive, got {shown(value)}; write {shown(-value)}"
     yield from (_missing(key.name, shape) for key in SHAPES[shape].keys if key.required and key.name not in given)
     onset, offset = given.get("onset_s", 0.0), given.get("offset_s")
     if not _value_problem("onset_s", onset) and not _value_problem("offset_s", offset) and offset <= onset:

@@ -145,6 +145,11 @@ class FaultShape:
     lines: Callable[..., tuple[FloatArray, FloatArray]] | None = None
     loss: float | None = None
 
+    @property
+    def is_loss(self) -> bool:
+        """Whether its magnitude says what a line loses, and is stated without a sign."""
+        return self.has_magnitude and self.loss == 1.0
+
 
 def _ones(elapsed_s: FloatArray) -> FloatArray:
     return np.ones_like(elapsed_s)

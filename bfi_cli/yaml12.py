@@ -1,4 +1,7 @@
-"""YAML with the core rules of version 1.2: `1e-3` is a number, `no` and `12:30:00` are text, a key stands once."""
+"""YAML with the core rules of version 1.2: `1e-3` is a number, `no` and `12:30:00` are text, a key stands once.
+
+Of version 1.1 the merge key is read, `<<: *name`.
+"""
 
 from __future__ import annotations
 
@@ -84,14 +87,40 @@ def _mapping(loader: _Loader, node: yaml.Node) -> dict[Any, Any]:
     if not isinstance(node, yaml.MappingNode):
         _refuse(node, "not a mapping")
     result: dict[Any, Any] = {}
+    merged: dict[Any, Any] = {}
+    merges = 0
     for key_node, value_node in node.value:
+        if _is_merge(key_node):
+            merges += 1
+            if merges > 1:
+                _refuse(key_node, "key '<<' stands twice; give it a list, <<: [*a, *b]")
+            merged = _merged(loader, value_node)
+            continue
         key = loader.construct_object(key_node, deep=True)
         if not isinstance(key, str | int | float | bool | None):
             _refuse(key_node, "a key must be a plain word")
         if key in result:
             _refuse(key_node, f"key '{shortened(str(key), 40)}' stands twice; keep one")
         result[key] = loader.construct_object(value_node, deep=True)
-    return result
+    return merged | result
+
+
+def _is_merge(node: yaml.Node) -> bool:
+    return isinstance(node, yaml.ScalarNode) and node.style is None and node.value == "<<"
+
+
+def _merged(loader: _Loader, node: yaml.Node) -> dict[Any, Any]:
+    """Return the keys of a mapping, or of a list of mappings of which the first counts, that `<<` puts in another.
+
+    The merge key of version 1.1, which version 1.2 has no more, since configurations use it and no key of ours is `<<`.
+    """
+    values = loader.construct_object(node, deep=True)
+    merged: dict[Any, Any] = {}
+    for value in reversed(values if isinstance(values, list) else [values]):
+        if not isinstance(value, dict):
+            _refuse(node, "'<<' merges mappings; write <<: *name or <<: [*a, *b]")
+        merged |= value
+    return merged
 
 
 def _sequence(loader: _Loader, node: yaml.Node) -> list[Any]:

@@ -135,7 +135,7 @@ CONFIGS = {
     "a: !!python/object:os.system x": "unknown tag",
     LAUGHS: "c.yaml: line 5, column 45: aliases expand to more than 100000 values; write them out",
     "a: &a [1, *a]": "c.yaml: line 1, column 11: alias 'a' stands in its own value; write it out",
-    "model: &m {order: 4}\nselection: {<<: *m}": "c.yaml: selection.<<: unknown key; known: criterion, evidence, ",
+    "model: &m {order: 4}\nselection: {<<: *m}": "c.yaml: selection.order: unknown key; known: criterion, evidence, ",
     f"seed: {'9' * 10_000}": "c.yaml: line 1, column 7: a whole number of 10000 digits; give one of at most 50",
     f"method: {'x' * 100_000}": f"c.yaml: method: not one of the choices, got '{'x' * 47}...{'x' * 48}'; known: ml, ",
     f"{'x' * 1000}: 1": f"c.yaml: {'x' * 19}…{'x' * 20}: unknown key; known: inputs, ",

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bfi_cli.channels import INPUTS, STANDARD, match_name, split_unit
+from bfi_cli.channels import INPUTS, STANDARD, match_name, meant_channel, split_unit
 from bfi_cli.errors import LogError
 from bfi_cli.units import BY_SPELLING, CONVERSIONS, si_unit, to_si
 
@@ -183,3 +183,15 @@ def test_any_text_has_a_name_a_unit_or_neither(text: str):
             to_si(1.0, text)
     else:
         assert to_si(1.0, text)[1] in {"", *(c.si for c, _ in CONVERSIONS)}
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        *[(name, "tas") for name in ("TAS", "airspeed", "Air_Speed", "vtas", "true airspeed")],
+        *[(name, "elevator") for name in ("Elevator", "elevater")],
+        *[(name, None) for name in ("cas", "stick", "aoa", "groundspeed")],
+    ],
+)
+def test_a_channel_that_is_meant_is_one_of_the_log_and_never_another_quantity(name: str, meant: str | None):
+    assert meant_channel(name, ["elevator", "pitch", "tas"]) == meant

@@ -238,6 +238,12 @@ def test_what_a_magnitude_of_four_means(fault, channel_unit, unit, value, physic
     assert physical(fault, 4.0, channel_unit) == (pytest.approx(value, rel=1e-12), physical_unit)
 
 
+def test_a_loss_is_stated_without_a_sign():
+    with pytest.raises(DictionaryError, match=r"magnitude: a loss is positive, got -0\.002; write 0\.002"):
+        parse_spec("pitot_icing,magnitude=-0.002,onset_s=3")
+    assert parse_spec("pitot_water,magnitude=-0.1,frequency_hz=0.3,onset_s=3").magnitude == -0.1
+
+
 @pytest.mark.parametrize("slope", [None, 0.23])
 def test_the_physical_value_is_what_the_signal_shows(slope):
     drift = 4.0 * signal("drift", onset_s=5.0, slope=slope)

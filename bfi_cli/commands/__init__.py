@@ -49,6 +49,16 @@ USAGE, LOG, DEFECT, INTERRUPTED = 2, 3, 70, 130
 # filling more than 40 rows of a terminal of 100 columns. Where and what to do stand at the ends.
 LONGEST_LINE = 4000
 
+# What other programs call an option of ours, of which the letters say nothing.
+MEANT = {
+    "--start": "--from",
+    "--begin": "--from",
+    "--end": "--to",
+    "--stop": "--to",
+    "-o": "--out",
+    "--output-dir": "--out",
+}
+
 # What click says of a value, as a pattern, and as this program says it.
 VALUES = (
     (r"(?P<got>.+) is not a valid (?:integer|integer range)", "not a whole number, got {got}; give one like 4"),
@@ -176,7 +186,8 @@ def _usage(error: click.ClickException) -> str:
     match error:
         case click.NoSuchOption(option_name=name):
             known = [option for one in context.command.params for option in one.opts] if context else []
-            return f"{program}: unknown option '{name}'; {_did_you_mean(name, known) or f'see {program} --help'}"
+            meant = f"did you mean '{MEANT[name]}'?" if MEANT.get(name) in known else _did_you_mean(name, known)
+            return f"{program}: unknown option '{name}'; {meant or f'see {program} --help'}"
         case click.MissingParameter(param=click.Option(opts=options, metavar=example)):
             return f"{program}: {options[-1]} is missing; give {options[-1]} {example or 'a value'}"
         case click.MissingParameter(param=click.Argument() as argument):

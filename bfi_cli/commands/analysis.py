@@ -13,7 +13,7 @@ import click
 
 from ..errors import LogError
 from ..notes import Note
-from .options import CHANNELS, OPTIONS, Command, config_of, with_options
+from .options import CHANNELS, OPTIONS, Command, GroupedCommand, config_of, with_options
 from .output import check_out, emit, note
 from .progress import stages
 
@@ -169,7 +169,7 @@ def analysis(
             if answer.decided is not None:
                 click.get_current_context().exit(_exit_code(answer.decided, config))
 
-        return click.command(name, help=answer_to.__doc__)(run)
+        return click.command(name, help=answer_to.__doc__, cls=GroupedCommand)(run)
 
     return make
 

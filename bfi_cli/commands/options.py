@@ -309,6 +309,25 @@ MODEL = ("order", "feedthrough")
 VERDICT = ("require", "tolerance")
 FILES = ("allow_outside", "units", "out", "force")
 ANSWER = (*FILES, "strict", "fail_on", "progress", "verbose", "as_json", "series")
+# Of `--help`, by what they are about; the first are what most calls need.
+HELP_GROUPS: Mapping[str, tuple[str, ...]] = {
+    "Common options": (
+        *("config_path", "dictionary", "inputs", "outputs", "from_s", "to_s"),
+        *("tolerance", "units", "out", "as_json"),
+    ),
+    "Reading the log": (*CHANNELS, "fix_units", "allow_outside"),
+    "Model and method": (
+        *("rate", "recorder", *MODEL, "method", "scan_method", "detect_method", "sparsity", "model", "seed"),
+        *("flown_model", "manoeuvres", "noise", "amplitude_rad", "start_s", "unit_step_s", "flight_s"),
+        *("turbulence_m_s", "draws"),
+    ),
+    "Search and decision": (
+        *("onset_tolerance", "shapes", "frequency", "samples", "ends", "train", "turns", "false_alarm"),
+        *("detect_false_alarm", "diagnose_false_alarm", "calibration", "diagnose_calibration"),
+        *("magnitudes", "at_limit", "duration_s", "length_s", "step_s", "require"),
+    ),
+    "Output": ("verbose", "series", "strict", "fail_on", "force", "progress"),
+}
 
 
 def with_options(*options: str | Command, **words: str) -> Callable[[Command], Command]:
@@ -335,6 +354,21 @@ def with_options(*options: str | Command, **words: str) -> Callable[[Command], C
         return command
 
     return add
+
+
+class GroupedCommand(click.Command):
+    """A command whose help lists its options by what they are about, the most used first."""
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        options = [one for one in self.get_params(ctx) if isinstance(one, click.Option)]
+        rows = {one.name: row for one in options if (row := one.get_help_record(ctx)) is not None}
+        for title, names in HELP_GROUPS.items():
+            if own := [rows.pop(name) for name in names if name in rows]:
+                with formatter.section(title):
+                    formatter.write_dl(own)
+        if rows:  # what no group names: help, and what only this command has
+            with formatter.section("Other options"):
+                formatter.write_dl(list(rows.values()))
 
 
 log_argument = click.argument("log", metavar="LOG", type=click.Path())

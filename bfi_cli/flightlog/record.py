@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from ..channels import meant_channel
 from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..filters import Filter
@@ -199,7 +200,9 @@ class FlightLog:
         for note in self.notes:
             if note.text.startswith(f"'{name}' ") and "left out" in note.text:
                 raise LogError(f"{self.path}: {note.text.partition(';')[0]}; the log has: {has}")
-        raise LogError(f"{self.path}: no channel '{name}'; the log has: {has}; map one with --channel {name}=NAME")
+        meant = meant_channel(name, self.channels)
+        advice = f"map one with --channel {name}=NAME" if meant is None else f"did you mean '{meant}'?"
+        raise LogError(f"{self.path}: no channel '{name}'; the log has: {has}; {advice}")
 
     def find(self, name: str) -> Channel | None:
         """Return a channel by its standard name, or by its name in the file; None where there is none."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from operator import attrgetter
 from pathlib import Path
@@ -12,7 +13,7 @@ import h5py
 import pytest
 
 from bfi_cli.commands import COMMANDS, cli
-from bfi_cli.commands.options import OPTIONS, config_of
+from bfi_cli.commands.options import HELP_GROUPS, OPTIONS, GroupedCommand, config_of
 from bfi_cli.config import Config, load_config
 from bfi_cli.errors import ConfigError
 
@@ -43,6 +44,21 @@ def test_every_option_of_an_analysis_has_a_key(name: str):
     options = {one.name for one in commands()[name].params if isinstance(one, click.Option)}
     assert {option for option in options - OF_ONE_CALL if not OPTIONS[str(option)].key} == set()
     assert options >= {"config_path", "channel_map", "allow_outside"}
+
+
+def test_the_help_of_every_analysis_lists_each_option_once_and_the_common_ones_first():
+    grouped = [name for names in HELP_GROUPS.values() for name in names]
+    assert len(grouped) == len(set(grouped))
+    assert set(grouped) <= OPTIONS.keys()
+    for command in commands().values():
+        if not isinstance(command, GroupedCommand):
+            continue
+        options = [one for one in command.params if isinstance(one, click.Option) and not one.hidden]
+        text = command.get_help(click.Context(command, info_name="x"))
+        assert all(re.search(rf"{one.opts[0]}[,\s]", text) for one in options), command.name
+        if command.name in ("identify", "start-time", "detect", "diagnose"):
+            assert {one.name for one in options} <= {*grouped, "help"}
+        assert text.index("Common options:") < text.index("Output:")
 
 
 @pytest.mark.parametrize("name", [name for name, row in OPTIONS.items() if row.key])

@@ -315,7 +315,6 @@ def _height(samples: DecimatedRecord, model: Predictor, onset: int, output: int)
             model.Y,
             model.errors.coefficients,
             model.basis,
-            start=start,
             begin=begin,
             n_free=n_free,
             n_shared=n_shared,

@@ -162,21 +162,10 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
 
     # 2. What is cut, and which channels of it.
     stop_s = flown[-1][1] if flown[-1][1] <= last_s else to_s
-    part = log.window(train[0], stop_s)
-    inputs, outputs = _channels(part, given_inputs, given_outputs)
+    inputs, outputs = _channels(log.window(train[0], stop_s), given_inputs, given_outputs)
     bank = _bank(log, inputs, outputs) if config.detect.turns else ()
-    helping = [name for name in ("pitch_rate",) if bank and name in log.channels and name not in outputs]
-    needed, rate_hz = (*inputs, *outputs, *bank, *helping), config.conditioning.rate_hz
-    if must_resample(part, needed, rate_hz):
-        assert not isinstance(rate_hz, str)
-        part = resample(log, rate_hz, from_s=train[0], to_s=stop_s)
-        require_usable(part, needed)
-    first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
-    if train[0] < first_s - 1.0 / part.rate_hz or train[1] > last_s:
-        raise ConfigError(
-            f"--train: {instant(train[0])}:{instant(train[1])} is not inside the window, {instant(first_s)} s to "
-            f"{instant(last_s)} s; change --train, --from or --to"
-        )
+    part = _cut(log, config, train, stop_s, (*inputs, *outputs), bank)
+    last_s = float(part.time_s[-1])
 
     # 3. The recorder.
     recorder = recorder_of(log, config)
@@ -186,17 +175,12 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     # 4. The signals, those that a turn makes among the inputs, and the rate.
     u, y = _input_signals(part, inputs, bank), part.signals(outputs)
 
-    def until(n: int) -> Signals:
-        theta = np.zeros((n, len(outputs), 0))
-        return Signals(
-            path=part.path, rate_hz=part.rate_hz, factor=1, time_s=part.time_s[:n], u=u[:n], y=y[:n], theta=theta
-        )
-
-    healthy = until(int(np.count_nonzero(part.time_s < train[1])))
+    record = _record(part, u, y, until=part.n_samples)
+    healthy = _record(part, u, y, until=int(np.count_nonzero(part.time_s < train[1])))
     felt = () if given_inputs else tuple(name for name in FELT if name in inputs)
     return PreparedRecord(
         part=part,
-        record=until(part.n_samples),
+        record=record,
         native_rate_hz=log.rate_hz,
         train=train,
         watched=watched,
@@ -207,7 +191,7 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
             healthy,
             (),
             exact=False,
-            asked=rate_hz,
+            asked=config.conditioning.rate_hz,
             recorder_hz=recorder.shown_hz,
             fastest_hz=FASTEST_HZ,
             purpose="detect",
@@ -221,6 +205,36 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
             *([Note.method(recorder.about)] if recorder.stated and recorder.about else []),
         ),
     )
+
+
+def _cut(
+    log: FlightLog,
+    config: Config,
+    train: tuple[float, float],
+    stop_s: float | None,
+    used: tuple[str, ...],
+    bank: tuple[str, ...],
+) -> FlightLog:
+    """Return the log from the start of the healthy time on, resampled where decimation cannot bring it to the rate.
+
+    Raises
+    ------
+    ConfigError : the healthy time is not in it.
+    """
+    part, rate_hz = log.window(train[0], stop_s), config.conditioning.rate_hz
+    helping = [name for name in ("pitch_rate",) if bank and name in log.channels and name not in used]
+    needed = (*used, *bank, *helping)
+    if must_resample(part, needed, rate_hz):
+        assert not isinstance(rate_hz, str)
+        part = resample(log, rate_hz, from_s=train[0], to_s=stop_s)
+        require_usable(part, needed)
+    first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
+    if train[0] < first_s - 1.0 / part.rate_hz or train[1] > last_s:
+        raise ConfigError(
+            f"--train: {instant(train[0])}:{instant(train[1])} is not inside the window, {instant(first_s)} s to "
+            f"{instant(last_s)} s; change --train, --from or --to"
+        )
+    return part
 
 
 def recorder_of(log: FlightLog, config: Config) -> Recorder:
@@ -264,6 +278,13 @@ def _input_signals(part: FlightLog, inputs: Sequence[str], bank: tuple[str, ...]
         if "pitch_rate" in part.channels:
             signals.append(part.channel("pitch_rate").values * (1.0 - level))
     return np.column_stack([np.zeros((part.n_samples, 0)), *signals])
+
+
+def _record(part: FlightLog, u: FloatArray, y: FloatArray, *, until: int) -> Signals:
+    """Return the first samples of the signals, without a dictionary."""
+    theta = np.zeros((until, y.shape[1], 0))
+    time_s = part.time_s[:until]
+    return Signals(path=part.path, rate_hz=part.rate_hz, factor=1, time_s=time_s, u=u[:until], y=y[:until], theta=theta)
 
 
 def _notes_on_times(

@@ -84,11 +84,6 @@ def diagnose_flight(
     findings = with_faults_marked(log, findings, config)
     offsets = [one for one in findings if is_fault(log, one, config)]
     flight = flight_of(without_offsets(log, [one for one in offsets if one.fixed]), config)
-    log_notes = (
-        *flight.log.notes,
-        *notes_on_defects(flight),
-        *map(Note.limit, flight.held.missing_in(flight.from_s, flight.to_s)),
-    )
 
     # 2. and 3. What lasts: holds, relations and the parity scan.
     with threadpool_limits(1):
@@ -138,7 +133,7 @@ def diagnose_flight(
         strips=_strips(slow.scanned, static),
         limit_courses=limit_courses(flight, bounds),
         courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
-        notes=(*log_notes, *slow.notes, *_notes_on_thresholds(slow)),
+        notes=_notes(slow),
         plausibility=tuple(findings),
     )
 
@@ -150,10 +145,12 @@ def _summary(flight: Flight) -> LogSummary:
     return log_summary(log.path, inside.time_s, rate_hz=log.rate_hz, native_rate_hz=log.rate_hz)
 
 
-def _notes_on_thresholds(slow: SlowFaults) -> list[Note]:
-    """Return what is said of lift that is not used, and of thresholds that are raised."""
-    notes = []
-    if "flaps" not in slow.flight.recorded and slow.flight.moved:
+def _notes(slow: SlowFaults) -> tuple[Note, ...]:
+    """Return what is said of short defects, of what was not watched or set aside, and of thresholds that are raised."""
+    flight = slow.flight
+    unwatched = map(Note.limit, flight.held.missing_in(flight.from_s, flight.to_s))
+    notes = [*flight.log.notes, *notes_on_defects(flight), *unwatched, *slow.notes]
+    if "flaps" not in flight.recorded and flight.moved:
         notes.append(
             Note.limit(
                 "no flaps: after take-off and from the last descent on, where flaps and gear may move, the lift is not "
@@ -167,7 +164,7 @@ def _notes_on_thresholds(slow: SlowFaults) -> list[Note]:
                 "through most of the flight; thresholds are raised by as much"
             )
         )
-    return notes
+    return tuple(notes)
 
 
 def lasting_faults(flight: Flight, progress: Progress) -> tuple[list[Draft], StaticWindows, SlowFaults]:

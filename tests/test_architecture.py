@@ -376,6 +376,71 @@ def test_tables_are_no_steps_of_a_body(n_steps: int, n_rows: int):
     assert n_parameters(function) == 2
 
 
+CONTRIBUTING = PACKAGE.parent / "CONTRIBUTING.md"
+TO_ADD = re.findall(r"^\| (a .+?) \| (.+) \| (.+) \|$", CONTRIBUTING.read_text("utf-8"), re.MULTILINE)
+
+
+def named_files(text: str) -> list[tuple[str, list[str]]]:
+    """Return the files that a text names in code, each with the tables that follow it."""
+    found: list[tuple[str, list[str]]] = []
+    for code in re.findall(r"`([^`]+)`", text):
+        if code.endswith(".py"):
+            found.append((code, []))
+        elif found:
+            found[-1][1].append(code)
+    return found
+
+
+def defined(path: Path) -> set[str]:
+    """Return the names that a module defines on its own."""
+    assigned = (
+        target
+        for node in tree(path).body
+        if isinstance(node, ast.Assign | ast.AnnAssign)
+        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+    )
+    made = (node.name for node in tree(path).body if isinstance(node, ast.FunctionDef | ast.ClassDef))
+    return {*map(ast.unparse, assigned), *made}
+
+
+def test_the_guide_says_how_to_add_each_kind_of_thing():
+    assert [what for what, _, _ in TO_ADD] == [
+        "a shape",
+        "a method",
+        "a reader",
+        "a source of evidence",
+        "a command",
+    ]
+    assert len(CONTRIBUTING.read_text("utf-8").splitlines()) <= 150
+
+
+@pytest.mark.parametrize(("files", "tests"), [row[1:] for row in TO_ADD], ids=[row[0] for row in TO_ADD])
+def test_what_is_to_be_touched_is_where_the_guide_says(files: str, tests: str):
+    existing = [(name, tables) for name, tables in named_files(files) if not re.search("[A-Z]{4}", name)]
+    assert any(tables for _, tables in existing)
+    for name, tables in existing:
+        assert (PACKAGE / name).is_file(), name
+        assert {*tables} <= defined(PACKAGE / name), name
+    for name, _ in named_files(tests):
+        assert (CONTRIBUTING.parent / "tests" / name).is_file(), name
+
+
+@pytest.mark.parametrize(("module", "registry"), [("identify.methods", "METHODS"), ("shapes", "SHAPES")])
+def test_an_entry_of_a_table_stands_in_no_other_list(module: str, registry: str):
+    """No other display of the package lists most of the entries of a table: what is added once is known throughout."""
+    entries = {*getattr(importlib.import_module(f"bfi_cli.{module}"), registry)}
+    copies = [
+        f"{name}:{node.lineno}"
+        for name, path in MODULES.items()
+        for node in ast.walk(tree(path))
+        if isinstance(node, ast.Dict | ast.List | ast.Tuple | ast.Set)
+        if len(entries & {one.value for one in ast.iter_child_nodes(node) if isinstance(one, ast.Constant)})
+        > 0.6 * len(entries)
+        if name != module
+    ]
+    assert copies == []
+
+
 def test_tests_import_no_private_names():
     imported = re.compile(r"^ *from bfi_cli[\w.]* import (\([^)]*\)|.*)", re.MULTILINE)
     for path in sorted(Path(__file__).parent.rglob("*.py")):

@@ -300,6 +300,147 @@ def test_a_number_without_a_source_is_found(source: str, bare: list[str]):
     assert uncommented(source, ast.parse(source)) == bare
 
 
+# A body is one step that a textbook would number, or the numbered steps of an algorithm on a page.
+LONGEST_BODY, MOST_PARAMETERS = 60, 8
+# What is longer today, to be taken apart: nothing is added here, and what is done goes.
+LONG = {
+    "identify.dmae.dmae",
+    "identify.dmae.identify_by_dmae",
+    "identify.identify._assembled",
+    "identify.maximum_likelihood.identify_by_likelihood",
+    "identify.risro._by_stage",
+    "identify.warnings.warnings_of",
+    "kernels.onset.frequency_bound.may_exceed",
+    "kernels.risro_varx.risro_varx",
+    "onset.claims.claims_of",
+    "onset.detection.search_onsets",
+    "onset.estimate.estimate",
+    "onset.result.assemble_result",
+    "onset.scan_record.prepare_record",
+    "onset.thesis.find_onset_as_published",
+}
+MANY = {"flightlog.read.read_log", "onset.claims.claims_of"}
+
+
+def body_lines(function: ast.FunctionDef) -> int:
+    """Return the lines of a body, without its docstring and without what only lists: literals of more than a line."""
+    body = function.body[1:] if ast.get_docstring(function) is not None else function.body
+    if not body:
+        return 0
+    literals = {
+        line
+        for statement in body
+        for node in ast.walk(statement)
+        if isinstance(node, ast.Dict | ast.List | ast.Tuple)
+        for line in range(node.lineno + 1, (node.end_lineno or 0) + 1)
+        if not any(isinstance(one, ast.Call | ast.comprehension) for one in ast.walk(node))
+    }
+    return (function.end_lineno or 0) - body[0].lineno + 1 - len(literals)
+
+
+def n_parameters(function: ast.FunctionDef) -> int:
+    given = function.args
+    named = [*given.posonlyargs, *given.args, *given.kwonlyargs]
+    return len([one for one in named if one.arg not in ("self", "cls")])
+
+
+def functions() -> Iterator[tuple[str, ast.FunctionDef]]:
+    """Yield every function and method of the package by its name."""
+    for name, path in MODULES.items():
+        for node in ast.walk(tree(path)):
+            if isinstance(node, ast.FunctionDef):
+                yield f"{name}.{node.name}", node
+
+
+def test_a_body_is_read_at_once():
+    long = {name: n for name, node in functions() if (n := body_lines(node)) > LONGEST_BODY}
+    assert {name: n for name, n in long.items() if name not in LONG} == {}
+
+
+def test_a_function_asks_for_few_things():
+    many = {name: n for name, node in functions() if (n := n_parameters(node)) > MOST_PARAMETERS}
+    assert {name: n for name, n in many.items() if name not in MANY} == {}
+
+
+def test_what_is_said_to_be_long_exists():
+    assert {*LONG, *MANY} <= {name for name, _ in functions()}
+
+
+@pytest.mark.parametrize(("n_steps", "n_rows"), [(5, 0), (5, 90), (61, 0)])
+def test_tables_are_no_steps_of_a_body(n_steps: int, n_rows: int):
+    steps = "".join(f"    x = {k}\n" for k in range(n_steps))
+    rows = "    rows = (\n" + "".join(f"        {k},\n" for k in range(n_rows)) + "    )\n" if n_rows else ""
+    (function,) = ast.parse(f'def f(a, *, b):\n    """Return."""\n{steps}{rows}').body
+    assert isinstance(function, ast.FunctionDef)
+    assert body_lines(function) == n_steps + (n_rows > 0)
+    assert n_parameters(function) == 2
+
+
+CONTRIBUTING = PACKAGE.parent / "CONTRIBUTING.md"
+TO_ADD = re.findall(r"^\| (a .+?) \| (.+) \| (.+) \|$", CONTRIBUTING.read_text("utf-8"), re.MULTILINE)
+
+
+def named_files(text: str) -> list[tuple[str, list[str]]]:
+    """Return the files that a text names in code, each with the tables that follow it."""
+    found: list[tuple[str, list[str]]] = []
+    for code in re.findall(r"`([^`]+)`", text):
+        if code.endswith(".py"):
+            found.append((code, []))
+        elif found:
+            found[-1][1].append(code)
+    return found
+
+
+def defined(path: Path) -> set[str]:
+    """Return the names that a module defines on its own."""
+    assigned = (
+        target
+        for node in tree(path).body
+        if isinstance(node, ast.Assign | ast.AnnAssign)
+        for target in (node.targets if isinstance(node, ast.Assign) else [node.target])
+    )
+    made = (node.name for node in tree(path).body if isinstance(node, ast.FunctionDef | ast.ClassDef))
+    return {*map(ast.unparse, assigned), *made}
+
+
+def test_the_guide_says_how_to_add_each_kind_of_thing():
+    assert [what for what, _, _ in TO_ADD] == [
+        "a shape",
+        "a method",
+        "a reader",
+        "a source of evidence",
+        "a command",
+    ]
+    assert len(CONTRIBUTING.read_text("utf-8").splitlines()) <= 150
+
+
+@pytest.mark.parametrize(("files", "tests"), [row[1:] for row in TO_ADD], ids=[row[0] for row in TO_ADD])
+def test_what_is_to_be_touched_is_where_the_guide_says(files: str, tests: str):
+    existing = [(name, tables) for name, tables in named_files(files) if not re.search("[A-Z]{4}", name)]
+    assert any(tables for _, tables in existing)
+    for name, tables in existing:
+        assert (PACKAGE / name).is_file(), name
+        assert {*tables} <= defined(PACKAGE / name), name
+    for name, _ in named_files(tests):
+        assert (CONTRIBUTING.parent / "tests" / name).is_file(), name
+
+
+@pytest.mark.parametrize(("module", "registry"), [("identify.methods", "METHODS"), ("shapes", "SHAPES")])
+def test_an_entry_of_a_table_stands_in_no_other_list(module: str, registry: str):
+    """No other display of the package lists most of the entries of a table: what is added once is known throughout."""
+    entries = {*getattr(importlib.import_module(f"bfi_cli.{module}"), registry)}
+    copies = [
+        f"{name}:{node.lineno}"
+        for name, path in MODULES.items()
+        for node in ast.walk(tree(path))
+        if isinstance(node, ast.Dict | ast.List | ast.Tuple | ast.Set)
+        if len(entries & {one.value for one in ast.iter_child_nodes(node) if isinstance(one, ast.Constant)})
+        > 0.6 * len(entries)
+        if name != module
+    ]
+    assert copies == []
+
+
 def test_tests_import_no_private_names():
     imported = re.compile(r"^ *from bfi_cli[\w.]* import (\([^)]*\)|.*)", re.MULTILINE)
     for path in sorted(Path(__file__).parent.rglob("*.py")):

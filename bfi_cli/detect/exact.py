@@ -8,7 +8,7 @@ from ..kernels import FloatArray
 from ..kernels.nullspace import Criteria, criteria, past_rank
 from ..notes import Note
 from ..preprocessing.regression import Signals
-from .preparation import PreparedRecord
+from .preparation import BoolArray, PreparedRecord
 from .result import Alarm, Detection, StepLimits
 
 # Threshold of the criterion, relative to a channel's own size. Boeing 747 without noise: healthy channels stay 3e10
@@ -24,6 +24,10 @@ SELECTIVE = 1e-2
 # A sample of which less than this share is outside the row space of its window moves in a direction of its own, as the
 # first ones after an input begins to move do: no claim is made for a failure that begins there.
 LEAST_SHARE = 1e-3
+NOISY = Note.advice(
+    "the healthy time is not explained to round-off: this log has noise, or needs more channels, and the alarms mean "
+    "nothing; give --method parity"
+)
 
 
 def detect_exactly(prepared: PreparedRecord) -> Detection:
@@ -34,25 +38,63 @@ def detect_exactly(prepared: PreparedRecord) -> Detection:
     (paper H, after eq. 29), by orders of magnitude less: they are not declared.
     """
     record = prepared.record
-    y, healthy = record.y, record.time_s < prepared.train[1]
+    criterion, lags, width, explained = _criterion(record, record.time_s < prepared.train[1])
+    channel = np.nan_to_num(criterion.channel)
+    levels = np.maximum(LEVEL, SELECTIVE * channel.max(axis=1))
+    limits, left_out = _limits(record, criterion, width=width, level=levels) if explained else (None, 0)
+    return Detection(
+        method="exact",
+        rate_hz=record.rate_hz,
+        time_s=record.time_s,
+        y=record.y,
+        statistic=criterion.channel,
+        threshold=np.full(record.y.shape[1], LEVEL),
+        alarms=_alarms(prepared, channel, levels, width),
+        limits=limits,
+        is_calibrated=explained,
+        ready_s=None if criterion.ready is None else float(record.time_s[criterion.ready - 1]),
+        width=width,
+        notes=(
+            _note_on_noise(lags, width) if explained else NOISY,
+            *([] if criterion.ready is None else [Note.method(f"ready after {criterion.ready} samples")]),
+            *([_note_on_gaps(left_out)] if left_out else []),
+        ),
+    )
+
+
+def _criterion(record: Signals, healthy: BoolArray) -> tuple[Criteria, int, int, bool]:
+    """Return the criterion with the fewest lags that explain the healthy time, or with the most.
+
+    Returns
+    -------
+    It, its lags, the samples of its window, and whether it explains the healthy time.
+    """
     u = np.column_stack([record.u, np.ones(len(record.u))])
-    both = np.hstack([y, u])
+    both = np.hstack([record.y, u])
     for lags in LAGS:
         # Inputs bring the samples before the last one with them: z(i) then reaches `lags` samples back.
         past = (np.vstack([np.zeros((lag, both.shape[1])), both[:-lag]]) for lag in range(1, lags))
         inputs = np.hstack([u, *past])
-        width = max(NARROWEST, past_rank(y[healthy], inputs[healthy]) + SPARE)
-        criterion = criteria(y, inputs, width=width)
+        width = max(NARROWEST, past_rank(record.y[healthy], inputs[healthy]) + SPARE)
+        criterion = criteria(record.y, inputs, width=width)
         explained = not bool((np.nan_to_num(criterion.channel[healthy]) > MARGIN * LEVEL).any())
         if explained:
             break
-    channel = np.nan_to_num(criterion.channel)
-    levels = np.maximum(LEVEL, SELECTIVE * channel.max(axis=1))
+    return criterion, lags, width, explained
+
+
+def _alarms(prepared: PreparedRecord, channel: FloatArray, levels: FloatArray, width: int) -> tuple[Alarm, ...]:
+    """Return the alarms: a channel raises one where it exceeds its level, unless it did so within the window before.
+
+    Parameters
+    ----------
+    channel : (n_samples, n_outputs) the criterion; levels : (n_samples,) above which a channel is declared.
+    """
     last = np.full(channel.shape[1], -width - 1)
     alarms = []
     for i in np.flatnonzero((channel > LEVEL).any(axis=1)):
         above = channel[i] > levels[i]
-        time_s = float(record.time_s[i])
+        time_s = float(prepared.record.time_s[i])
         alarms += [
             Alarm(
                 channel=prepared.outputs[k],
@@ -67,46 +109,21 @@ def detect_exactly(prepared: PreparedRecord) -> Detection:
             for k in np.flatnonzero(above & (last < i - width))
         ]
         last[above] = i
-    limits, notes = None, []
-    if explained:
-        notes.append(
-            Note.method(
-                f"a linear model of order {lags} explains the healthy time to round-off, so the criterion is that of "
-                f"data without noise: a channel fails where the model leaves more than {LEVEL:g} of its size "
-                f"unexplained in a window of {width} samples"
-            )
-        )
-    else:
-        notes.append(
-            Note.advice(
-                "the healthy time is not explained to round-off: this log has noise, or needs more channels, and the "
-                "alarms mean nothing; give --method parity"
-            )
-        )
-    if criterion.ready is not None:
-        notes.append(Note.method(f"ready after {criterion.ready} samples"))
-    if explained:
-        limits, left_out = _limits(record, criterion, width=width, level=levels)
-        if left_out:
-            notes.append(
-                Note.limit(
-                    f"{left_out} samples move in a direction in which their window does not, as the first ones after "
-                    "an input begins to move: what fails at one of them may show in another channel or not at all"
-                )
-            )
-    return Detection(
-        method="exact",
-        rate_hz=record.rate_hz,
-        time_s=record.time_s,
-        y=y,
-        statistic=criterion.channel,
-        threshold=np.full(y.shape[1], LEVEL),
-        alarms=tuple(alarms),
-        limits=limits,
-        is_calibrated=explained,
-        ready_s=None if criterion.ready is None else float(record.time_s[criterion.ready - 1]),
-        width=width,
-        notes=tuple(notes),
+    return tuple(alarms)
+
+
+def _note_on_noise(lags: int, width: int) -> Note:
+    return Note.method(
+        f"a linear model of order {lags} explains the healthy time to round-off, so the criterion is that of "
+        f"data without noise: a channel fails where the model leaves more than {LEVEL:g} of its size "
+        f"unexplained in a window of {width} samples"
+    )
+
+
+def _note_on_gaps(n_samples: int) -> Note:
+    return Note.limit(
+        f"{n_samples} samples move in a direction in which their window does not, as the first ones after "
+        "an input begins to move: what fails at one of them may show in another channel or not at all"
     )
 
 

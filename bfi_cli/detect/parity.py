@@ -85,10 +85,10 @@ def detect_by_parity(prepared: PreparedRecord, config: Config, report: Report) -
         Note.limit(SLOW),
         *_threshold_notes(prepared, threshold),
     ]
-    limits, edge_hz = None, prepared.recorder_hz
+    limits, edge_hz = None, prepared.recorder.edge_hz
     if edge_hz is not None and samples.rate_hz > RATE_PER_EDGE * edge_hz:
         edge = f"(gain one half at {edge_hz:.3g} Hz)"
-        which = f"the recorder's low-pass {edge}" if prepared.stated else f"{UNSTATED}; a low-pass {edge}"
+        which = f"the recorder's low-pass {edge}" if prepared.recorder.stated else f"{UNSTATED}; a low-pass {edge}"
         notes.append(
             Note.limit(
                 f"{which} spreads a step over several samples at {samples.rate_hz:.3g} Hz, so that no step is "
@@ -96,8 +96,8 @@ def detect_by_parity(prepared: PreparedRecord, config: Config, report: Report) -
             )
         )
     else:
-        limits = parity_limits(samples, passes, factor=SMEARED if prepared.filtered else ABSORBED)
-        if not prepared.stated:
+        limits = parity_limits(samples, passes, factor=SMEARED if prepared.recorder.filters else ABSORBED)
+        if not prepared.recorder.stated:
             notes.append(
                 Note.limit(
                     f"{UNSTATED}: limits are of steps through any low-pass that keeps half of {UNSTATED_HZ:g} Hz; "
@@ -132,12 +132,12 @@ def detect_by_parity(prepared: PreparedRecord, config: Config, report: Report) -
 
 def slower(prepared: PreparedRecord, config: Config) -> list[str]:
     """Return what gives limits where the rate is too high for the recorder."""
-    if prepared.stated and config.conditioning.rate_hz == "auto":
+    if prepared.recorder.stated and config.conditioning.rate_hz == "auto":
         # The healthy time has too few samples at a lower rate.
         return ["a longer healthy time (--train A:B)"]
-    assert prepared.recorder_hz is not None
-    said = [f"--rate {SAMPLES_PER_EDGE['scan'] * prepared.recorder_hz:.2g}"]
-    return said if prepared.stated else [*said, "--recorder HZ, or none where there is none"]
+    assert prepared.recorder.edge_hz is not None
+    said = [f"--rate {SAMPLES_PER_EDGE['scan'] * prepared.recorder.edge_hz:.2g}"]
+    return said if prepared.recorder.stated else [*said, "--recorder HZ, or none where there is none"]
 
 
 def _threshold_notes(prepared: PreparedRecord, threshold: DetectionThreshold) -> list[Note]:
@@ -315,7 +315,6 @@ def _height(samples: DecimatedRecord, model: Predictor, onset: int, output: int)
             model.Y,
             model.errors.coefficients,
             model.basis,
-            start=start,
             begin=begin,
             n_free=n_free,
             n_shared=n_shared,

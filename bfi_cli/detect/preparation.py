@@ -49,6 +49,39 @@ TURNS = "further inputs made of roll and yaw_rate explain what turns do to longi
 STEEPEST = 0.2
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorder:
+    """What the recorder may have done to a step.
+
+    Attributes
+    ----------
+    stated : whether it is known: stated or seen, or that there is none; about : a sentence on it.
+    filters : what was recorded went through a low-pass, or may have; reach_s : how far that reaches to either side.
+    edge_hz : the lowest edge that it may have, None where it has none; shown_hz : the lowest that is stated or seen.
+    ahead_s : how far it looks ahead; until_s : when what it told ends, the log's own time.
+    """
+
+    stated: bool
+    filters: bool
+    reach_s: float
+    edge_hz: float | None
+    shown_hz: float | None
+    ahead_s: float
+    until_s: float
+    about: str
+
+    def notes_on_the_end(self, last_s: float) -> list[Note]:
+        """Return what is said where the record, which ends at `last_s`, holds more than the recorder told."""
+        if last_s <= self.until_s:
+            return []
+        return [
+            Note.limit(
+                f"nothing after {instant(self.until_s)} s is watched: the recorder's low-pass looks {self.ahead_s:.2g} "
+                "s ahead, past the end of the log"
+            )
+        ]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PreparedRecord:
     """The window from the start of the healthy time on, at the log's own rate.
@@ -57,30 +90,24 @@ class PreparedRecord:
     ----------
     part : the log from the start of the healthy time on.
     record : its inputs and outputs, no dictionary.
-    train : healthy time; watched : the stretches of flight after it; until_s : when what the recorder told ends.
+    train : healthy time; watched : the stretches of flight after it.
     inputs, outputs, units : names, and the unit of each output.
     choice : of the rate.
     exact : a linear model explains the healthy time to round-off.
-    filtered : what was recorded went through a low-pass, or may have; recorder_s : how far that reaches to either side.
-    recorder_hz : the lowest edge that the recorder may have, None where it has none.
-    stated : whether the recorder is known: stated or seen, or that there is none.
+    recorder : what it may have done to a step.
     """
 
     part: FlightLog
     record: Signals
     native_rate_hz: float
     train: tuple[float, float]
-    until_s: float
     watched: tuple[tuple[float, float], ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: tuple[str, ...]
     choice: RateChoice
     exact: bool
-    filtered: bool
-    recorder_s: float
-    recorder_hz: float | None
-    stated: bool
+    recorder: Recorder
     notes: tuple[Note, ...]
 
 
@@ -121,47 +148,82 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     LogError : it cannot be analysed.
     ConfigError : the healthy time is not in the log, or leaves nothing to watch.
     """
-    from_s, to_s, rate_hz = config.window.from_s, config.window.to_s, config.conditioning.rate_hz
+    # 1. The healthy time, and the flight after it.
+    from_s, to_s = config.window.from_s, config.window.to_s
     given_inputs = config.inputs if "inputs" in config.model_fields_set else ()
     given_outputs = config.outputs if "outputs" in config.model_fields_set else ()
     log = with_derived(log, (*given_inputs, *given_outputs), from_s=from_s, to_s=to_s)
-    notes = []
-
-    # 1. The healthy time, and the flight after it.
     part = log.window(from_s, to_s)
-    first_s, last_s = float(part.time_s[0]), float(part.time_s[-1])
-    flown = _flown(log, first_s, last_s + 1.0 / part.rate_hz)
+    last_s = float(part.time_s[-1])
+    flown = _flown(log, float(part.time_s[0]), last_s + 1.0 / part.rate_hz)
     train = config.detect.train or _first_third(flown)
-    if config.detect.train is None:
-        notes.append(
-            Note.advice(
-                f"no healthy time was given: {instant(train[0])} to {instant(train[1])} s, the first third of the "
-                "flight "
-                "in the window at most, is taken as fault-free; a fault in it passes for normal (give "
-                "--train A:B)"
-            )
-        )
-    elif train[0] > (float(log.time_s[0]) if from_s is None else from_s) + 1.0 / log.rate_hz:
-        notes.append(Note.limit(f"nothing before the healthy time, which begins at {instant(train[0])} s, is analysed"))
     watch_s = train[1] if from_s is None else max(train[1], from_s)
     watched = tuple((max(a, watch_s), b) for a, b in flown if b > watch_s)
-    end_s = float(log.time_s[-1]) if to_s is None else to_s
-    if len(watched) > 1 or (watched and watched[0][1] < end_s - APART_S):
-        named = ", ".join(f"{instant(a)} to {instant(b)} s" for a, b in watched)
-        notes.append(
-            Note.limit(
-                f"watched in flight only, {named}: not in take-off, approach, landing and parabolas, nor on the ground"
-            )
-        )
 
-    # 2. What is cut, which channels of it, and the rate.
+    # 2. What is cut, and which channels of it.
     stop_s = flown[-1][1] if flown[-1][1] <= last_s else to_s
-    part = log.window(train[0], stop_s)
-    inputs, outputs = _channels(part, given_inputs, given_outputs)
-    free = all(name in log.channels and name not in (*inputs, *outputs) and _moves(log, name) for name in BANK)
-    bank = BANK if config.detect.turns and free and not LONGITUDINAL.isdisjoint(outputs) else ()
-    helping = [name for name in ("pitch_rate",) if bank and name in log.channels and name not in outputs]
-    needed = (*inputs, *outputs, *bank, *helping)
+    inputs, outputs = _channels(log.window(train[0], stop_s), given_inputs, given_outputs)
+    bank = _bank(log, inputs, outputs) if config.detect.turns else ()
+    part = _cut(log, config, train, stop_s, (*inputs, *outputs), bank)
+    last_s = float(part.time_s[-1])
+
+    # 3. The recorder.
+    recorder = recorder_of(log, config)
+    if watch_s >= min(last_s, recorder.until_s) or not watched:
+        raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
+
+    # 4. The signals, those that a turn makes among the inputs, and the rate.
+    u, y = _input_signals(part, inputs, bank), part.signals(outputs)
+
+    record = _record(part, u, y, until=part.n_samples)
+    healthy = _record(part, u, y, until=int(np.count_nonzero(part.time_s < train[1])))
+    felt = () if given_inputs else tuple(name for name in FELT if name in inputs)
+    return PreparedRecord(
+        part=part,
+        record=record,
+        native_rate_hz=log.rate_hz,
+        train=train,
+        watched=watched,
+        inputs=inputs,
+        outputs=outputs,
+        units=tuple(part.channel(name).unit for name in outputs),
+        choice=choose_rate(
+            healthy,
+            (),
+            exact=False,
+            asked=config.conditioning.rate_hz,
+            recorder_hz=recorder.shown_hz,
+            fastest_hz=FASTEST_HZ,
+            purpose="detect",
+        ),
+        exact=is_exact(healthy),
+        recorder=recorder,
+        notes=(
+            *_notes_on_times(log, config, train, watched),
+            *recorder.notes_on_the_end(last_s),
+            *_notes_on_inputs(felt, turns=bool(bank)),
+            *([Note.method(recorder.about)] if recorder.stated and recorder.about else []),
+        ),
+    )
+
+
+def _cut(
+    log: FlightLog,
+    config: Config,
+    train: tuple[float, float],
+    stop_s: float | None,
+    used: tuple[str, ...],
+    bank: tuple[str, ...],
+) -> FlightLog:
+    """Return the log from the start of the healthy time on, resampled where decimation cannot bring it to the rate.
+
+    Raises
+    ------
+    ConfigError : the healthy time is not in it.
+    """
+    part, rate_hz = log.window(train[0], stop_s), config.conditioning.rate_hz
+    helping = [name for name in ("pitch_rate",) if bank and name in log.channels and name not in used]
+    needed = (*used, *bank, *helping)
     if must_resample(part, needed, rate_hz):
         assert not isinstance(rate_hz, str)
         part = resample(log, rate_hz, from_s=train[0], to_s=stop_s)
@@ -172,78 +234,93 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
             f"--train: {instant(train[0])}:{instant(train[1])} is not inside the window, {instant(first_s)} s to "
             f"{instant(last_s)} s; change --train, --from or --to"
         )
+    return part
 
-    # 3. The recorder: how far it reaches, and the lowest edge that it may have.
-    filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
+
+def recorder_of(log: FlightLog, config: Config) -> Recorder:
+    """Return what the recorder of a log may have done to a step, as the log or the configuration states it."""
+    filters, about = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
     stated = log.filters is not None or config.recorder.edge_hz != "auto"
     through = response_of(filters, log.rate_hz)
     # At the end of a log a recorder that looks ahead has filtered samples that it never had.
     ahead_s = response_of([one for one in filters if one.stage == "recorder"], log.rate_hz).before / log.rate_hz
-    until_s = float(log.time_s[-1]) - ahead_s if ahead_s > 0.0 else np.inf
-    if watch_s >= min(last_s, until_s) or not watched:
-        raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
-    if last_s > until_s:
-        notes.append(
-            Note.limit(
-                f"nothing after {instant(until_s)} s is watched: the recorder's low-pass looks {ahead_s:.2g} s ahead, "
-                "past the end of the log"
-            )
-        )
     # A recorder that the log shows bounds what is excluded, also where a faster one, or none, is stated.
     chains = (filters, *alternatives(filters), log.filters or ())
-    recorder_hz = min((one.edge_hz for chain in chains for one in chain if one.stage == "recorder"), default=None)
+    shown_hz = min((one.edge_hz for chain in chains for one in chain if one.stage == "recorder"), default=None)
+    return Recorder(
+        stated=stated,
+        filters=not stated or len(filters) > 0,
+        reach_s=_spread(through.taps, through.before) / log.rate_hz if stated else UNSTATED_S,
+        shown_hz=shown_hz,
+        edge_hz=shown_hz if stated else UNSTATED_HZ,
+        ahead_s=ahead_s,
+        until_s=float(log.time_s[-1]) - ahead_s if ahead_s > 0.0 else np.inf,
+        about=about,
+    )
 
-    # 4. The inputs, those that a turn makes among them, and the rate.
-    felt = [name for name in FELT if name in inputs and not given_inputs]
-    if felt:
-        notes.append(
-            Note.method(
-                f"inputs include {', '.join(felt)}, which feel gusts and thrust; they are taken to be free of faults "
-                "(--input chooses)"
-            )
-        )
+
+def _bank(log: FlightLog, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[str, ...]:
+    """Return the channels that describe a turn, where an output feels turns and they are neither in- nor outputs."""
+    free = all(name in log.channels and name not in (*inputs, *outputs) and _moves(log, name) for name in BANK)
+    return BANK if free and not LONGITUDINAL.isdisjoint(outputs) else ()
+
+
+def _input_signals(part: FlightLog, inputs: Sequence[str], bank: tuple[str, ...]) -> FloatArray:
+    """Return (n, k) the inputs, and what a turn adds to longitudinal motion where `bank` describes turns.
+
+    The pitch angle changes with q cos(roll) - r sin(roll), not with q, and the load factor is 1 / cos(roll).
+    """
     signals = [part.channel(name).values for name in inputs]
     if bank:
-        notes.append(Note.method(TURNS))
-        # What a turn adds to longitudinal motion: the pitch angle changes with q cos(roll) - r sin(roll), not with q,
-        # and the load factor is 1 / cos(roll).
         roll, yaw_rate = (part.channel(name).values for name in bank)
         level = np.maximum(np.cos(roll), STEEPEST)
         signals += [yaw_rate * np.sin(roll), 1.0 / level - 1.0]
         if "pitch_rate" in part.channels:
             signals.append(part.channel("pitch_rate").values * (1.0 - level))
-    if stated and about_recorder:
-        notes.append(Note.method(about_recorder))
-    u, y = np.column_stack([np.zeros((part.n_samples, 0)), *signals]), part.signals(outputs)
+    return np.column_stack([np.zeros((part.n_samples, 0)), *signals])
 
-    def until(n: int) -> Signals:
-        theta = np.zeros((n, len(outputs), 0))
-        return Signals(
-            path=part.path, rate_hz=part.rate_hz, factor=1, time_s=part.time_s[:n], u=u[:n], y=y[:n], theta=theta
+
+def _record(part: FlightLog, u: FloatArray, y: FloatArray, *, until: int) -> Signals:
+    """Return the first samples of the signals, without a dictionary."""
+    theta = np.zeros((until, y.shape[1], 0))
+    time_s = part.time_s[:until]
+    return Signals(path=part.path, rate_hz=part.rate_hz, factor=1, time_s=time_s, u=u[:until], y=y[:until], theta=theta)
+
+
+def _notes_on_times(
+    log: FlightLog, config: Config, train: tuple[float, float], watched: Sequence[tuple[float, float]]
+) -> list[Note]:
+    """Return what is said of the healthy time, and of the flight that is not watched."""
+    from_s, to_s = config.window.from_s, config.window.to_s
+    notes = []
+    if config.detect.train is None:
+        notes.append(
+            Note.advice(
+                f"no healthy time was given: {instant(train[0])} to {instant(train[1])} s, the first third of the "
+                "flight in the window at most, is taken as fault-free; a fault in it passes for normal (give "
+                "--train A:B)"
+            )
         )
+    elif train[0] > (float(log.time_s[0]) if from_s is None else from_s) + 1.0 / log.rate_hz:
+        notes.append(Note.limit(f"nothing before the healthy time, which begins at {instant(train[0])} s, is analysed"))
+    end_s = float(log.time_s[-1]) if to_s is None else to_s
+    if len(watched) > 1 or (watched and watched[0][1] < end_s - APART_S):
+        named = ", ".join(f"{instant(a)} to {instant(b)} s" for a, b in watched)
+        notes.append(
+            Note.limit(
+                f"watched in flight only, {named}: not in take-off, approach, landing and parabolas, nor on the ground"
+            )
+        )
+    return notes
 
-    healthy = until(int(np.count_nonzero(part.time_s < train[1])))
-    choice = choose_rate(
-        healthy, (), exact=False, asked=rate_hz, recorder_hz=recorder_hz, fastest_hz=FASTEST_HZ, purpose="detect"
+
+def _notes_on_inputs(felt: Sequence[str], *, turns: bool) -> list[Note]:
+    """Return what is said of inputs that the user did not name: `felt` are accelerations among them."""
+    taken = (
+        f"inputs include {', '.join(felt)}, which feel gusts and thrust; they are taken to be free of faults "
+        "(--input chooses)"
     )
-    return PreparedRecord(
-        part=part,
-        record=until(part.n_samples),
-        native_rate_hz=log.rate_hz,
-        train=train,
-        until_s=until_s,
-        watched=watched,
-        inputs=inputs,
-        outputs=outputs,
-        units=tuple(part.channel(name).unit for name in outputs),
-        choice=choice,
-        exact=is_exact(healthy),
-        filtered=not stated or len(filters) > 0,
-        recorder_s=_spread(through.taps, through.before) / log.rate_hz if stated else UNSTATED_S,
-        recorder_hz=recorder_hz if stated else UNSTATED_HZ,
-        stated=stated,
-        notes=tuple(notes),
-    )
+    return [*([Note.method(taken)] if felt else []), *([Note.method(TURNS)] if turns else [])]
 
 
 def _flown(log: FlightLog, from_s: float, to_s: float) -> list[tuple[float, float]]:
@@ -292,6 +369,7 @@ def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
         raise LogError(f"{record.path}: {problem}; give a higher --rate or a longer window") from None
     first, last = lost_samples(factor, WHITE) if factor > 1 else (0, 0)
     time_s, reach_s = record.time_s[first::factor][: len(y)], last / record.rate_hz
+    own_s = _spread(lowpass_taps(factor, WHITE)) / record.rate_hz if factor > 1 else 0.0
     kept = independent(u)
     return DecimatedRecord(
         path=record.path,
@@ -300,12 +378,12 @@ def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
         rate_hz=record.rate_hz / factor,
         time_s=time_s,
         reach_s=reach_s,
-        smear_s=prepared.recorder_s + (_spread(lowpass_taps(factor, WHITE)) / record.rate_hz if factor > 1 else 0.0),
+        smear_s=prepared.recorder.reach_s + own_s,
         y=y,
         u=u[:, kept],
         weak=np.resize(weak, u.shape[1])[kept],
         healthy=time_s + reach_s < prepared.train[1],
-        watched=(time_s + reach_s <= prepared.until_s)
+        watched=(time_s + reach_s <= prepared.recorder.until_s)
         & np.any([(time_s - reach_s >= a) & (time_s + reach_s <= b) for a, b in prepared.watched], axis=0),
     )
 

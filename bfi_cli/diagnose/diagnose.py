@@ -23,7 +23,7 @@ from ..parity.record import STATIC_LEAK, record_of
 from ..parity.static_relations import RelationAnswer, relation_series
 from ..parity.windows import Window, overlaps, windows_in
 from ..plausibility import Implausible, without_offsets
-from ..preprocessing.summary import log_summary
+from ..preprocessing.summary import LogSummary, log_summary
 from ..shapes import SHAPES
 from .corrected import corrected_channels, course_of
 from .events import Draft, as_one, beyond_its_tolerance, is_certain, join, largest_first, merge_stages, with_ends
@@ -79,17 +79,77 @@ def diagnose_flight(
     LogError : the log has no part in flight, or no airspeed.
     ConfigError : the calibration cannot be used.
     """
+    # 1. Short defects and constant errors are taken out, and the phases found.
     progress("phases of the flight", 0.0)
     findings = with_faults_marked(log, findings, config)
     offsets = [one for one in findings if is_fault(log, one, config)]
-    recorded, flight = log, flight_of(without_offsets(log, [one for one in offsets if one.fixed]), config)
-    log, notes = (
-        flight.log,
-        [*log.notes, *notes_on_defects(flight), *map(Note.limit, flight.held.missing_in(flight.from_s, flight.to_s))],
-    )
+    flight = flight_of(without_offsets(log, [one for one in offsets if one.fixed]), config)
+
+    # 2. and 3. What lasts: holds, relations and the parity scan.
     with threadpool_limits(1):
         drafts, static, slow = lasting_faults(flight, progress)
-    flight, notes = slow.flight, [*notes, *slow.notes]
+    flight = slow.flight
+
+    # 4. Steps and oscillations.
+    glanced, glances_missing, stepped = _glances(
+        flight, config, static, workers, partial(progress, "steps and oscillations")
+    )
+
+    # 5. Events, and deviations within the tolerances.
+    lasting = events_of(flight, [*drafts, *glanced])
+    found = [*(event_of_offset(flight, one) for one in offsets), *events_of_defects(flight), *lasting]
+    events = tuple(one for one in found if one.beyond_tolerance is not False)
+
+    # 6. What could not have been seen, and the conclusion.
+    bounds = bounds_of(flight, slow.scanned, static, lasting)
+    limits = limits_of(flight, bounds)
+    unwatched = [*unwatched_by_scan(flight, bounds, lasting), *unwatched_by_lines(flight)]
+    without_steps = unwatched_by_steps(flight, stepped) if stepped else []
+    said = conclude([evidence_of(events, limits, unwatched, flight.recorded)], config.require)
+    return DiagnoseResult(
+        log=_summary(flight),
+        decision=said.decision,
+        verdicts=said.verdicts,
+        summary=sentence_of(said.verdicts, events, limits, unwatched, without_steps, looked_for_steps=bool(stepped)),
+        events=events,
+        deviations=tuple(one for one in found if one.beyond_tolerance is False),
+        limits=limits,
+        unwatched=tuple((one.from_s, one.to_s, one.why) for one in (*unwatched, *without_steps)),
+        phases=flight.part_phases,
+        windows=tuple(one.look for one in slow.scanned),
+        missing=(
+            *flight.unused,
+            *missing_sentences(flight, slow.scanned, limits),
+            *glances_missing,
+            *dict.fromkeys(sentence for one in static for sentence in one[1].missing),
+        ),
+        false_alarm=flight.false_alarm,
+        zero_lift_rad=flight.zero_lift,
+        zero_lift_from=flight.zero_lift_from,
+        time_s=flight.record.time_s,
+        measured=_measured(log, flight),
+        corrected=corrected_channels(flight.record, events),
+        units={name: STANDARD[name].unit for name in _shown(flight)},
+        strips=_strips(slow.scanned, static),
+        limit_courses=limit_courses(flight, bounds),
+        courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
+        notes=_notes(slow),
+        plausibility=tuple(findings),
+    )
+
+
+def _summary(flight: Flight) -> LogSummary:
+    """Return what of the log was analysed."""
+    log = flight.log
+    inside = log.window(flight.from_s, flight.to_s)
+    return log_summary(log.path, inside.time_s, rate_hz=log.rate_hz, native_rate_hz=log.rate_hz)
+
+
+def _notes(slow: SlowFaults) -> tuple[Note, ...]:
+    """Return what is said of short defects, of what was not watched or set aside, and of thresholds that are raised."""
+    flight = slow.flight
+    unwatched = map(Note.limit, flight.held.missing_in(flight.from_s, flight.to_s))
+    notes = [*flight.log.notes, *notes_on_defects(flight), *unwatched, *slow.notes]
     if "flaps" not in flight.recorded and flight.moved:
         notes.append(
             Note.limit(
@@ -104,53 +164,7 @@ def diagnose_flight(
                 "through most of the flight; thresholds are raised by as much"
             )
         )
-    glanced, glances_missing, stepped = _glances(
-        flight, config, static, workers, partial(progress, "steps and oscillations")
-    )
-    drafts += glanced
-    lasting = events_of(flight, drafts)
-    constant = [event_of_offset(flight, one) for one in offsets]
-    found = [*constant, *events_of_defects(flight), *lasting]
-    events = tuple(one for one in found if one.beyond_tolerance is not False)
-    deviations = tuple(one for one in found if one.beyond_tolerance is False)
-    shown = [name for name in SHOWN if name in flight.record.channels]
-    bounds = bounds_of(flight, slow.scanned, static, lasting)
-    limits = limits_of(flight, bounds)
-    unwatched = [*unwatched_by_scan(flight, bounds, lasting), *unwatched_by_lines(flight)]
-    without_steps = unwatched_by_steps(flight, stepped) if stepped else []
-    said = conclude([evidence_of(events, limits, unwatched, flight.recorded)], config.require)
-    missing = (
-        *flight.unused,
-        *missing_sentences(flight, slow.scanned, limits),
-        *glances_missing,
-        *dict.fromkeys(sentence for one in static for sentence in one[1].missing),
-    )
-    inside = log.window(flight.from_s, flight.to_s)
-    return DiagnoseResult(
-        log=log_summary(log.path, inside.time_s, rate_hz=log.rate_hz, native_rate_hz=log.rate_hz),
-        decision=said.decision,
-        verdicts=said.verdicts,
-        summary=sentence_of(said.verdicts, events, limits, unwatched, without_steps, looked_for_steps=bool(stepped)),
-        events=events,
-        deviations=deviations,
-        limits=limits,
-        unwatched=tuple((one.from_s, one.to_s, one.why) for one in (*unwatched, *without_steps)),
-        phases=flight.part_phases,
-        windows=tuple(one.look for one in slow.scanned),
-        missing=missing,
-        false_alarm=flight.false_alarm,
-        zero_lift_rad=flight.zero_lift,
-        zero_lift_from=flight.zero_lift_from,
-        time_s=flight.record.time_s,
-        measured=_measured(recorded, flight, shown),
-        corrected=corrected_channels(flight.record, events),
-        units={name: STANDARD[name].unit for name in shown},
-        strips=_strips(slow.scanned, static),
-        limit_courses=limit_courses(flight, bounds),
-        courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
-        notes=tuple(notes),
-        plausibility=tuple(findings),
-    )
+    return tuple(notes)
 
 
 def lasting_faults(flight: Flight, progress: Progress) -> tuple[list[Draft], StaticWindows, SlowFaults]:
@@ -186,8 +200,14 @@ def events_of(flight: Flight, drafts: Sequence[Draft]) -> list[Event]:
     return [_event(flight, draft) for draft in largest_first(flight, [*as_one(large), *as_one(small)])]
 
 
-def _measured(recorded: FlightLog, flight: Flight, shown: Sequence[str]) -> dict[str, FloatArray]:
+def _shown(flight: Flight) -> list[str]:
+    """Return the channels that are drawn over the flight."""
+    return [name for name in SHOWN if name in flight.record.channels]
+
+
+def _measured(recorded: FlightLog, flight: Flight) -> dict[str, FloatArray]:
     """Return the channels that are shown once a second, with the short defects that the analyses leave out."""
+    shown = _shown(flight)
     wrong = [name for name in dict.fromkeys(one.channel for one in flight.defects) if name in shown]
     as_recorded = record_of(replace(recorded, channels={name: recorded.channels[name] for name in wrong}))
     return {name: (as_recorded if name in wrong else flight.record).channels[name] for name in shown}

@@ -21,7 +21,7 @@ from ..faults import did_you_mean
 from ..flightlog import FlightLog, require_usable
 from ..flightlog.record import frozen_array
 from ..kernels.decimation import decimate
-from ..kernels.kalman import FAULT, NO_FAULT, Gaussian, Reset, StateSpace, double_model, state_and_fault
+from ..kernels.kalman import FAULT, NO_FAULT, Gaussian, RandomWalk, StateSpace, double_model, state_and_fault
 from ..kernels.model_selection import Penalty
 from ..kernels.progress import Progress, unseen
 from ..kernels.whiteness import effective_rows
@@ -190,9 +190,12 @@ def dmae(
             initial=initial,
             prior_fault=settings.prior_fault,
             floor=settings.floor,
-            reset=Reset(value=settings.reset_value, variance=settings.reset_variance),
-            fault_variance=settings.fault_variance,
-            window=settings.adaptive_window,
+            fault=RandomWalk(
+                value=settings.reset_value,
+                variance=settings.reset_variance,
+                step_variance=settings.fault_variance,
+                window=settings.adaptive_window,
+            ),
         )
     except ValueError as problem:
         raise ConfigError(f"dmae: {problem}; bring the variances of the settings closer together") from None

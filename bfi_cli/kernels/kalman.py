@@ -131,11 +131,21 @@ class BankRun:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reset:
-    """Value and variance that the fault is given when the filter with the fault restarts."""
+class RandomWalk:
+    """The fault as a state.
+
+    Attributes
+    ----------
+    value, variance : that it is given when the filter with the fault restarts.
+    step_variance : process noise per step, its least value with a `window`.
+    window : number of samples over which that noise is adapted: the excess of the mean squared innovation of the faulty
+        channel over its expected variance is attributed to the fault. None for no adaptation.
+    """
 
     value: float = 1e-3
     variance: float = 100.0
+    step_variance: float = 0.0
+    window: int | None = None
 
 
 def update_probabilities(log_probability: FloatArray, log_likelihood: FloatArray, *, floor: float = 0.0) -> FloatArray:
@@ -224,9 +234,9 @@ def augment(system: StateSpace, channel: int, *, fault_variance: float = 0.0) ->
     )
 
 
-def restart(state: Gaussian, reset: Reset) -> Gaussian:
-    """Return the estimate of state and fault that takes over `state` and the fault of `reset`, uncorrelated."""
-    return Gaussian(mean=np.append(state.mean, reset.value), covariance=_bordered(state.covariance, reset.variance))
+def restart(state: Gaussian, fault: RandomWalk) -> Gaussian:
+    """Return the estimate of state and fault that takes over `state`, with a fault that restarts, uncorrelated."""
+    return Gaussian(mean=np.append(state.mean, fault.value), covariance=_bordered(state.covariance, fault.variance))
 
 
 class SelectiveReinitialisation:
@@ -234,16 +244,14 @@ class SelectiveReinitialisation:
 
     Parameters
     ----------
-    reset : of the fault, when the filter without it wins.
+    fault : restarts when the filter without it wins.
     channel : the faulty output.
-    window : number of samples over which the process noise of the fault is adapted: the excess of the mean squared
-        innovation of `channel` over its expected variance is attributed to the fault. None for no adaptation.
     """
 
-    def __init__(self, reset: Reset, *, channel: int, window: int | None = None) -> None:
-        self.reset = reset
+    def __init__(self, fault: RandomWalk, *, channel: int) -> None:
+        self.fault = fault
         self.channel = channel
-        self.squares: deque[float] = deque(maxlen=window or 0)
+        self.squares: deque[float] = deque(maxlen=fault.window or 0)
         self.excess = 0.0
 
     def __call__(self, systems: Systems, steps: tuple[Filtered, ...], winner: int) -> tuple[Systems, Estimates]:
@@ -257,7 +265,7 @@ class SelectiveReinitialisation:
             self.excess = max(0.0, float(np.mean(self.squares)) - expected)
             systems = systems[NO_FAULT], replace(system, Q=_bordered(system.Q[:-1, :-1], least + self.excess))
         if winner == NO_FAULT:
-            return systems, (free, restart(free, self.reset))
+            return systems, (free, restart(free, self.fault))
         return systems, (Gaussian(mean=faulty.mean[:-1], covariance=faulty.covariance[:-1, :-1]), faulty)
 
 
@@ -270,9 +278,7 @@ def double_model(
     initial: Gaussian,
     prior_fault: float = 0.05,
     floor: float = 0.001,
-    reset: Reset | None = None,
-    fault_variance: float = 0.0,
-    window: int | None = None,
+    fault: RandomWalk | None = None,
 ) -> BankRun:
     """Run the double-model adaptive estimator for a fault of one output (algorithm 1 of the thesis).
 
@@ -284,22 +290,21 @@ def double_model(
     initial : of the state at sample 0, before y(0).
     prior_fault : probability of a fault before y(0).
     floor : of both probabilities.
-    reset, window : see `SelectiveReinitialisation`; the fault also starts from `reset`.
-    fault_variance : process noise of the fault per step, its least value with a `window`.
+    fault : how it walks, and restarts after every sample that the filter without it wins; it starts so too.
 
     Returns
     -------
     BankRun with the filters `NO_FAULT` and `FAULT`; the last state of the latter is the fault.
     """
-    reset = reset or Reset()
+    fault = fault or RandomWalk()
     return filter_bank(
-        (system, augment(system, channel, fault_variance=fault_variance)),
+        (system, augment(system, channel, fault_variance=fault.step_variance)),
         y,
         u,
-        initial=(initial, restart(initial, reset)),
+        initial=(initial, restart(initial, fault)),
         probability=(1.0 - prior_fault, prior_fault),
         floor=floor,
-        exchange=SelectiveReinitialisation(reset, channel=channel, window=window),
+        exchange=SelectiveReinitialisation(fault, channel=channel),
     )
 
 

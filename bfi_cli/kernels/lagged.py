@@ -305,7 +305,6 @@ def compress(
     order: int,
     feedthrough: bool = False,
     weights: FloatArray | None = None,
-    block_rows: int = BLOCK_ROWS,
     report: Report = silent,
     segments: SegmentFactors | None = None,
 ) -> Compressed:
@@ -319,7 +318,6 @@ def compress(
     order : largest lag s, at least 1.
     feedthrough : inputs act in the same sample too.
     weights : (n_samples,) of the rows, by which the whole row of a sample is multiplied; None for 1.
-    block_rows : lagged rows formed at a time.
     report : called with the fraction that is done.
     segments : of this record, order and these weights, with every exponent of `theta`, to be used and added to.
 
@@ -358,9 +356,9 @@ def compress(
             step_s=theta.step_s,
             exponents=exponents_of(theta),
         )
-        R = _piecewise_factor(theta, columns, None, segments, block_rows, report)
+        R = _piecewise_factor(theta, columns, None, segments, report)
     else:
-        blocks = _blocks(u, y, np.asarray(theta), columns, weights, n_rows if wide else min(block_rows, n_rows), report)
+        blocks = _blocks(u, y, np.asarray(theta), columns, weights, n_rows if wide else min(BLOCK_ROWS, n_rows), report)
         R = np.zeros((0 if wide else columns.size, columns.size), order="F")
         for block in blocks:
             R = triangular_first(block, columns.n_base) if wide else add_rows(R, block, overwrite=True)
@@ -451,7 +449,6 @@ def _piecewise_factor(
     columns: Columns,
     beside: PiecewiseSignals | None,
     segments: SegmentFactors,
-    block_rows: int = BLOCK_ROWS,
     report: Report = silent,
 ) -> FloatArray:
     """Return the factor of the stacked lagged matrix, signals that are `beside` it after all others.
@@ -472,8 +469,8 @@ def _piecewise_factor(
     signals += [(one, range(1), np.array([columns.size + n])) for n, one in enumerate(others)]
     total, done = max(len(y) - order, 1), 0
     for start, stop in sharp:
-        for first in range(start, stop, block_rows):
-            last = min(first + block_rows, stop)
+        for first in range(start, stop, BLOCK_ROWS):
+            last = min(first + BLOCK_ROWS, stop)
             block, rows = np.zeros((size, last - first)), slice(first - order, last)
             _fill_record(block, u[rows], y[rows], columns)
             if kept:

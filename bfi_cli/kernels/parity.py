@@ -213,7 +213,6 @@ def step_height(
     coefficients: FloatArray,
     basis: FloatArray,
     *,
-    start: int,
     begin: int,
     n_free: int,
     n_shared: int,
@@ -230,7 +229,7 @@ def step_height(
     Parameters
     ----------
     X : (n_rows, n_regressors); Y : (n_rows, n_outputs) in units near the noise of the outputs.
-    coefficients : (n_rows - start, n_regressors, n_outputs) with which every row from `start` on is predicted.
+    coefficients : (n_predicted, n_regressors, n_outputs) with which the last rows are predicted.
     basis : (lags * n_outputs, r) maps the lag-major past outputs to the last r regressors.
     begin : row before which there is no step; rows from there on are consecutive samples.
     n_free, n_shared : rows from `begin` on whose heights are their own; rows after these, whose height is the answer.
@@ -241,6 +240,7 @@ def step_height(
     and of the shared one are the same.
     """
     n, q = n_free + n_shared, Y.shape[1]
+    start = len(Y) - len(coefficients)
     apart = (begin - start) // n
     if begin + n > len(Y) or apart < FEWEST_APART:
         return None

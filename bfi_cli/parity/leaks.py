@@ -47,7 +47,7 @@ TIME_CONSTANTS_S = (16.0, 32.0, 64.0, 120.0)
 FALL, LEVEL, LEAST_LEVEL_S = -float(np.log(LEFT)), 0.5, 15.0
 # The fall is fitted down to this share of that, as an exponential, from so many blocks; its misfit in ln q: a tenth of
 # a speed that changes meanwhile.
-FITTED_TO, FEWEST_OF_FALL, LARGEST_MISFIT = 0.2, 12, 0.2
+FITTED_TO, FEWEST_OF_FALL, MISFIT_OF_LOG = 0.2, 12, 0.2
 # Of the median impact pressure in flight, above which no landing roll begins: a touch-down has 0.36.
 NO_ROLL = 0.5
 # s before the onset, whose median is the level.
@@ -235,7 +235,7 @@ def _fall(
     onset_s = float(at[int(np.argmin(squares)) + 2])
     # Speed that changes meanwhile is no white noise: a fifth of the blocks count, and a fifth of the time constant.
     near_s = at[as_good(squares, len(at), ALIKE) + 2]
-    half_s = max(float(at[1] - at[0]), LARGEST_MISFIT * time_constant_s)
+    half_s = max(float(at[1] - at[0]), MISFIT_OF_LOG * time_constant_s)
     return onset_s, (min(float(near_s[0]), onset_s - half_s), max(float(near_s[-1]), onset_s + half_s)), time_constant_s
 
 
@@ -266,7 +266,7 @@ def _kink(
     k = int(np.argmin(squares))
     falls = rates[k] * np.maximum(at - at[k + 2], 0.0)
     rest = y + falls - (y + falls).mean()
-    if not rates[k] > 0.0 or np.sqrt(np.mean(rest[k + 2 :] ** 2)) > LARGEST_MISFIT:
+    if not rates[k] > 0.0 or np.sqrt(np.mean(rest[k + 2 :] ** 2)) > MISFIT_OF_LOG:
         return None
     return at, squares, float(1.0 / rates[k])
 

@@ -19,7 +19,7 @@ BoolArray = NDArray[np.bool_]
 # These constants were set on both recorded Citations with leaks of 1 to 20 s (docs/theory.md, 15.6), except where a
 # reason is given.
 # s over which a rate is taken, before the onset and after it.
-BEFORE_S, AFTER_S = 5.0, 1.5
+RATE_BEFORE_S, RATE_AFTER_S = 5.0, 1.5
 # s. Faster than the first the line jumps, and slower than the last it shows no onset; those tried are a tenth apart.
 STEPS = np.geomspace(0.5, 30.0, 44)
 # Time constants after the onset that are fitted, and s at least. The static pressure does not go on as it did for
@@ -30,7 +30,7 @@ ROUNDED_S = 1.0
 # Of the usual step, beyond which two blocks have a gap between them; blocks that a fit needs.
 GAP, FEWEST = 1.75, 5
 # Of the change of pressure, by which the course may stray from the fit.
-LARGEST_MISFIT = 0.03
+MISFIT_OF_CHANGE = 0.03
 # Times the rate before the onset, by which the rate changes at least.
 MORE_THAN_STOPPED = 3.0
 # s around a candidate in which its onset is sought: the rate after it is a mean.
@@ -81,7 +81,7 @@ def relaxations(
     if len(time_s) < 3:
         return []
     step_s = float(np.median(np.diff(time_s)))
-    before, after = (max(2, round(seconds / step_s)) for seconds in (BEFORE_S, AFTER_S))
+    before, after = (max(2, round(seconds / step_s)) for seconds in (RATE_BEFORE_S, RATE_AFTER_S))
     if len(time_s) < before + after + 2:
         return []
     k = np.arange(before, len(time_s) - after)
@@ -111,7 +111,7 @@ def _best(
         return None
     best = min(fits, key=lambda one: one.loss)
     least = max(least_jump[best.onset], MORE_THAN_STOPPED * abs(best.rate))
-    if best.loss > LARGEST_MISFIT**2 or abs(best.jump) < least:
+    if best.loss > MISFIT_OF_CHANGE**2 or abs(best.jump) < least:
         return None
     near = as_good(np.array([one.loss for one in fits]), best.n_blocks, ALIKE)
     step_s = float(time_s[best.onset] - time_s[best.onset - 1])

@@ -69,7 +69,9 @@ def test_dependent_columns_lose_nothing_where_there_are_fewer_rows_than_columns(
 @given(block_rows=st.integers(1, 300), order=st.integers(1, 9))
 def test_block_size_does_not_matter(block_rows, order):
     u, y, theta = record(250)
-    data = compress(u, y, theta, order=order, block_rows=block_rows)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("bfi_cli.kernels.lagged.BLOCK_ROWS", block_rows)
+        data = compress(u, y, theta, order=order)
     assert_same_gram(data.R, stacked(u, y, theta, order=order, first=order, feedthrough=False))
 
 

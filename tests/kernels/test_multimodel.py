@@ -15,7 +15,7 @@ from bfi_cli.kernels.kalman import (
     NO_FAULT,
     Filtered,
     Gaussian,
-    Reset,
+    RandomWalk,
     SelectiveReinitialisation,
     StateSpace,
     augment,
@@ -123,7 +123,7 @@ def test_augmented_system_adds_the_fault_to_its_channel_only():
 
 def test_restart_takes_over_the_state_and_forgets_the_fault():
     state = Gaussian(mean=np.array([1.0, 2.0]), covariance=np.array([[2.0, 0.5], [0.5, 1.0]]))
-    start = restart(state, Reset(value=1e-3, variance=100.0))
+    start = restart(state, RandomWalk(value=1e-3, variance=100.0))
     np.testing.assert_array_equal(start.mean, [1.0, 2.0, 1e-3])
     np.testing.assert_array_equal(start.covariance, [[2.0, 0.5, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 100.0]])
 
@@ -134,7 +134,7 @@ def test_after_every_sample_the_loser_restarts_from_the_winner(fault):
     seen = []
 
     def watched(systems, steps, winner):
-        systems, after = SelectiveReinitialisation(Reset(), channel=0)(systems, steps, winner)
+        systems, after = SelectiveReinitialisation(RandomWalk(), channel=0)(systems, steps, winner)
         seen.append((winner, steps, after))
         return systems, after
 
@@ -142,7 +142,7 @@ def test_after_every_sample_the_loser_restarts_from_the_winner(fault):
         (PLANT, augment(PLANT, 0)),
         y,
         u,
-        initial=(START, restart(START, Reset())),
+        initial=(START, restart(START, RandomWalk())),
         probability=(0.95, 0.05),
         exchange=watched,
     )
@@ -192,7 +192,9 @@ def test_adaptive_noise_follows_a_fault_that_a_constant_cannot():
     fault = np.where(np.arange(N) >= ONSET, 5.0 * np.sin(0.3 * np.arange(N)), 0.0)
     y[:, 0] += fault
     constant, adaptive = (
-        state_and_fault(double_model(PLANT, y, u, channel=0, initial=START, window=window)).mean[:, -1]
+        state_and_fault(double_model(PLANT, y, u, channel=0, initial=START, fault=RandomWalk(window=window))).mean[
+            :, -1
+        ]
         for window in (None, 10)
     )
     rms = [np.sqrt(np.mean((estimate - fault)[ONSET:] ** 2)) for estimate in (constant, adaptive)]
@@ -200,9 +202,9 @@ def test_adaptive_noise_follows_a_fault_that_a_constant_cannot():
 
 
 def test_adaptive_noise_is_what_the_innovations_have_too_much_of_and_stays_there():
-    exchange = SelectiveReinitialisation(Reset(), channel=0, window=2)
+    exchange = SelectiveReinitialisation(RandomWalk(window=2), channel=0)
     systems = (PLANT, augment(PLANT, 0, fault_variance=0.1))
-    least, state = 1.0, restart(START, Reset())
+    least, state = 1.0, restart(START, RandomWalk())
 
     def told(systems, innovation, variance):
         free, faulty = (

@@ -92,15 +92,19 @@ def test_filtered_signals_are_those_of_the_samples():
 @pytest.mark.parametrize("rows", [77, 500, 8192])
 @pytest.mark.parametrize("weighted", [False, True])
 @pytest.mark.parametrize("feedthrough", [False, True])
-def test_the_factor_of_stretches_is_that_of_their_samples(rows: int, weighted: bool, feedthrough: bool):
+def test_the_factor_of_stretches_is_that_of_their_samples(
+    rows: int, weighted: bool, feedthrough: bool, monkeypatch: pytest.MonkeyPatch
+):
     """Segments and blocks of any length, none of which divides the record's, and again from what is known."""
     u, y, weights = record()
     signals = made()
     given = {"order": ORDER, "feedthrough": feedthrough, "weights": weights if weighted else None}
-    whole = compress(u, y, np.asarray(signals), block_rows=97, **given)
+    monkeypatch.setattr("bfi_cli.kernels.lagged.BLOCK_ROWS", 97)
+    whole = compress(u, y, np.asarray(signals), **given)
+    monkeypatch.setattr("bfi_cli.kernels.lagged.BLOCK_ROWS", 89)
     segments = SegmentFactors(u=u, y=y, step_s=STEP_S, exponents=exponents_of(signals), rows=rows, **given)
     for _ in range(2):
-        pieces = compress(u, y, signals, block_rows=89, segments=segments, **given)
+        pieces = compress(u, y, signals, segments=segments, **given)
         assert pieces.columns == whole.columns
         assert pieces.n_rows == whole.n_rows
         alike(pieces.R, whole.R)

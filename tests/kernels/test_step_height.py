@@ -29,7 +29,7 @@ def estimated(y: np.ndarray, *, begin: int = BEGIN, shared: int = SHARED, free: 
     X, Y = np.hstack([np.ones((N - 2, 1)), lagged(y, [1, 2])]), y[2:]
     errors = recursive_residuals(X, Y, start=START)
     basis = np.eye(4)
-    rows = {"start": START, "begin": begin, "n_free": free, "n_shared": shared}
+    rows = {"begin": begin, "n_free": free, "n_shared": shared}
     return step_height(X, Y, errors.coefficients, basis, **rows, output=1)
 
 

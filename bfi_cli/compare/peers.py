@@ -1,4 +1,4 @@
-"""The registry of what `bfi compare` runs: a new method is a row here and a function from a problem to a statement."""
+"""What every method of a comparison is given, and the methods of this program, which other commands run too."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from ..faults import Fault, FaultEstimate
 from ..flightlog import FlightLog
 from ..identify.dmae import dmae_of
 from ..identify.identify import identify_faults
+from ..identify.result import IdentifyResult
 from .result import Statement, Suspect
 
 
@@ -45,14 +46,14 @@ class Peer:
     needs: tuple[tuple[str, ...], ...] = ()
 
 
-def _by_likelihood(problem: Problem) -> Statement:
+def by_likelihood(problem: Problem) -> Statement:
     """State what `bfi identify` does."""
     config = merge(problem.config, {"method": "ml"})
     result, _ = identify(problem.log, problem.dictionary, config)
     return Statement(decision=result.decision, suspects=tuple(map(_suspect, result.faults)))
 
 
-def _by_rank(problem: Problem) -> Statement:
+def by_rank(problem: Problem) -> Statement:
     """State what the entries of the dictionary are by RISRO, without a search beside it."""
     if problem.dictionary is None or not problem.dictionary.exact.atoms:
         raise ConfigError("needs a dictionary whose entries state their onsets; give one with --dictionary")
@@ -61,7 +62,7 @@ def _by_rank(problem: Problem) -> Statement:
     return Statement(decision=result.decision, suspects=tuple(map(_suspect, result.faults)))
 
 
-def _by_two_filters(problem: Problem) -> Statement:
+def by_two_filters(problem: Problem) -> Statement:
     """State a fault from when its hypothesis is more probable than that of none; the filters know no shape."""
     if problem.config.dmae.model is None:
         raise ConfigError("needs a linear model of the aircraft; name one with --model")
@@ -72,19 +73,21 @@ def _by_two_filters(problem: Problem) -> Statement:
     return Statement(decision="fault", suspects=(found,))
 
 
-def _by_residual(problem: Problem) -> Statement:
-    """State the first residual of more than five robust standard deviations of every output, or of its entry."""
+def plain_model(problem: Problem) -> tuple[IdentifyResult, bool]:
+    """Return the model without faults, and whether the entries of the dictionary were looked at beside it."""
     config, part = merge(problem.config, {"method": "arx-residual"}), problem.part
-    dictionary = None if problem.dictionary is None else problem.dictionary.exact
-    if dictionary is None or not dictionary.atoms:
-        # The model is fitted without faults; an entry is needed for the window to be prepared, and is not stated.
-        middle_s = 0.5 * float(part.time_s[0] + part.time_s[-1])
-        entry = Fault(shape="bias", channel=config.outputs[0], onset_s=middle_s, name="unused")
-        dictionary = Dictionary(atoms=(entry,), relative_to="log", sha256="", path="no dictionary")
-        named = False
-    else:
-        named = True
-    result = identify_faults(problem.log, dictionary, config)
+    if problem.dictionary is not None and problem.dictionary.exact.atoms:
+        return identify_faults(problem.log, problem.dictionary.exact, config), True
+    # An entry is needed for the window to be prepared, and is not stated.
+    middle_s = 0.5 * float(part.time_s[0] + part.time_s[-1])
+    entry = Fault(shape="bias", channel=config.outputs[0], onset_s=middle_s, name="unused")
+    dictionary = Dictionary(atoms=(entry,), relative_to="log", sha256="", path="no dictionary")
+    return identify_faults(problem.log, dictionary, config), False
+
+
+def by_residual(problem: Problem) -> Statement:
+    """State the first residual of more than five robust standard deviations of every output, or of its entry."""
+    result, named = plain_model(problem)
     alarms = {one.channel: one.plain_alarms_s for one in result.residuals if one.plain_alarms_s}
     stated = {one.fault.channel: _suspect(one) for one in reversed(result.faults) if named}
     suspects = [
@@ -94,7 +97,7 @@ def _by_residual(problem: Problem) -> Statement:
     return Statement(decision="fault" if suspects else "no_fault", suspects=tuple(suspects))
 
 
-def _by_null_space(problem: Problem) -> Statement:
+def by_null_space(problem: Problem) -> Statement:
     """State what `bfi detect` does, with its own inputs and outputs unless the user named some."""
     window = {"window.from_s": problem.config.window.from_s, "window.to_s": problem.config.window.to_s}
     given = {key: value for key, value in window.items() if value is not None}
@@ -117,12 +120,3 @@ def _suspect(found: FaultEstimate) -> Suspect:
         offset_s=fault.offset_s,
         magnitude=found.magnitude,
     )
-
-
-PEERS = {
-    "ml": Peer(summary="maximum likelihood, all sources (bfi identify)", state=_by_likelihood),
-    "risro": Peer(summary="rank-constrained least squares", state=_by_rank),
-    "dmae": Peer(summary="double-model adaptive estimation", state=_by_two_filters),
-    "arx-residual": Peer(summary="5-sigma test of the ARX residual", state=_by_residual),
-    "null-space": Peer(summary="null-space detector (bfi detect)", state=_by_null_space),
-}

@@ -21,12 +21,11 @@ from ..preprocessing.summary import log_summary
 from ..preprocessing.window import with_inputs_of
 from ..shapes import SHAPES
 from .peers import Peer, Problem
-from .result import ComparisonResult, Isolation, Outcome, Score, Statement, Suspect
+from .result import SPREAD_S, ComparisonResult, Isolation, Outcome, Score, Statement, Suspect
 
-# A suspect whose onset lies more than EARLY_S seconds before a fault is a false alarm, and so is one that is declared
-# more than SPREAD_S before it: the onset of a slow drift is often estimated too early, while only the low-pass of an
-# analysis at 1 Hz shows a step a second before it is there. Chosen without a tuning record.
-EARLY_S, SPREAD_S = 5.0, 1.0
+# A suspect whose onset lies more than so many seconds before a fault is a false alarm, as is one that is declared more
+# than SPREAD_S before it: the onset of a slow drift is often estimated too early. Chosen without a tuning record.
+EARLY_S = 5.0
 
 
 def compare(

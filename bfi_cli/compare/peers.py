@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ..analysis import identify
 from ..config import Config, merge
 from ..decision import KINDS
@@ -16,7 +18,7 @@ from ..flightlog import FlightLog
 from ..identify.dmae import dmae_of
 from ..identify.identify import identify_faults
 from ..identify.result import IdentifyResult
-from .result import Statement, Suspect
+from .result import SPREAD_S, Statement, Suspect
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,11 +55,11 @@ def by_likelihood(problem: Problem) -> Statement:
     return Statement(decision=result.decision, suspects=tuple(map(_suspect, result.faults)))
 
 
-def by_rank(problem: Problem) -> Statement:
-    """State what the entries of the dictionary are by RISRO, without a search beside it."""
+def by_entries(problem: Problem, *, method: str) -> Statement:
+    """State which entries of the dictionary a method declares, without a search beside it."""
     if problem.dictionary is None or not problem.dictionary.exact.atoms:
         raise ConfigError("needs a dictionary whose entries state their onsets; give one with --dictionary")
-    config = merge(problem.config, {"method": "risro"})
+    config = merge(problem.config, {"method": method})
     result = identify_faults(problem.log, problem.dictionary.exact, config)
     return Statement(decision=result.decision, suspects=tuple(map(_suspect, result.faults)))
 
@@ -90,10 +92,14 @@ def by_residual(problem: Problem) -> Statement:
     result, named = plain_model(problem)
     alarms = {one.channel: one.plain_alarms_s for one in result.residuals if one.plain_alarms_s}
     stated = {one.fault.channel: _suspect(one) for one in reversed(result.faults) if named}
-    suspects = [
-        replace(stated.get(channel, Suspect(channel=channel, onset_s=times[0])), declared_s=times[0])
-        for channel, times in alarms.items()
-    ]
+    suspects = []
+    for channel, times in alarms.items():
+        entry = stated.get(channel)
+        if entry is None or (entry.onset_s is not None and times[0] < entry.onset_s - SPREAD_S):
+            suspects.append(Suspect(channel=channel, onset_s=times[0], declared_s=times[0]))
+        if entry is not None:
+            nearest = int(np.argmin(np.abs(np.array(times) - (entry.onset_s or 0.0))))
+            suspects.append(replace(entry, declared_s=times[nearest]))
     return Statement(decision="fault" if suspects else "no_fault", suspects=tuple(suspects))
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from functools import partial
 
-from .peers import Peer, by_likelihood, by_null_space, by_rank, by_residual, by_two_filters
+from .peers import Peer, by_entries, by_likelihood, by_null_space, by_residual, by_two_filters
 from .rivals import AIRSPEED, by_ardupilot, by_change_points, by_cumulative_sum, by_likelihood_ratio, by_px4
 
 PEERS = {
     "ml": Peer(summary="maximum likelihood, all sources (bfi identify)", state=by_likelihood),
-    "risro": Peer(summary="rank-constrained least squares", state=by_rank),
+    "risro": Peer(summary="rank-constrained least squares", state=partial(by_entries, method="risro")),
+    "mf2d": Peer(summary="nuclear norm and l1 norm", state=partial(by_entries, method="mf2d")),
     "dmae": Peer(summary="double-model adaptive estimation", state=by_two_filters),
     "arx-residual": Peer(summary="5-sigma test of the ARX residual", state=by_residual),
     "null-space": Peer(summary="null-space detector (bfi detect)", state=by_null_space),

@@ -10,6 +10,8 @@ from ..kernels import FloatArray
 from ..notes import Note
 from ..preprocessing.summary import LogSummary
 
+# Seconds by which an alarm may come before its fault: the low-pass of an analysis at 1 Hz spreads a step that far.
+SPREAD_S = 1.0
 # "fault": channel and kind of fault are right; "channel": the channel is; of methods that tell no more, the most.
 Isolation = Literal["fault", "channel", "no"]
 

@@ -56,10 +56,11 @@ HOME = {
     "h5py": {"flightlog", "files"},
     "jinja2": {"report"},
     "jsbsim": {"jsbsim"},
+    "ruptures": {"compare"},
     "nptdms": {"flightlog"},
     "yaml": {"yaml12"},
 }
-SLOW = ("dask", "distributed", "h5py", "jinja2", "matplotlib", "rich")
+SLOW = ("dask", "distributed", "h5py", "jinja2", "matplotlib", "rich", "ruptures")
 # The parts of scipy that are imported in tenths of a second; the others take one second and are not always needed.
 SCIPY = {"fft", "linalg", "special"}
 VAGUE = {"utils", "util", "helpers", "helper", "common", "base", "core", "misc"}

@@ -39,6 +39,7 @@ COMMANDS = {
     "diagnose": "Which air-data fault hit a whole flight: every analysis that the log allows, one verdict, one report.",
     "calibrate": "The scan's statistic on fault-free logs, for thresholds and p-values.",
     "detect": "Which channel of a log fails, and when, without a dictionary: the null-space detector.",
+    "compare": "Every method on one log in one table, against injected faults or each other.",
     "montecarlo": "Sweeps over faults, noise and settings: rates with intervals, tables, figures.",
     "reproduce": "A published figure or table, ours beside theirs.",
     "report": "Draw the report of a stored result.",

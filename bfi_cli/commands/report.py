@@ -27,6 +27,7 @@ GIVE = "give the result.json of a command's --out, or what its --json --series p
 # Module and function that make the content of each kind of document.
 KINDS = {
     "calibration": ("decision.calibration", "calibration_content"),
+    "compare": ("compare", "compare_content"),
     "convert": ("flightlog.report", "log_content"),
     "detect": ("detect", "detect_content"),
     "diagnosability": ("diagnosability", "diagnosability_content"),
@@ -43,7 +44,7 @@ KINDS = {
 }
 STORED = {"montecarlo": "summary.json"}
 # These documents are read back into what they were made from, which says itself where one is damaged.
-READ_BACK = ("calibration", "detect", "identify", "reproduce")
+READ_BACK = ("calibration", "compare", "detect", "identify", "reproduce")
 # Shares, counts and published numbers, which have no units to choose.
 WITHOUT_UNITS = ("calibration", "montecarlo", "reproduce")
 

@@ -32,7 +32,7 @@ from ..preprocessing.window import PreparedWindow
 from .magnitudes import MethodResult
 from .result import SolverSummary
 
-__all__ = ["DmaeResult", "DmaeSettings", "Reference", "dmae", "identify_by_dmae"]
+__all__ = ["DmaeResult", "DmaeSettings", "Reference", "dmae", "dmae_of", "identify_by_dmae"]
 
 FloatArray = NDArray[np.float64]
 Variances = float | Sequence[float]
@@ -237,21 +237,15 @@ def _least(variances: Variances) -> float:
     return float(values.min()) if values.size and np.isfinite(values).all() else float("nan")
 
 
-def identify_by_dmae(
-    window: PreparedWindow, _regression: RegressionData, config: Config, _progress: Progress = unseen
-) -> MethodResult:
-    """Estimate the course of a fault of the output at the log's own rate, and what of the dictionary explains it.
-
-    A fault is declared where its hypothesis becomes more probable than that of none. The course is then filtered as the
-    dictionary is, and entries are added one by one, each by least squares, for as long as that lowers the BIC; errors
-    are correlated over many samples, so their effective number counts and no intervals are given.
+def dmae_of(log: FlightLog, config: Config) -> tuple[LinearModel, DmaeResult]:
+    """Estimate the fault of the first output with the model and the variances of a configuration, and return both.
 
     Raises
     ------
     ConfigError : there is no linear model of that name, or the output is none of its outputs.
     LogError : the log lacks an input or an output of the model.
     """
-    rules, log = config.dmae, window.log
+    rules = config.dmae
     model = MODELS.get(rules.model or "")
     if not isinstance(model, LinearModel):
         linear = [name for name, known in MODELS.items() if isinstance(known, LinearModel)]
@@ -276,6 +270,24 @@ def identify_by_dmae(
             adaptive_window=rules.adaptive_window,
         ),
     )
+    return model, run
+
+
+def identify_by_dmae(
+    window: PreparedWindow, _regression: RegressionData, config: Config, _progress: Progress = unseen
+) -> MethodResult:
+    """Estimate the course of a fault of the output at the log's own rate, and what of the dictionary explains it.
+
+    A fault is declared where its hypothesis becomes more probable than that of none. The course is then filtered as the
+    dictionary is, and entries are added one by one, each by least squares, for as long as that lowers the BIC; errors
+    are correlated over many samples, so their effective number counts and no intervals are given.
+
+    Raises
+    ------
+    ConfigError, LogError : see `dmae_of`.
+    """
+    log = window.log
+    model, run = dmae_of(log, config)
 
     def at_rate(x: FloatArray) -> FloatArray:
         return decimate(x, window.rate.factor, window.lowpass)

@@ -48,6 +48,9 @@ METHODS = {
         several_outputs=False,
         feedthrough=False,
     ),
+    "mf2d": Method(
+        "nuclear norm and l1 norm, re-solved on their support (mf2d)", "mf2d:identify_by_mf2d", intervals=False
+    ),
     "dmae": Method(
         "double-model adaptive estimation (dmae)",
         "dmae:identify_by_dmae",

@@ -1,0 +1,168 @@
+"""The JSON document of `bfi compare`, and what a reader is shown of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..display_units import SI, Shown, Units
+from ..faults import fault_from_dict, fault_to_dict
+from ..notes import unique
+from ..printable import shortened
+from ..provenance import Provenance
+from ..report.content import Block, Drawing, Lane, Panel, ReportContent, Span, Table, curve, notes_of
+from ..report.text import counted, instant, number
+from ..serialization import SCHEMA, from_plain, member, to_plain
+from .result import ComparisonResult, Outcome, Suspect
+
+DECISIONS = {"fault": "yes", "no_fault": "no", "inconclusive": "cannot tell"}
+CAPTION = (
+    "Above: what was measured; upright lines: onsets of injected faults. Below: when each method says that a fault "
+    "acts, from its onset on; an empty lane has none."
+)
+# Letters of a name, and of a reason, in the table.
+NAME, REASON = 40, 100
+
+
+def compare_document(result: ComparisonResult, provenance: Provenance) -> dict[str, Any]:
+    """Return the document of `bfi compare --json`; what is not known or not finite is None."""
+    body = to_plain(result)
+    body["truth"] = None if result.truth is None else [fault_to_dict(one) for one in result.truth]
+    body["series"] = {"time_s": body.pop("time_s"), "measured": body.pop("measured")}
+    return {
+        "kind": "compare",
+        "schema": SCHEMA,
+        **body,
+        "notes": to_plain(unique(result.notes)),
+        "provenance": to_plain(provenance),
+    }
+
+
+def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
+    """Return what the report of a document of `bfi compare` holds.
+
+    Raises
+    ------
+    ConfigError : the document, named by `where`, is damaged.
+    """
+    outcomes = from_plain(tuple[Outcome, ...], member(document, "outcomes", where=where), where=f"{where}: outcomes")
+    log, series = member(document, "log", where=where), member(document, "series", where=where)
+    truth = member(document, "truth", where=where)
+    injected = None if truth is None else [fault_from_dict(one, where=f"{where}: truth") for one in truth]
+    ran = [one for one in outcomes if one.statement is not None]
+    alarmed = [one.method for one in ran if one.statement is not None and one.statement.decision == "fault"]
+    verdict = f"{counted(len(ran), 'method')} of {len(outcomes)} ran; {len(alarmed)} declare a fault"
+    verdict += f": {', '.join(alarmed)}." if alarmed else "."
+    start_s, stop_s = log["start_s"], log["stop_s"]
+    lanes = [
+        Lane(
+            label=one.method,
+            blocks=tuple(
+                Block(label="", low=low, high=high, shade="fault")
+                for low, high in _apart([_extent(each, start_s, stop_s) for each in one.statement.suspects])
+            ),
+        )
+        for one in ran
+        if one.statement is not None
+    ]
+    spans: tuple[Span, ...] = ()
+    if injected is not None:
+        at = [(max(one.onset_s, start_s), min(one.offset_s or stop_s, stop_s)) for one in injected]
+        blocks = tuple(Block(label="", low=low, high=high, shade="grey") for low, high in _apart(at))
+        lanes.insert(0, Lane(label="injected", blocks=blocks))
+        spans = tuple(Span(label="onset", low=low, high=low) for low, _ in at)
+    panels = [
+        Panel(
+            x_label="time [s]",
+            y_label=f"{name} [{units.of(unit, channel=name).unit}]",
+            curves=(curve("", series["time_s"], _shown(values, units.of(unit, channel=name))),),
+            spans=spans,
+        )
+        for name, unit, values in zip(document["outputs"], document["units"], series["measured"], strict=True)
+    ]
+    panels.append(
+        Panel(x_label="time [s]", y_label="", curves=(), lanes=tuple(lanes), x_limits=(start_s, stop_s), height=1.2)
+    )
+    refused = tuple((one.method, shortened(one.reason or "", REASON)) for one in outcomes if one.statement is None)
+    tables = [_methods(outcomes, scored=injected is not None)]
+    if refused:
+        tables.append(Table(name="refused", title="Did not run", heads=("method", "reason"), rows=refused))
+    return ReportContent(
+        category="Comparison of methods",
+        title=log["path"],
+        heading="Methods on one log",
+        verdict=verdict,
+        facts=(
+            ("Window", f"{instant(start_s)} to {instant(stop_s)} s"),
+            ("Outputs", ", ".join(document["outputs"])),
+            ("Injected", _injected(injected)),
+        ),
+        tables=tuple(tables),
+        drawings=(Drawing(name="comparison", caption=CAPTION, panels=tuple(panels), shared_x=True),),
+        notes=notes_of(document, units),
+    )
+
+
+def _shown(values: Sequence[float | None], shown: Shown) -> list[float]:
+    return [math.nan if (one := shown.reading(x)) is None else one for x in values]
+
+
+def _injected(injected: list[Any] | None) -> str:
+    if injected is None:
+        return "not known"
+    return "; ".join(f"{one.shape} {one.channel} from {instant(one.onset_s)} s" for one in injected) or "nothing"
+
+
+def _methods(outcomes: tuple[Outcome, ...], *, scored: bool) -> Table:
+    """Return a line per method: against the truth, else with the onset it says and with whom it agrees."""
+    own: tuple[str, ...] = ("onset", "agrees with")
+    if scored:
+        own = ("isolated", "onset error", "magnitude error", "false alarms", "delay")
+    rows = []
+    for one in outcomes:
+        said = one.statement
+        if said is None:
+            rows.append((one.method, "did not run", "-", *("-" for _ in own), f"{one.seconds:.1f} s"))
+            continue
+        if one.score is not None:
+            relative = one.score.magnitude_error
+            cells: tuple[str, ...] = (
+                one.score.isolated or "-",
+                _seconds(one.score.onset_error_s),
+                "-" if relative is None else f"{number(100.0 * relative, digits=2)} %",
+                str(one.score.false_alarms),
+                _seconds(one.score.delay_s),
+            )
+        else:
+            onsets = [instant(each.onset_s) for each in said.suspects if each.onset_s is not None]
+            cells = (f"{', '.join(onsets[:3])} s" if onsets else "-", ", ".join(one.agrees) or "nobody")
+        names = shortened(", ".join(map(_name, said.suspects)) or "-", NAME)
+        rows.append((one.method, DECISIONS[said.decision], names, *cells, f"{one.seconds:.1f} s"))
+    heads = ("method", "detected", "names", *own, "takes")
+    return Table(name="methods", title="Methods", heads=heads, rows=tuple(rows))
+
+
+def _name(one: Suspect) -> str:
+    return one.name or f"{one.shape} {one.channel}" if one.shape else one.channel
+
+
+def _seconds(value: float | None) -> str:
+    return "-" if value is None else f"{number(value, digits=3)} s"
+
+
+def _extent(one: Suspect, start_s: float, stop_s: float) -> tuple[float, float]:
+    first_s = one.onset_s if one.onset_s is not None else one.declared_s
+    low = start_s if first_s is None else min(max(first_s, start_s), stop_s)
+    return low, stop_s if one.offset_s is None else min(max(one.offset_s, low), stop_s)
+
+
+def _apart(extents: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return stretches of time with those that overlap joined."""
+    joined: list[tuple[float, float]] = []
+    for low, high in sorted(extents):
+        if joined and low <= joined[-1][1]:
+            joined[-1] = joined[-1][0], max(high, joined[-1][1])
+        else:
+            joined.append((low, high))
+    return joined

@@ -1,0 +1,128 @@
+"""What every method of a comparison is given, and the methods of this program, which other commands run too."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..analysis import identify
+from ..config import Config, merge
+from ..decision import KINDS
+from ..detect import detect_faults
+from ..dictionary import Dictionary
+from ..errors import ConfigError
+from ..faults import Fault, FaultEstimate
+from ..flightlog import FlightLog
+from ..identify.dmae import dmae_of
+from ..identify.identify import identify_faults
+from ..identify.result import IdentifyResult
+from .result import SPREAD_S, Statement, Suspect
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Problem:
+    """What every method is given.
+
+    Attributes
+    ----------
+    log : as it was read; part : its window, without the injected truth.
+    dictionary : of the faults to look for, None for any.
+    config : with what the log has in place of defaults; asked : as the user gave it.
+    """
+
+    log: FlightLog
+    part: FlightLog
+    dictionary: Dictionary | None
+    config: Config
+    asked: Config
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peer:
+    """A method: `needs` are the channels without which it cannot work, each with those that do as well."""
+
+    summary: str
+    state: Callable[[Problem], Statement]
+    needs: tuple[tuple[str, ...], ...] = ()
+
+
+def by_likelihood(problem: Problem) -> Statement:
+    """State what `bfi identify` does."""
+    config = merge(problem.config, {"method": "ml"})
+    result, _ = identify(problem.log, problem.dictionary, config)
+    return Statement(decision=result.decision, suspects=tuple(map(_suspect, result.faults)))
+
+
+def by_entries(problem: Problem, *, method: str) -> Statement:
+    """State which entries of the dictionary a method declares, without a search beside it."""
+    if problem.dictionary is None or not problem.dictionary.exact.atoms:
+        raise ConfigError("needs a dictionary whose entries state their onsets; give one with --dictionary")
+    config = merge(problem.config, {"method": method})
+    result = identify_faults(problem.log, problem.dictionary.exact, config)
+    return Statement(decision=result.decision, suspects=tuple(map(_suspect, result.faults)))
+
+
+def by_two_filters(problem: Problem) -> Statement:
+    """State a fault from when its hypothesis is more probable than that of none; the filters know no shape."""
+    if problem.config.dmae.model is None:
+        raise ConfigError("needs a linear model of the aircraft; name one with --model")
+    _, run = dmae_of(problem.part, problem.config)
+    if run.onset_s is None:
+        return Statement(decision="no_fault")
+    found = Suspect(channel=run.channel, onset_s=run.onset_s, declared_s=run.onset_s)
+    return Statement(decision="fault", suspects=(found,))
+
+
+def plain_model(problem: Problem) -> tuple[IdentifyResult, bool]:
+    """Return the model without faults, and whether the entries of the dictionary were looked at beside it."""
+    config, part = merge(problem.config, {"method": "arx-residual"}), problem.part
+    if problem.dictionary is not None and problem.dictionary.exact.atoms:
+        return identify_faults(problem.log, problem.dictionary.exact, config), True
+    # An entry is needed for the window to be prepared, and is not stated.
+    middle_s = 0.5 * float(part.time_s[0] + part.time_s[-1])
+    entry = Fault(shape="bias", channel=config.outputs[0], onset_s=middle_s, name="unused")
+    dictionary = Dictionary(atoms=(entry,), relative_to="log", sha256="", path="no dictionary")
+    return identify_faults(problem.log, dictionary, config), False
+
+
+def by_residual(problem: Problem) -> Statement:
+    """State the first residual of more than five robust standard deviations of every output, or of its entry."""
+    result, named = plain_model(problem)
+    alarms = {one.channel: one.plain_alarms_s for one in result.residuals if one.plain_alarms_s}
+    stated = {one.fault.channel: _suspect(one) for one in reversed(result.faults) if named}
+    suspects = []
+    for channel, times in alarms.items():
+        entry = stated.get(channel)
+        if entry is None or (entry.onset_s is not None and times[0] < entry.onset_s - SPREAD_S):
+            suspects.append(Suspect(channel=channel, onset_s=times[0], declared_s=times[0]))
+        if entry is not None:
+            nearest = int(np.argmin(np.abs(np.array(times) - (entry.onset_s or 0.0))))
+            suspects.append(replace(entry, declared_s=times[nearest]))
+    return Statement(decision="fault" if suspects else "no_fault", suspects=tuple(suspects))
+
+
+def by_null_space(problem: Problem) -> Statement:
+    """State what `bfi detect` does, with its own inputs and outputs unless the user named some."""
+    window = {"window.from_s": problem.config.window.from_s, "window.to_s": problem.config.window.to_s}
+    given = {key: value for key, value in window.items() if value is not None}
+    result = detect_faults(problem.log, merge(problem.asked, given))
+    suspects = tuple(
+        Suspect(channel=one.channel, shape="bias", onset_s=one.onset_s, magnitude=one.size, declared_s=one.time_s)
+        for one in result.alarms
+    )
+    # The other kinds are not looked for: their verdict, inconclusive, would say nothing of the detector.
+    return Statement(decision=result.verdicts[KINDS[0]], suspects=suspects)
+
+
+def _suspect(found: FaultEstimate) -> Suspect:
+    fault = found.fault
+    return Suspect(
+        channel=fault.channel,
+        shape=fault.shape,
+        name=found.name,
+        onset_s=fault.onset_s,
+        offset_s=fault.offset_s,
+        magnitude=found.magnitude,
+    )

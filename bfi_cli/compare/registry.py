@@ -1,0 +1,27 @@
+"""The registry of what `bfi compare` runs: a new method is a row here and a function from a problem to a statement."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from .peers import Peer, by_entries, by_likelihood, by_null_space, by_residual, by_two_filters
+from .rivals import AIRSPEED, by_ardupilot, by_change_points, by_cumulative_sum, by_likelihood_ratio, by_px4
+
+PEERS = {
+    "ml": Peer(summary="maximum likelihood, all sources (bfi identify)", state=by_likelihood),
+    "risro": Peer(summary="rank-constrained least squares", state=partial(by_entries, method="risro")),
+    "mf2d": Peer(summary="nuclear norm and l1 norm", state=partial(by_entries, method="mf2d")),
+    "dmae": Peer(summary="double-model adaptive estimation", state=by_two_filters),
+    "arx-residual": Peer(summary="5-sigma test of the ARX residual", state=by_residual),
+    "null-space": Peer(summary="null-space detector (bfi detect)", state=by_null_space),
+    "cusum": Peer(summary="cumulative sum of the ARX residual (Page)", state=by_cumulative_sum),
+    "glr": Peer(summary="likelihood ratio of a change in the ARX residual's mean", state=by_likelihood_ratio),
+    "ruptures": Peer(summary="change points of the ARX residual (PELT, package ruptures)", state=by_change_points),
+    "px4": Peer(summary="PX4's airspeed validator, default checks", state=partial(by_px4, every=False), needs=AIRSPEED),
+    "px4-all": Peer(summary="PX4's airspeed validator, every check", state=partial(by_px4, every=True), needs=AIRSPEED),
+    "ardupilot": Peer(
+        summary="ArduPilot's airspeed consistency (innovation beyond 5 sd)",
+        state=by_ardupilot,
+        needs=(*AIRSPEED, ("velocity_north",), ("velocity_east",)),
+    ),
+}

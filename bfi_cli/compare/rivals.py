@@ -1,0 +1,161 @@
+"""Plain detectors on the residual of a model without faults, and the rules of autopilots, as methods to compare."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..errors import ConfigError, LogError
+from ..flightlog import FlightLog
+from ..kernels import BoolArray, FloatArray
+from ..kernels.airspeed_rules import (
+    STANDARD_GRAVITY,
+    ardupilot_disabled,
+    px4_first_principle,
+    px4_innovation,
+    px4_invalid,
+    px4_load_factor,
+    px4_missing,
+    px4_stuck,
+    wind_innovation,
+)
+from ..kernels.change_alarm import ChangeAlarm, cusum_alarm, cusum_threshold, glr_alarm, glr_threshold
+from ..kernels.whiteness import robust_sd
+from .peers import Problem, plain_model
+from .result import Statement, Suspect
+
+# The airspeed that a rule watches: the first that is there.
+AIRSPEED = (("tas", "cas", "ias"),)
+# Samples per second at which checks are made: PX4's validator runs every 100 ms, ArduPilot's no more than every 200 ms.
+CHECKS_HZ = 10.0
+# Seconds after which the likelihood ratio forgets an onset. Chosen without a tuning record.
+MEMORY_S = 60.0
+# Price of a change point in natural units per log of the number of rows: its place and its mean, by the BIC.
+CHANGE_PRICE = 2.0
+
+
+def by_cumulative_sum(problem: Problem) -> Statement:
+    """State a change of the residual's mean by the two-sided cumulative sum, at the wanted rate if it were white."""
+
+    def alarm(x: FloatArray, _rate_hz: float) -> ChangeAlarm | None:
+        return cusum_alarm(x, cusum_threshold(len(x), problem.config.start_time.false_alarm))
+
+    return _changes(problem, alarm)
+
+
+def by_likelihood_ratio(problem: Problem) -> Statement:
+    """State a change of the residual's mean by the generalised likelihood ratio, likewise."""
+
+    def alarm(x: FloatArray, rate_hz: float) -> ChangeAlarm | None:
+        lengths = max(1, min(len(x), round(MEMORY_S * rate_hz)))
+        return glr_alarm(x, glr_threshold(len(x), lengths, problem.config.start_time.false_alarm), lengths)
+
+    return _changes(problem, alarm)
+
+
+def by_change_points(problem: Problem) -> Statement:
+    """State the first change point of the residual's mean, of those that PELT finds at the price of the BIC.
+
+    Raises
+    ------
+    ConfigError : the package ruptures is not installed.
+    """
+    try:
+        import ruptures
+    except ImportError:
+        raise ConfigError("needs the package ruptures; install it with: pip install bfi-cli[compare]") from None
+
+    def alarm(x: FloatArray, _rate_hz: float) -> ChangeAlarm | None:
+        # Its cost is the sum of squares, twice the natural units.
+        price = 2.0 * CHANGE_PRICE * float(np.log(len(x)))
+        ends = ruptures.Pelt(model="l2", min_size=2, jump=1).fit(x[:, None]).predict(pen=price)
+        first = int(ends[0])
+        return None if first >= len(x) else ChangeAlarm(alarm=len(x) - 1, onset=first, size=float(np.mean(x[first:])))
+
+    statement = _changes(problem, alarm)
+    # It looks at the whole window at once.
+    suspects = tuple(Suspect(channel=one.channel, onset_s=one.onset_s) for one in statement.suspects)
+    return Statement(decision=statement.decision, suspects=suspects)
+
+
+def _changes(problem: Problem, alarm: Callable[[FloatArray, float], ChangeAlarm | None]) -> Statement:
+    """State what a detector says of the standardised residual of every output, the model fitted to the whole window."""
+    result, _ = plain_model(problem)
+    suspects = []
+    for one in result.outputs:
+        known = np.isfinite(one.plain_residual)
+        x, time_s = one.plain_residual[known], result.time_s[known]
+        sd = robust_sd(x)
+        found = alarm((x - np.median(x)) / sd, result.log.rate_hz) if sd > 0.0 else None
+        if found is not None:
+            onset_s, declared_s = float(time_s[found.onset]), float(time_s[found.alarm])
+            suspects.append(Suspect(channel=one.channel, onset_s=onset_s, declared_s=declared_s))
+    return Statement(decision="fault" if suspects else "no_fault", suspects=tuple(suspects))
+
+
+def by_px4(problem: Problem, *, every: bool) -> Statement:
+    """State when PX4 would declare the airspeed invalid, with its published parameters.
+
+    The innovation needs the ground velocity, the load factor check `normal_acc`, the first-principle check throttle and
+    pitch; what the log lacks never fails. The wind is that of a filter without sideslip and scale, so an innovation
+    settles otherwise than on board.
+
+    Parameters
+    ----------
+    every : with the load factor and first-principle checks, which are off by default.
+    """
+    name, time_s, values = _sampled(problem.part)
+    airspeed, none = values[name], np.zeros(len(time_s), dtype=bool)
+    innovation = none
+    if (found := _innovation(time_s, airspeed, values)) is not None:
+        innovation = px4_innovation(time_s, found[0])
+    load_factor = first_principle = none
+    if every and "normal_acc" in values:
+        load_factor = px4_load_factor(airspeed, values["normal_acc"] + STANDARD_GRAVITY)
+    if every and {"throttle", "pitch"} <= values.keys():
+        first_principle = px4_first_principle(time_s, airspeed, values["throttle"], values["pitch"])
+    invalid = px4_invalid(
+        time_s,
+        missing=px4_missing(time_s, airspeed),
+        stuck=px4_stuck(time_s, airspeed),
+        innovation=innovation,
+        load_factor=load_factor,
+        first_principle=first_principle,
+    )
+    return _stated(name, time_s, invalid)
+
+
+def by_ardupilot(problem: Problem) -> Statement:
+    """State when ArduPilot would disable the airspeed sensor, with its published parameters."""
+    name, time_s, values = _sampled(problem.part)
+    found = _innovation(time_s, values[name], values)
+    if found is None:
+        raise LogError("needs velocity_north and velocity_east, which the log lacks")
+    ground_speed = np.hypot(values["velocity_north"], values["velocity_east"])
+    with np.errstate(invalid="ignore"):
+        ratio = np.abs(found[0]) / found[1]
+    return _stated(name, time_s, ardupilot_disabled(time_s, values[name], ground_speed, ratio))
+
+
+def _sampled(log: FlightLog) -> tuple[str, FloatArray, dict[str, FloatArray]]:
+    """Return the airspeed's name, and every channel as it stands at each check: the last sample before it."""
+    name = next(name for name in AIRSPEED[0] if name in log.channels)
+    step = max(1, round(log.rate_hz / CHECKS_HZ))
+    return name, log.time_s[::step], {key: one.values[::step] for key, one in log.channels.items()}
+
+
+def _innovation(
+    time_s: FloatArray, airspeed: FloatArray, values: dict[str, FloatArray]
+) -> tuple[FloatArray, FloatArray] | None:
+    if not {"velocity_north", "velocity_east"} <= values.keys():
+        return None
+    up = values.get("altitude_rate", np.zeros(len(time_s)))
+    return wind_innovation(time_s, airspeed, np.stack([values["velocity_north"], values["velocity_east"], up], axis=1))
+
+
+def _stated(name: str, time_s: FloatArray, failed: BoolArray) -> Statement:
+    if not failed.any():
+        return Statement(decision="no_fault")
+    declared_s = float(time_s[np.argmax(failed)])
+    return Statement(decision="fault", suspects=(Suspect(channel=name, declared_s=declared_s),))

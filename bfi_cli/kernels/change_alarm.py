@@ -1,0 +1,86 @@
+"""Sequential tests for a change of the mean of standardised white errors: the cumulative sum and its GLR form."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from . import FloatArray
+
+# Allowance of the cumulative sum, in standard deviations: half the change that it is fastest for (Page 1954).
+ALLOWANCE = 0.5
+# By how much a walk oversteps its threshold, in standard deviations (Siegmund 1985, eq. 2.57).
+OVERSTEP = 1.166
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChangeAlarm:
+    """An alarm at row `alarm` for a change from row `onset` on, by about `size` standard deviations."""
+
+    alarm: int
+    onset: int
+    size: float
+
+
+def cusum_threshold(n: int, false_alarm: float) -> float:
+    """Return the threshold of a two-sided cumulative sum that n rows of white noise exceed with a probability.
+
+    Alarms come at the average run length of Siegmund's approximation, (exp(2kb) - 2kb - 1) / (2k^2) on either side
+    with b = h + 1.166, and are rare events.
+    """
+    wanted = -2.0 * n / np.log1p(-false_alarm)  # run length of one side
+    low, high = 0.0, 100.0
+    while high - low > 1e-9:
+        h = 0.5 * (low + high)
+        exponent = 2.0 * ALLOWANCE * (h + OVERSTEP)
+        if (np.expm1(exponent) - exponent) / (2.0 * ALLOWANCE**2) < wanted:
+            low = h
+        else:
+            high = h
+    return high
+
+
+def cusum_alarm(x: FloatArray, threshold: float) -> ChangeAlarm | None:
+    """Return the first alarm of a two-sided cumulative sum, of which the onset is the row after it was last 0.
+
+    Parameters
+    ----------
+    x : (n,) errors over their standard deviation.
+    """
+    sums, start = np.zeros(2), np.zeros(2, dtype=int)
+    for k, value in enumerate(x):
+        sums += np.array([value, -value]) - ALLOWANCE
+        start[sums <= 0.0] = k + 1
+        sums = np.maximum(sums, 0.0)
+        side = int(np.argmax(sums))
+        if sums[side] > threshold:
+            onset = int(start[side])
+            return ChangeAlarm(alarm=k, onset=onset, size=float(np.mean(x[onset : k + 1])))
+    return None
+
+
+def glr_threshold(n: int, n_lengths: int, false_alarm: float) -> float:
+    """Return the threshold that no (onset, alarm) of white noise exceeds but with a probability, by the union bound."""
+    return float(special.ndtri(1.0 - 0.5 * false_alarm / (n * n_lengths)) ** 2 / 2.0)
+
+
+def glr_alarm(x: FloatArray, threshold: float, n_lengths: int) -> ChangeAlarm | None:
+    """Return the first alarm of the generalised likelihood ratio of a change of unknown size within the last rows.
+
+    The statistic at row k is the largest (sum of x from j to k)^2 / (2 (k - j + 1)) over k - j < n_lengths
+    (Lorden 1971).
+    """
+    total = np.concatenate([[0.0], np.cumsum(x)])
+    best, onset = np.zeros(len(x)), np.arange(len(x))
+    for length in range(1, min(n_lengths, len(x)) + 1):
+        value = (total[length:] - total[:-length]) ** 2 / (2.0 * length)
+        better = value > best[length - 1 :]
+        best[length - 1 :][better] = value[better]
+        onset[length - 1 :][better] = np.flatnonzero(better)
+    alarms = np.flatnonzero(best > threshold)
+    if not len(alarms):
+        return None
+    k = int(alarms[0])
+    return ChangeAlarm(alarm=k, onset=int(onset[k]), size=float(np.mean(x[onset[k] : k + 1])))

@@ -64,6 +64,15 @@ def test_the_shift_of_a_clock_is_told_to_a_tenth_of_a_sample(shift: float, rate:
     assert found == pytest.approx(shift, abs=0.1 / min(rate, 5.0))
 
 
+def test_a_channel_that_drifts_does_not_pull_the_shift() -> None:
+    t = np.arange(0.0, 400.0, 0.2)
+    own = t - 7.3
+    drifting = flown(t) + 0.2 * np.maximum(t - 150.0, 0.0)
+    first = log_of(t, tas=flown(t), pitch=flown(t, 2), roll=flown(t, 3))
+    found = time_shift(first, log_of(own, tas=drifting, pitch=flown(t, 2), roll=flown(t, 3)), ("tas", "pitch", "roll"))
+    assert found == pytest.approx(7.3, abs=0.01)
+
+
 def test_the_time_axis_of_the_first_shifts_the_answer_by_as_much() -> None:
     t = np.arange(0.0, 200.0, 0.2)
     first, second = log_of(t, tas=flown(t)), log_of(t[50:], tas=flown(t[50:]))

@@ -81,6 +81,8 @@ DOMAIN: dict[str, tuple[float, float]] = {
     "q_impact": (0.0, 90_000.0),
     "p_total": (5_475.0, 267_000.0),
 }
+# Channels of which `FOLLOWS` is made.
+FOLLOWED = frozenset(("cas", "mach", "altitude", "p_static", "tas"))
 # Quantities that an aircraft measures more than once with sensors that should agree; two elevators are two surfaces.
 REPEATED = frozenset(("pitch", "roll", "aoa", *DOMAIN))
 NUMBERED = re.compile(r"[_ ]?(?:\d+|left|right|backup|standby)$", re.IGNORECASE)
@@ -171,16 +173,16 @@ def _table(static: str, heats: tuple[str, ...]) -> tuple[Relation, ...]:
 
 def _relations(log: FlightLog) -> tuple[list[Relation], list[str]]:
     """Return the relations between the channels of a log, and what is missing for others."""
-    has = log.channels
-    static = next((name for name in ("altitude", "p_static") if name in has), "altitude")
-    heats = tuple(name for name in ("tat", "sat") if name in has) or ("tat",)
-    found: dict[str, Relation] = {}
+    sensors = _by_quantity(log)
+    static = next((name for name in ("altitude", "p_static") if name in sensors), "altitude")
+    heats = tuple(name for name in ("tat", "sat") if name in sensors) or ("tat",)
+    known: dict[str, Relation] = {}
     for one in _table(static, heats):
-        if {*one.needs, *one.beside} <= has.keys():
-            found.setdefault(one.name, one)
-    is_there = {name: name in has for name in ("tas", "mach", "cas")}
-    is_there |= {"altitude": static in has, "tat or sat": heats[0] in has}
-    is_there["mach, or cas and altitude"] = "mach" in has or {"cas", static} <= has.keys()
+        if {*one.needs, *one.beside} <= sensors.keys():
+            known.setdefault(one.name, one)
+    is_there = {name: name in sensors for name in ("tas", "mach", "cas")}
+    is_there |= {"altitude": static in sensors, "tat or sat": heats[0] in sensors}
+    is_there["mach, or cas and altitude"] = "mach" in sensors or {"cas", static} <= sensors.keys()
     missing = []
     for what, parts in (
         ("the computation of tas is not checked", ("tas", "tat or sat", "mach, or cas and altitude")),
@@ -188,7 +190,43 @@ def _relations(log: FlightLog) -> tuple[list[Relation], list[str]]:
     ):
         if lacks := [part for part in parts if not is_there[part]]:
             missing.append(f"{what}: the log lacks {', '.join(lacks)}")
-    return [*_second_sensors(log), *found.values()], missing
+    expanded = [relation for one in known.values() for relation in _of_sensors(one, sensors)]
+    return [*_second_sensors(log), *expanded], missing
+
+
+def _by_quantity(log: FlightLog) -> dict[str, list[str]]:
+    """Return the channels that read each quantity of the relations, in its unit, the plain name first."""
+    sensors = {name: [name] for name in log.channels if name in STANDARD}
+    for name in sorted(log.channels):
+        quantity = _quantity(name)
+        if name != quantity and quantity in DOMAIN and (unit_of(log, name) or "1") == STANDARD[quantity].unit:
+            sensors.setdefault(quantity, []).append(name)
+    return sensors
+
+
+def _of_sensors(relation: Relation, sensors: Mapping[str, list[str]]) -> list[Relation]:
+    """Return a relation between quantities for their first sensors, their second ones, and so on.
+
+    Two air-data computers are thus each held against their own channels; a quantity that is measured less often gives
+    its first sensor.
+    """
+    expanded = []
+    for k in range(max(len(sensors[quantity]) for quantity in relation.needs)):
+        chosen = {quantity: names[k] if k < len(names) else names[0] for quantity, names in sensors.items()}
+
+        def value(values: Values, chosen: Mapping[str, str] = chosen) -> FloatArray | float:
+            return relation.value({quantity: values[name] for quantity, name in chosen.items() if name in values})
+
+        expanded.append(
+            replace(
+                relation,
+                name=relation.name if k == 0 else f"{relation.name}, sensor {k + 1}",
+                channel=chosen[relation.channel],
+                others=tuple(chosen[quantity] for quantity in relation.others),
+                value=value,
+            )
+        )
+    return expanded
 
 
 def _second_sensors(log: FlightLog) -> list[Relation]:
@@ -384,14 +422,16 @@ def relation_series(log: FlightLog) -> Series:
         return (), ("no relation is checked: the log shows no flight",)
     blocks = Blocks.of(log.time_s[flies], BLOCK_S)
     values: dict[str, FloatArray] = {}
-    for name in {*names, *({"cas", "mach", "altitude", "p_static", "tas"} & log.channels.keys())}:
-        x, (low, high) = blocks.mean(log.channels[name].values[flies]), DOMAIN.get(name, (-np.inf, np.inf))
+    main = {quantity: sensors[0] for quantity, sensors in _by_quantity(log).items() if quantity in FOLLOWED}
+    for name in {*names, *main.values()}:
+        low, high = DOMAIN.get(_quantity(name), (-np.inf, np.inf))
+        x = blocks.mean(log.channels[name].values[flies])
         values[name] = np.where((x >= low) & (x <= high), x, np.nan)
-    follows = _follows(values, blocks.time_s)
+    follows = _follows({quantity: values[name] for quantity, name in main.items()}, blocks.time_s)
     quanta, series = quanta_of(log, names), []
     resting = {name: step for name, step in quanta.items() if _rests(values[name], step)}
     # A temperature changes on its own; the steps of the others change with the flight that a relation may follow.
-    resting |= {name: AVERAGED * step for name, step in resting.items() if name in ("tat", "sat")}
+    resting |= {name: AVERAGED * step for name, step in resting.items() if _quantity(name) in ("tat", "sat")}
     for one in relations:
         made = one.of(values)
         kept = np.isfinite(made) & np.isfinite(follows).all(axis=1)

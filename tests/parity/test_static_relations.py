@@ -116,6 +116,34 @@ def test_numbered_sensors_without_a_plain_name_are_a_pair():
     assert set(found.among) == {"cas_1", "cas_2"}
 
 
+@pytest.mark.parametrize("faulty", ["tas_1", "tas_2"])
+@pytest.mark.parametrize(("size", "shape"), [(0.5, "bias"), (0.01, "drift")])
+def test_physics_tells_which_of_two_numbered_sensors_errs(faulty: str, size: float, shape: str):
+    log = _with_two("tas", made_flight(), 0.3)
+    (found,) = find_static(with_error(log, faulty, size, shape), FROM_S, TO_S).findings
+    assert found.among == (faulty,)
+    assert found.magnitude == pytest.approx(size, rel=0.02)
+
+
+@pytest.mark.parametrize("faulty", ["tas_1", "tas_2", "mach_1", "mach_2", "sat_1", "sat_2"])
+def test_two_air_data_computers_are_each_held_against_their_own_channels(faulty: str):
+    log = made_flight()
+    for quantity, offset in (("tas", 0.3), ("mach", 1e-3), ("sat", 0.2)):
+        log = _with_two(quantity, log, offset)
+    size = 1e-3 if "mach" in faulty else 0.5
+    (found,) = find_static(with_error(log, faulty, size), FROM_S, TO_S).findings
+    assert found.among == (faulty,)
+    assert find_static(log, FROM_S, TO_S).findings == ()
+
+
+def _with_two(quantity: str, log: FlightLog, offset: float) -> FlightLog:
+    """Return the log with two sensors of a quantity, under numbered names, in place of its one."""
+    only = log.channels[quantity]
+    others = {name: channel for name, channel in log.channels.items() if name != quantity}
+    log = with_channel(replace(log, channels=others), f"{quantity}_1", only.values, only.unit)
+    return with_channel(log, f"{quantity}_2", only.values + offset, only.unit)
+
+
 def test_what_the_log_lacks_is_said():
     answer = find_static(made_flight(names=("altitude", "tas")), FROM_S, TO_S)
     assert answer.findings == answer.relations == answer.limits == ()

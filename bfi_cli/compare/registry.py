@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from functools import partial
 
+from ..identify.methods import METHODS
 from .peers import Peer, by_entries, by_likelihood, by_null_space, by_residual, by_two_filters
 from .rivals import AIRSPEED, by_ardupilot, by_change_points, by_cumulative_sum, by_likelihood_ratio, by_px4
 
+# What is asked of a method beyond which entries of a dictionary it declares.
+OF_METHODS = {"ml": by_likelihood, "dmae": by_two_filters, "arx-residual": by_residual}
 PEERS = {
-    "ml": Peer(summary="maximum likelihood, all sources (bfi identify)", state=by_likelihood),
-    "risro": Peer(summary="rank-constrained least squares", state=partial(by_entries, method="risro")),
-    "mf2d": Peer(summary="nuclear norm and l1 norm", state=partial(by_entries, method="mf2d")),
-    "dmae": Peer(summary="double-model adaptive estimation", state=by_two_filters),
-    "arx-residual": Peer(summary="5-sigma test of the ARX residual", state=by_residual),
+    **{
+        name: Peer(summary=one.summary, state=OF_METHODS.get(name, partial(by_entries, method=name)))
+        for name, one in METHODS.items()
+    },
     "null-space": Peer(summary="null-space detector (bfi detect)", state=by_null_space),
     "cusum": Peer(summary="cumulative sum of the ARX residual (Page)", state=by_cumulative_sum),
     "glr": Peer(summary="likelihood ratio of a change in the ARX residual's mean", state=by_likelihood_ratio),

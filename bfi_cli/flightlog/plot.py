@@ -151,8 +151,7 @@ def plot_document(
     events: Sequence[Event],
     provenance: Provenance,
     *,
-    from_s: float | None,
-    to_s: float | None,
+    part_s: tuple[float | None, float | None],
     diff: bool = False,
     shift_s: float = 0.0,
     notes: Sequence[Note] = (),
@@ -164,7 +163,7 @@ def plot_document(
     logs : whole, so that phases and derived channels are those of the flight, also in a part of it.
     names : channels to draw; () for the usual ones.
     events : of analyses of these logs.
-    from_s, to_s : the part to draw, None for the whole.
+    part_s : first and last time to draw, None for that of the whole.
     diff : subtract the channels of the first of two logs from those of the second.
     shift_s : that the times of the second have been moved by.
     notes : put before those of the logs.
@@ -173,7 +172,7 @@ def plot_document(
     ------
     LogError : a log lacks a channel that is named, or has no samples in the part.
     """
-    first = logs[0]
+    first, (from_s, to_s) = logs[0], part_s
     chosen = channels_to_plot(first, names, events)
     if diff and not names:
         chosen = shared_channels(logs[0], logs[1], chosen)

@@ -6,6 +6,7 @@ solved are shrunk by both; those that are reported are the likelihood's on the s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -15,8 +16,9 @@ from ..kernels.mf2d import largest_weight, solve_mf2d
 from ..kernels.model_selection import Penalty, Proposal, refine_supports
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.termination import Termination
+from ..kernels.variable_projection import Fit, ProjectedRegression
 from ..notes import Note
-from ..preprocessing.magnitudes import magnitudes_of_fit
+from ..preprocessing.magnitudes import MagnitudeEstimates, magnitudes_of_fit
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
 from .magnitudes import MethodResult
@@ -45,23 +47,7 @@ def identify_by_mf2d(
         extended=config.selection.criterion == "ebic",
     )
     problems = [regression.problem(order) for order in regression.orders]
-    proposals, iterations = [], 0
-    for problem, _ in parts(partial(progress, "every order"), problems):
-        top = largest_weight(problem)
-        atoms_of = np.array([atom for _, atom in problem.signals], dtype=int)
-        for share in PATH:
-            solved = solve_mf2d(
-                problem,
-                nuclear=NUCLEAR * share * top,
-                sparse=share * top,
-                max_iterations=MOST_ITERATIONS,
-                tolerance=TOLERANCE,
-            )
-            iterations += solved.iterations
-            z = np.zeros(n_atoms)
-            z[atoms_of] = solved.z
-            atoms = tuple(int(j) for j in np.flatnonzero(z))
-            proposals.append(Proposal(order=problem.order, atoms=atoms, z=z[list(atoms)]))
+    proposals, iterations = _path(problems, n_atoms, progress)
     searches, _ = refine_supports(
         problems,
         range(n_atoms),
@@ -75,17 +61,6 @@ def identify_by_mf2d(
     plain = [search.of(()) for search in searches]
     lowest = min((scored for scored in plain if scored is not None), key=lambda scored: scored.criterion)
     estimates = magnitudes_of_fit(regression, selection.best, penalty)
-    # The largest weights that keep every fault that is declared shrink it most.
-    kept = next((one for one in proposals if one.order == fit.order and set(one.atoms) >= set(fit.atoms)), None)
-    notes = []
-    if fit.atoms and kept is not None:
-        solved_z = dict(zip(kept.atoms, kept.z, strict=True))
-        shrunk = [
-            f"{window.names[window.live[j]]} {solved_z[j] * regression.magnitude_unit[j]:.4g} "
-            f"(re-solved {estimates.value[j]:.4g})"
-            for j in fit.atoms[:SHOWN]
-        ]
-        notes.append(Note.method(f"the convex problem shrinks magnitudes; as solved: {', '.join(shrunk)}"))
     several = len(searches) > 1
     return MethodResult(
         atoms=fit.atoms,
@@ -105,5 +80,47 @@ def identify_by_mf2d(
         criterion_no_fault=tuple(np.nan if one is None else one.criterion for one in plain) if several else (),
         criterion_best=tuple(search.best.criterion for search in searches) if several else (),
         converged=fit.termination is Termination.CONVERGED,
-        notes=tuple(notes),
+        notes=_shrinkage(window, regression, proposals, fit, estimates),
     )
+
+
+def _path(problems: Sequence[ProjectedRegression], n_atoms: int, progress: Progress) -> tuple[list[Proposal], int]:
+    """Return the supports of all weights and orders with the magnitudes as solved, and how many iterations it took."""
+    proposals, iterations = [], 0
+    for problem, _ in parts(partial(progress, "every order"), problems):
+        top = largest_weight(problem)
+        atoms_of = np.array([atom for _, atom in problem.signals], dtype=int)
+        for share in PATH:
+            solved = solve_mf2d(
+                problem,
+                nuclear=NUCLEAR * share * top,
+                sparse=share * top,
+                max_iterations=MOST_ITERATIONS,
+                tolerance=TOLERANCE,
+            )
+            iterations += solved.iterations
+            z = np.zeros(n_atoms)
+            z[atoms_of] = solved.z
+            atoms = tuple(int(j) for j in np.flatnonzero(z))
+            proposals.append(Proposal(order=problem.order, atoms=atoms, z=z[list(atoms)]))
+    return proposals, iterations
+
+
+def _shrinkage(
+    window: PreparedWindow,
+    regression: RegressionData,
+    proposals: Sequence[Proposal],
+    fit: Fit,
+    estimates: MagnitudeEstimates,
+) -> tuple[Note, ...]:
+    """Return the note on the magnitudes as solved, by the largest weights that keep every fault that is declared."""
+    kept = next((one for one in proposals if one.order == fit.order and set(one.atoms) >= set(fit.atoms)), None)
+    if not fit.atoms or kept is None:
+        return ()
+    solved_z = dict(zip(kept.atoms, kept.z, strict=True))
+    shrunk = [
+        f"{window.names[window.live[j]]} {solved_z[j] * regression.magnitude_unit[j]:.4g} "
+        f"(re-solved {estimates.value[j]:.4g})"
+        for j in fit.atoms[:SHOWN]
+    ]
+    return (Note.method(f"the convex problem shrinks magnitudes; as solved: {', '.join(shrunk)}"),)

@@ -11,9 +11,11 @@ multipliers splits the three terms; its least squares are factorised once for ev
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from . import FloatArray
@@ -56,6 +58,76 @@ def largest_weight(problem: ProjectedRegression) -> float:
     return max(gradient, default=0.0)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Problem:
+    """The coefficients of every output as one vector: of its lags, of the lagged signals, and its own magnitudes.
+
+    Attributes
+    ----------
+    own : by output the signals on it.
+    columns : by output (n_rows, n_coefficients); factors : their triangular factors, the output beside as last column.
+    """
+
+    order: int
+    n_outputs: int
+    outputs: NDArray[np.intp]
+    own: tuple[NDArray[np.intp], ...]
+    columns: tuple[FloatArray, ...]
+    factors: tuple[FloatArray, ...]
+
+    @property
+    def n_lagged(self) -> int:
+        """Coefficients of lags, of the output and of the signals."""
+        return self.order * (self.n_outputs + len(self.outputs))
+
+    def matrix_of(self, w: Sequence[FloatArray], z: FloatArray) -> FloatArray:
+        """Return X, ((order + 1) n_outputs, n_signals + n_outputs)."""
+        s, n_y, n_z = self.order, self.n_outputs, len(self.outputs)
+        X = np.zeros((s + 1, n_y, n_z + n_y))
+        for i, one in enumerate(w):
+            X[:s, i, n_z:] = one[: s * n_y].reshape(s, n_y)
+            X[:s, i, :n_z] = one[s * n_y : self.n_lagged].reshape(s, n_z)
+        X[s, self.outputs, np.arange(n_z)] = z
+        X[s, :, n_z:] = np.eye(n_y)
+        return X.reshape(-1, n_z + n_y)
+
+    def solvers(self, step: float) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
+        """Return by output Q, R and the weights of the least squares with the quadratic of the splitting."""
+        made = []
+        for F, of in zip(self.factors, self.own, strict=True):
+            weight = np.sqrt(step * np.concatenate([np.ones(self.n_lagged), np.full(len(of), 2.0)]))
+            Q, R = np.linalg.qr(np.vstack([F[:, :-1], np.diag(weight)]))
+            made.append((Q, R, weight))
+        return made
+
+    def nearest(
+        self, solvers: Sequence[tuple[FloatArray, FloatArray, FloatArray]], X: FloatArray, z: FloatArray
+    ) -> tuple[list[FloatArray], FloatArray]:
+        """Return the coefficients and magnitudes of least misfit near a matrix and magnitudes."""
+        s, n_z = self.order, len(self.outputs)
+        target, found, w = X.reshape(s + 1, self.n_outputs, -1), np.zeros(n_z), []
+        for i, ((Q, R, weight), F, of) in enumerate(zip(solvers, self.factors, self.own, strict=True)):
+            near = 0.5 * (target[s, i, of] + z[of])
+            wanted = np.concatenate([target[:s, i, n_z:].ravel(), target[:s, i, :n_z].ravel(), near])
+            one: FloatArray = solve_triangular(R, Q.T @ np.concatenate([F[:, -1], weight * wanted]), check_finite=False)
+            w.append(one)
+            found[of] = one[self.n_lagged :]
+        return w, found
+
+
+def _problem_of(problem: ProjectedRegression) -> _Problem:
+    s, n_y, n_rows = problem.order, problem.n_outputs, len(problem.y)
+    outputs = np.array([output for output, _ in problem.signals], dtype=np.intp)
+    past = np.concatenate([problem.y[:, 1:].reshape(n_rows, -1), -problem.theta[:, 1:].reshape(n_rows, -1)], axis=1)
+    own = tuple(np.flatnonzero(outputs == i) for i in range(n_y))
+    columns = tuple(np.concatenate([past, problem.theta[:, 0, of]], axis=1) for of in own)
+    # Rows beyond the rank of a triangular factor say nothing of the coefficients; they are part of the misfit.
+    factors = tuple(
+        np.asarray(np.linalg.qr(np.column_stack([A, problem.y[:, 0, i]]), mode="r")) for i, A in enumerate(columns)
+    )
+    return _Problem(order=s, n_outputs=n_y, outputs=outputs, own=own, columns=columns, factors=factors)
+
+
 def solve_mf2d(
     problem: ProjectedRegression,
     *,
@@ -72,53 +144,17 @@ def solve_mf2d(
     nuclear, sparse : weights, not negative.
     tolerance : of both residuals, relative to the size of what they are differences of.
     """
-    s, n_y, n_z = problem.order, problem.n_outputs, len(problem.signals)
-    n_k, n_m = s * n_y, s * n_z
-    outputs = np.array([output for output, _ in problem.signals], dtype=int)
-    past = np.concatenate(
-        [problem.y[:, 1:].reshape(len(problem.y), n_k), -problem.theta[:, 1:].reshape(len(problem.y), n_m)], axis=1
-    )
-    own = [np.flatnonzero(outputs == i) for i in range(n_y)]
-    A = [np.concatenate([past, problem.theta[:, 0, of]], axis=1) for of in own]
-    # Rows beyond the rank of a triangular factor say nothing of the coefficients; they are part of the misfit.
-    factors: list[FloatArray] = [
-        np.asarray(np.linalg.qr(np.column_stack([a, problem.y[:, 0, i]]), mode="r")) for i, a in enumerate(A)
-    ]
-
-    def matrix_of(w: list[FloatArray], z: FloatArray) -> FloatArray:
-        """Return X, ((s + 1) n_y, n_z + n_y)."""
-        X = np.zeros((s + 1, n_y, n_z + n_y))
-        for i, one in enumerate(w):
-            X[:s, i, n_z:], X[:s, i, :n_z] = one[:n_k].reshape(s, n_y), one[n_k : n_k + n_m].reshape(s, n_z)
-        X[s, outputs, np.arange(n_z)] = z
-        X[s, :, n_z:] = np.eye(n_y)
-        return X.reshape(-1, n_z + n_y)
-
-    def factorised(step: float) -> list[tuple[FloatArray, FloatArray, FloatArray]]:
-        """Return Q, R and the weights of the least squares with the quadratic of the splitting below."""
-        made = []
-        for F, of in zip(factors, own, strict=True):
-            weight = np.sqrt(step * np.concatenate([np.ones(n_k + n_m), np.full(len(of), 2.0)]))
-            Q, R = np.linalg.qr(np.vstack([F[:, :-1], np.diag(weight)]))
-            made.append((Q, R, weight))
-        return made
-
-    step = max(nuclear, sparse, 1e-12)
-    solvers = factorised(step)
-    Y, v = matrix_of([np.zeros(n_k + n_m)] * n_y, np.zeros(n_z)), np.zeros(n_z)
+    split, step = _problem_of(problem), max(nuclear, sparse, 1e-12)
+    n_y, n_z = split.n_outputs, len(split.outputs)
+    solvers = split.solvers(step)
+    Y, v = split.matrix_of([np.zeros(split.n_lagged)] * n_y, np.zeros(n_z)), np.zeros(n_z)
     U, t = np.zeros_like(Y), np.zeros(n_z)
+    w: list[FloatArray] = []
     converged, iteration = False, 0
     for iteration in range(1, max_iterations + 1):
         # 1. Least squares, one output after the other.
-        target, z = (Y - U).reshape(s + 1, n_y, n_z + n_y), np.zeros(n_z)
-        w: list[FloatArray] = []
-        for i, ((Q, R, weight), F, of) in enumerate(zip(solvers, factors, own, strict=True)):
-            near = 0.5 * (target[s, i, of] + v[of] - t[of])
-            wanted = np.concatenate([target[:s, i, n_z:].ravel(), target[:s, i, :n_z].ravel(), near])
-            one: FloatArray = solve_triangular(R, Q.T @ np.concatenate([F[:, -1], weight * wanted]), check_finite=False)
-            w.append(one)
-            z[of] = one[n_k + n_m :]
-        X = matrix_of(w, z)
+        w, z = split.nearest(solvers, Y - U, v - t)
+        X = split.matrix_of(w, z)
         # 2. Singular values and magnitudes are shrunk.
         relaxed, loose = RELAXATION * X + (1.0 - RELAXATION) * Y, RELAXATION * z + (1.0 - RELAXATION) * v
         before, v_before = Y, v
@@ -138,19 +174,18 @@ def solve_mf2d(
             if uneven > UNBALANCED or uneven < 1.0 / UNBALANCED:
                 change = CHANGE if uneven > 1.0 else 1.0 / CHANGE
                 step, U, t = step * change, U / change, t / change
-                solvers = factorised(step)
+                solvers = split.solvers(step)
     misfit = sum(
-        float(np.sum((problem.y[:, 0, i] - a @ np.concatenate([one[: n_k + n_m], v[of]])) ** 2))
-        for i, (a, one, of) in enumerate(zip(A, w, own, strict=True))
+        float(np.sum((problem.y[:, 0, i] - A @ np.concatenate([one[: split.n_lagged], v[of]])) ** 2))
+        for i, (A, one, of) in enumerate(zip(split.columns, w, split.own, strict=True))
     )
-    X = matrix_of(w, v)
-    objective = 0.5 * misfit + nuclear * float(np.linalg.norm(X, "nuc")) + sparse * float(np.sum(np.abs(v)))
-    blocks = X[: s * n_y].reshape(s, n_y, n_z + n_y)
+    X = split.matrix_of(w, v)
+    blocks = X[:-n_y].reshape(split.order, n_y, n_z + n_y)
     return Mf2dSolution(
         z=v,
         K=blocks[:, :, n_z:].copy(),
         M=blocks[:, :, :n_z].copy(),
-        objective=objective,
+        objective=0.5 * misfit + nuclear * float(np.linalg.norm(X, "nuc")) + sparse * float(np.sum(np.abs(v))),
         iterations=iteration,
         converged=converged,
     )

@@ -9,6 +9,11 @@ The corner of A_k is zero, so only the rank condition ties the corner of X to 1.
 algorithm: z and K are X's last column and row as they stand. They are not divided by the corner, which the rest of X
 determines poorly or, without a fault, not at all, while the data fix the scale of that column and row.
 `corner="imposed"` keeps X = [z; 1] [K', 1], which makes the step the Gauss-Newton step in (z, K).
+
+With several outputs every block of X that belongs to an atom is z_j times the block [K_1 .. K_s, 1] of the outputs
+(rank n_outputs overall), which only the imposed form keeps: its step is again the Gauss-Newton step in (z, K). What it
+minimises is the prediction error whitened by that of the predictor without a fault, so that neither the units of the
+outputs nor their order matter.
 """
 
 from __future__ import annotations
@@ -20,10 +25,10 @@ import numpy as np
 
 from . import FloatArray
 from .lagged import Compressed
-from .risro import NO_SKETCH, Factors, least_squares, risro
+from .risro import DEFICIENT, NO_SKETCH, Factors, least_squares, risro
 from .sparsity import SparseSolution, SparseStage, published_updates, sparse_supports
-from .termination import StoppingRule, Termination, iterate
-from .variable_projection import ProjectedRegression
+from .termination import Iterate, StoppingRule, Termination, iterate
+from .variable_projection import ProjectedRegression, project_inputs
 
 Corner = Literal["free", "imposed"]
 
@@ -38,8 +43,10 @@ class VarxSolution:
     Attributes
     ----------
     z : (n_atoms,) magnitudes, 0 for an atom that is zero in the whole record.
-    K : (order,) coefficients of the past corrected outputs, lag 1 first.
-    misfit : 2-norm of the prediction error of this model.
+    K : (order,) coefficients of the past corrected outputs, lag 1 first; of several outputs (order, n_outputs,
+        n_outputs), where K[i - 1] multiplies yf(k - i).
+    misfit : 2-norm of the prediction error of this model; of several outputs whitened, so that the predictor without a
+        fault has the root of their number.
     corner : X's corner; 1 where it is imposed.
     iterations, termination : steps made, and why no more were.
     condition_number : of the last sketched regressor, columns scaled to unit norm.
@@ -65,7 +72,7 @@ def risro_varx(
     as_published: bool = False,
     sparse: SparseStage | None = None,
 ) -> VarxSolution:
-    """Fit a VARX of one output together with the magnitudes of the faults in its record.
+    """Fit a VARX together with the magnitudes of the faults in its record.
 
     Parameters
     ----------
@@ -79,14 +86,16 @@ def risro_varx(
 
     Raises
     ------
-    ValueError : several outputs, or fewer rows than unknowns.
+    ValueError : a free corner with several outputs, or fewer rows than unknowns.
     """
     columns, n_base, s = data.columns, data.columns.n_base, data.columns.order
-    if columns.n_outputs != 1:
-        raise ValueError(f"the rank-one form has one output, got {columns.n_outputs}; use the likelihood kernel")
-    unknowns = n_base + s + len(columns.signals) + 1
+    if columns.n_outputs != 1 and (as_published or corner == "free"):
+        raise ValueError(f"the published form has one output, got {columns.n_outputs}; impose the corner")
+    unknowns = n_base + s * columns.n_outputs + len(columns.signals) + 1
     if data.n_rows < unknowns:
         raise ValueError(f"{data.n_rows} rows are fewer than the {unknowns} unknowns; lower the order")
+    if columns.n_outputs != 1:
+        return _several_outputs(project_inputs(data, s), columns.n_atoms, initial, settings or StoppingRule())
     corner, settings = ("free", PUBLISHED) if as_published else (corner, settings or StoppingRule())
 
     # The covariates A (n, n_live + 1, s + 1) and y (n,): the trailing block of R.
@@ -146,6 +155,94 @@ def risro_varx(
         condition_number=condition_number,
         updates=updates,
     )
+
+
+def _several_outputs(
+    problem: ProjectedRegression,
+    n_atoms: int,
+    initial: tuple[FloatArray, FloatArray] | None,
+    settings: StoppingRule,
+) -> VarxSolution:
+    """Return the minimum over (z, K) of the whitened prediction error; see `risro_varx`."""
+    y, s, n_y = problem.y, problem.order, problem.n_outputs
+    atoms = sorted({atom for _, atom in problem.signals})
+    theta = np.zeros((*y.shape, len(atoms)))
+    for column, (output, atom) in enumerate(problem.signals):
+        theta[:, :, output, atoms.index(atom)] = problem.theta[:, :, column]
+    past = y[:, 1:].reshape(len(y), -1)
+    free = [least_squares(past, y[:, 0, m])[0] for m in range(n_y)]
+    z, H = np.zeros(len(atoms)), np.column_stack(free)
+    whiten = _whitening(y[:, 0], y[:, 0] - past @ H)
+    if initial is not None:
+        z, H = initial[0][atoms], initial[1].transpose(0, 2, 1).reshape(-1, n_y)
+    elif len(y) >= past.shape[1] + (s + 1) * problem.theta.shape[2]:
+        # As of one output: z and K where the unconstrained least squares has them by themselves.
+        every = np.hstack([past, problem.theta.reshape(len(y), -1)])
+        free = [least_squares(every, y[:, 0, m])[0] for m in range(n_y)]
+        H = np.column_stack(free)[: past.shape[1]]
+        own = [(atoms.index(atom), free[m][past.shape[1] + j]) for j, (m, atom) in enumerate(problem.signals)]
+        z = np.array([np.mean([value for of, value in own if of == j]) for j in range(len(atoms))])
+    colour, y = np.linalg.inv(whiten), y @ whiten
+    theta = np.einsum("kicj,cl->kilj", theta, whiten)
+    H = np.einsum("ac,icm,ml->ial", colour, H.reshape(s, n_y, n_y), whiten).reshape(-1, n_y)
+    ending = iterate(
+        lambda state: _joint_step(theta, y, state),
+        _joint_state(theta, y, z, H, NO_SKETCH),
+        scale=float(np.linalg.norm(y[:, 0])),
+        settings=settings,
+    )
+    last, whole = ending.last, np.zeros(n_atoms)
+    whole[atoms] = last.z
+    return VarxSolution(
+        z=whole,
+        K=np.einsum("ac,icm,ml->ila", whiten, last.H.reshape(s, n_y, n_y), colour),
+        misfit=last.misfit,
+        corner=1.0,
+        iterations=ending.iterations,
+        termination=ending.termination,
+        condition_number=float(np.linalg.cond(np.triu(last.sketch))),
+        updates=0,
+    )
+
+
+def _whitening(y: FloatArray, error: FloatArray) -> FloatArray:
+    """Return the matrix that makes the errors (m, n_y) orthonormal; where they are dependent, the outputs of norm 1."""
+    norms = np.linalg.norm(y, axis=0)
+    norms[norms == 0.0] = 1.0
+    R = np.linalg.qr(error / norms)[1]
+    if R.shape[0] == R.shape[1] and np.linalg.cond(R) * DEFICIENT < 1.0:
+        return np.asarray(np.linalg.inv(R) / norms[:, None])
+    return np.diag(1.0 / norms)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _JointState(Iterate):
+    """An iterate of several outputs: ``error = corrected[:, 0] - past @ H`` with the corrected outputs at every lag."""
+
+    z: FloatArray
+    H: FloatArray
+    X: FloatArray
+    past: FloatArray
+    error: FloatArray
+    misfit: float
+    sketch: FloatArray
+
+
+def _joint_state(theta: FloatArray, y: FloatArray, z: FloatArray, H: FloatArray, sketch: FloatArray) -> _JointState:
+    corrected = y - theta @ z
+    past = corrected[:, 1:].reshape(len(y), -1)
+    error = corrected[:, 0] - past @ H
+    X = np.outer(np.append(z, 1.0), np.append(H, 1.0))
+    return _JointState(z=z, H=H, X=X, past=past, error=error, misfit=float(np.linalg.norm(error)), sketch=sketch)
+
+
+def _joint_step(theta: FloatArray, y: FloatArray, state: _JointState) -> _JointState:
+    """Return the iterate after a step in (z, K)."""
+    m, n_y, n = len(y), y.shape[2], len(state.z)
+    signatures = theta[:, 0] - np.einsum("kaj,al->klj", theta[:, 1:].reshape(m, -1, n), state.H)
+    S = np.hstack([np.kron(state.past, np.eye(n_y)), signatures.reshape(m * n_y, n)])
+    x, sketch = least_squares(S, state.error.ravel())
+    return _joint_state(theta, y, state.z + x[state.H.size :], state.H + x[: state.H.size].reshape(-1, n_y), sketch)
 
 
 def sparse_varx(

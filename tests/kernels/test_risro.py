@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_varx import dictionary as made_dictionary
+from made_varx import explicit_error, made
 from plain_risro import covariates, plain_risro
 from scipy.signal import lfilter
 
@@ -322,6 +324,57 @@ def test_without_atoms_it_is_a_plain_varx(corner):
     assert found.z.shape == (0,)
 
 
+def several(n_y, *, noise=0.0, seed=0, n=400):
+    """Return (u, y, theta, K, z) of a random predictor of order 2 with two atoms on each of its outputs."""
+    rng = np.random.default_rng(seed)
+    plant, z = made(rng, n_y=n_y), rng.uniform(1.0, 3.0, 2 * n_y)
+    u, y = plant.fly(n, rng, noise_sd=noise)
+    theta = made_dictionary(n, n_y=n_y, n_atoms=2 * n_y)
+    return u, y + theta @ z, theta, plant.K, z
+
+
+@pytest.mark.parametrize("n_y", [2, 3])
+@pytest.mark.parametrize("seed", range(4))
+def test_noise_free_faults_of_several_outputs_are_recovered(n_y, seed):
+    u, y, theta, K, z = several(n_y, seed=seed)
+    found = risro_varx(compress(u, y, theta, order=2))
+    assert found.termination is Termination.CONVERGED
+    np.testing.assert_allclose(found.z, z, atol=1e-10)
+    np.testing.assert_allclose(found.K, K, atol=1e-10)
+
+
+def test_one_fault_on_two_outputs_has_one_magnitude():
+    u, y, theta, K, z = several(2)
+    both = np.concatenate([theta[:, :, :3], theta[:, :, :1] + theta[:, :, 3:]], axis=2)
+    found = risro_varx(compress(u, y - theta @ z + both @ z, both, order=2))
+    np.testing.assert_allclose(found.z, z, atol=1e-10)
+    np.testing.assert_allclose(found.K, K, atol=1e-10)
+
+
+def test_order_and_units_of_outputs_do_not_matter():
+    u, y, theta, _, _ = several(3, noise=[0.1, 0.3, 0.2])
+    found, turned, unit = risro_varx(compress(u, y, theta, order=2)), [2, 0, 1], np.array([1e3, 0.02, 57.3])
+    other = risro_varx(compress(u, (y * unit)[:, turned], (theta * unit[:, None])[:, turned], order=2))
+    np.testing.assert_allclose(other.z, found.z, rtol=1e-8)
+    there = found.K * unit[:, None] / unit
+    np.testing.assert_allclose(other.K, there[:, turned][:, :, turned], rtol=1e-6, atol=1e-8)
+    assert other.misfit == pytest.approx(found.misfit)
+
+
+def test_several_outputs_end_at_a_minimum_of_the_whitened_error():
+    u, y, theta, _, z = several(2, noise=0.1)
+    found = risro_varx(compress(u, y, theta, order=2), settings=StoppingRule(tolerance=1e-12))
+    plain = explicit_error(u, y, theta, 0 * z, order=2, feedthrough=False)
+    whiten = np.linalg.inv(np.linalg.qr(plain)[1])
+
+    def misfit(z):
+        return np.linalg.norm(explicit_error(u, y, theta, z, order=2, feedthrough=False) @ whiten)
+
+    assert misfit(found.z) == pytest.approx(found.misfit)
+    for move in 1e-3 * np.vstack([np.eye(len(z)), -np.eye(len(z))]):
+        assert misfit(found.z + move) > found.misfit
+
+
 def test_as_published_makes_fifty_steps():
     u, y, theta, _ = varx(noise=0.02)
     found = risro_varx(compress(u, y, theta, order=ORDER), as_published=True)
@@ -400,7 +453,7 @@ def test_many_noisy_atoms_have_a_start_whose_decomposition_always_ends(order, se
 def test_varx_refusals():
     rng = np.random.default_rng(0)
     u, y, theta = rng.standard_normal((30, 1)), rng.standard_normal((30, 2)), rng.standard_normal((30, 2, 2))
-    with pytest.raises(ValueError, match="one output, got 2"):
-        risro_varx(compress(u, y, theta, order=2))
+    with pytest.raises(ValueError, match="the published form has one output, got 2; impose the corner"):
+        risro_varx(compress(u, y, theta, order=2), as_published=True)
     with pytest.raises(ValueError, match="5 rows are fewer than the 8 unknowns"):
         risro_varx(compress(u[:7], y[:7, :1], theta[:7, :1], order=2))

@@ -52,7 +52,7 @@ class NameMatch:
 
 _TABLE = """
 time s | time since the start of the log | t time_s elapsed_time timestamp totl_time timeus=us
-tas m/s | true airspeed | vtas v_tas true_airspeed vtrue v_true true_air_speed
+tas m/s | true airspeed | vtas v_tas true_airspeed vtrue v_true true_air_speed airspeed_true
 tas_rate m/s^2 | rate of change of true airspeed | vdot v_dot tas_dot vtas_dot tas_acceleration
 cas m/s | calibrated airspeed | vcas v_cas calibrated_airspeed computed_airspeed
 ias m/s | indicated airspeed | vias v_ias indicated_airspeed vind
@@ -67,7 +67,7 @@ sideslip rad | angle of sideslip | beta aos angle_of_sideslip vane_beta sideslip
 p_static Pa | static pressure | ps static_pressure baro_pressure pstat
 p_total Pa | total pressure | pt total_pressure pitot_pressure ptot
 q_impact Pa | impact pressure | qc impact_pressure differential_pressure
-altitude m | pressure altitude | alt h hp press_alt pressure_altitude baro_alt baro_altitude alt_ftmsl=ft
+altitude m | pressure altitude | alt h hp press_alt pressure_altitude baro_alt baro_altitude altitude_std alt_ftmsl=ft
 altitude_rate m/s | rate of climb | alt_rate hdot vertical_speed vvi climb_rate rate_of_climb roc vs
 pitch rad | pitch attitude | theta pitch_angle
 roll rad | roll attitude | phi roll_angle bank bank_angle
@@ -75,9 +75,9 @@ yaw rad | heading | psi yaw_angle heading true_heading hding_true
 pitch_rate rad/s | body pitch rate | q pitchspeed
 roll_rate rad/s | body roll rate | p rollspeed
 yaw_rate rad/s | body yaw rate | r yawspeed
-longitudinal_acc m/s^2 | specific force along body x | ax long_acc n_x nx gload_axial=g
-lateral_acc m/s^2 | specific force along body y | ay lat_acc n_y ny gload_side=g
-normal_acc m/s^2 | specific force along body z | az norm_acc vert_acc n_z nz gload_norml=g
+longitudinal_acc m/s^2 | specific force along body x | ax long_acc n_x nx acceleration_longitudinal gload_axial=g
+lateral_acc m/s^2 | specific force along body y | ay lat_acc n_y ny acceleration_lateral gload_side=g
+normal_acc m/s^2 | specific force along body z | az norm_acc vert_acc n_z nz acceleration_normal gload_norml=g
 flight_path_angle rad | flight path angle | gamma fpa
 tat K | total air temperature | total_air_temperature total_temperature
 sat K | static air temperature | oat static_air_temperature outside_air_temperature air_temperature

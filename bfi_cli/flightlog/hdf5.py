@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ..channels import NameMatch, match_name
 from ..errors import LogError
 from ..filters import filters_from_json
 from ..notes import Note
-from ..units import to_si
+from ..units import si_unit, to_si
 from . import raw
+from .rates import one_base
 from .raw import LARGEST, Asked, FloatArray, RawLog, Track, left_out
 from .record import CLEAN, faults_from_json, nothing_between, segments_from_json
 
@@ -36,6 +38,8 @@ MOST_PACKED = 1032  # deflate, the tightest of HDF5's usual filters, packs at mo
 LARGEST_CHUNK = 2**28  # bytes; a chunk is unpacked whole, and is below 1 MiB where h5py or MATLAB choose its size
 LARGEST_ATTRIBUTE = 2**24  # bytes; a unit takes ten, a list of a thousand segments 100 000
 DAMAGED = ("HDF5 file", "copy or export it again")
+# Attributes of a parameter of FlightDataAccessor, and what it calls the computed airspeed.
+FREQUENCY, OFFSET, COMPUTED = "frequency", "supf_offset", "Airspeed"
 OWN_DATA = "a log must hold its own data, copy it into the file"
 
 
@@ -97,6 +101,9 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
     node = file if chosen is None else root[chosen]
     if chosen is not None:
         signals, unlike = _signals(path, dict(_members(path, node, (file,))))
+    parameters = {name: one.data.parent for name, one in signals.items() if FREQUENCY in one.data.parent.attrs}
+    if parameters and len(parameters) == len(signals):
+        return _of_parameters(path, signals, asked, tuple(left_out(name, why) for name, why in unlike.items()))
     clean: dict[str, _Signal] = {}
     if isinstance(truth, h5py.Group):
         injected, _ = _signals(path, dict(_members(path, truth, (file,))))
@@ -127,6 +134,43 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
         clean={name: signal.track(rows) for name, signal in clean.items()},
         notes=(*notes, *(left_out(name, why) for name, why in unlike.items())),
     )
+
+
+def _of_parameters(path: str, signals: Mapping[str, _Signal], asked: Asked, notes: tuple[Note, ...]) -> RawLog:
+    """Return the log of parameters that have each a rate and an offset of their own, as FlightDataAccessor stores them.
+
+    Each is a group with the samples in `data`, what is invalid of them in `mask`, and the attributes `frequency`, Hz,
+    `supf_offset`, s, and `units` (FlightDataAccessor, `hdf_file`).
+    """
+    raw.require_memory(path, 16 * sum(one.data.size for one in signals.values()), "its parameters", "export fewer")
+    tracks = []
+    for name, signal in signals.items():
+        _require_readable(path, name, signal.data)
+        group = signal.data.parent
+        rate_hz, offset_s = (
+            _number(path, name, group, key, default) for key, default in ((FREQUENCY, None), (OFFSET, 0.0))
+        )
+        if not 0.0 < rate_hz < np.inf or not np.isfinite(offset_s):
+            raise LogError(f"{path}: '{name}' has a frequency of {rate_hz:g} Hz, from {offset_s:g} s; mend the file")
+        values = np.array(signal.values(slice(0, signal.data.size)))
+        mask = _member(path, group, "mask")
+        if mask is not None and getattr(mask, "shape", None) == signal.data.shape and mask.dtype.kind in "biu":
+            _require_readable(path, f"{name}/mask", mask)
+            values[np.ravel(mask[()]) != 0] = np.nan
+        unit = _text(_attribute(group, "units")).strip()
+        stated = signal.unit or (unit if si_unit(unit) is not None else None)
+        time_s = offset_s + np.arange(values.size) / rate_hz
+        known = NameMatch(name="cas", unit=None, rank=2) if name == COMPUTED else match_name(name)
+        tracks.append(raw.clocked(name, values, time_s, asked, unit=stated, known=known))
+    tracks.sort(key=lambda one: one.channel is None)
+    return one_base(path, tracks, output=asked.channel_map.get("tas"), notes=notes)
+
+
+def _number(path: str, name: str, node: h5py.Group, key: str, default: float | None) -> float:
+    stated = _attribute(node, key) if key in node.attrs else default
+    if not isinstance(stated, int | float | np.integer | np.floating):
+        raise LogError(f"{path}: '{name}' has no number as {key}, got {_text(stated)[:40]!r}; mend the file")
+    return float(stated)
 
 
 def _signals(path: str, children: Mapping[str, Any]) -> tuple[dict[str, _Signal], dict[str, str]]:

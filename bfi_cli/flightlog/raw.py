@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -14,7 +15,7 @@ from ..errors import LogError, first_line
 from ..faults import Fault
 from ..filters import Filter
 from ..notes import Note
-from ..units import si_unit
+from ..units import si_unit, to_si
 from .record import Segment
 
 FloatArray = NDArray[np.float64]
@@ -23,6 +24,8 @@ Span = tuple[float | None, float | None]
 
 # Bytes of a log's channels as float64. It is held twice while it is put together: what a computer of 8 GB has.
 LARGEST = 4 * 10**9
+# Angles that leave one end of their range and come back at the other.
+ANGLES = frozenset({"roll", "yaw"})
 # Channels of a file. The largest recorders have about 4000 parameters.
 MOST_CHANNELS = 10_000
 
@@ -77,6 +80,25 @@ class Track:
         if self.read is None:
             return replace(self, values=self.values[rows])
         return replace(self, rows=slice(self.rows.start + rows.start, self.rows.start + rows.stop))
+
+
+def clocked(
+    source: str, values: FloatArray, time_s: FloatArray, asked: Asked, *, unit: str | None, known: NameMatch | None
+) -> Track:
+    """Return a signal (n_samples,) with a clock of its own, its angle told to turn over where it is a heading or roll.
+
+    Parameters
+    ----------
+    known : the standard channel that its name stands for, None for none; `asked` may map it to another.
+    """
+    name, stated = (known.name, known.unit) if known is not None else ("", None)
+    mapped = next((standard for standard, of in asked.channel_map.items() if of == source), None)
+    channel = mapped or name or None
+    given = asked.unit_map.get(source) or asked.unit_map.get(channel or "") or unit
+    turn = None
+    if channel in ANGLES:
+        turn = 2.0 * math.pi / (float(to_si(1.0, given)[0]) if given and si_unit(given) == "rad" else 1.0)
+    return Track(source=source, channel=channel, unit=unit or stated, time_s=time_s, values=values, turn=turn)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

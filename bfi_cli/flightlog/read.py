@@ -29,7 +29,7 @@ from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen
 from .recorder import with_seen_recorder
 from .resampling import with_filled, with_single_samples
 from .tdms import read_tdms
-from .text import read_csv
+from .text import read_csv, wide_encoding
 from .tlog import is_tlog, read_tlog_topics
 from .topics import Recorder, Topic, log_of_topics, topics_of
 
@@ -83,7 +83,7 @@ def read_log(
 
     Parameters
     ----------
-    path : HDF5, CSV, MATLAB v5 or v7.3, PX4 ULog, ArduPilot DataFlash, MAVLink tlog, TDMS (with the
+    path : HDF5 (also of FlightDataAccessor), CSV, MATLAB v5 or v7.3, PX4 ULog, ArduPilot DataFlash, MAVLink tlog, TDMS (with the
         extra `tdms`), or a folder of files of `ulog2csv`.
     group : HDF5 or TDMS group or MATLAB struct that holds the channels, or the log of several in a folder; may be left
         out where there is just one, or where the groups of a TDMS have clocks.
@@ -151,6 +151,8 @@ def _read_file(path: str, asked: Asked) -> RawLog:
     for magic, kind in FOREIGN.items():
         if head.startswith(magic):
             raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")
+    if (encoding := wide_encoding(head)) is not None:
+        return read_csv(path, encoding)
     if b"\0" in head:
         raise LogError(f"{path}: neither HDF5, MATLAB v5 or v7.3, nor text; convert it to CSV or HDF5")
     return read_topic_file(path, asked) or read_csv(path)

@@ -21,8 +21,8 @@ from ..kernels.quantisation import Hold
 from ..kernels.runs import bridged, runs
 from ..notes import Note
 from .quality import hold_of, is_uniform
+from .raw import ANGLES
 from .record import FlightLog, FloatArray, frozen_array
-from .topics import ANGLES
 
 LONGEST_BRIDGE = 4.5  # median time steps: up to three missing samples are interpolated
 SAME_RATE = 1e-3  # relative error of a recorder's clock

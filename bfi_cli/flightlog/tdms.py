@@ -17,10 +17,20 @@ import numpy as np
 from ..channels import NameMatch, match_name
 from ..errors import LogError
 from ..notes import Note
-from ..units import si_unit, to_si
 from .rates import one_base
-from .raw import Asked, FloatArray, RawLog, Track, choose_group, left_out, parsing, rate_of, require_few, require_memory
-from .topics import ANGLES
+from .raw import (
+    Asked,
+    FloatArray,
+    RawLog,
+    Track,
+    choose_group,
+    clocked,
+    left_out,
+    parsing,
+    rate_of,
+    require_few,
+    require_memory,
+)
 
 # What LabVIEW and DIAdem call a unit, the more usual first.
 UNITS = ("unit_string", "NI_UnitDescription", "units", "unit")
@@ -180,20 +190,13 @@ def _track(signal: _Signal, day: np.datetime64 | None, asked: Asked) -> Track:
     clock = signal.clock
     assert clock is not None
     days = 0.0 if day is None or clock.day is None else float((clock.day - day) / np.timedelta64(1, "D"))
-    mapped = next((name for name, source in asked.channel_map.items() if source == signal.source), None)
-    channel = mapped or signal.match.name or None
-    unit = asked.unit_map.get(signal.source) or asked.unit_map.get(channel or "") or signal.unit
-    turn = None
-    if channel in ANGLES:
-        in_rad = float(to_si(1.0, unit)[0]) if unit and si_unit(unit) == "rad" else 1.0
-        turn = 2.0 * math.pi / in_rad
-    return Track(
-        source=signal.source,
-        channel=channel,
-        unit=signal.unit or signal.match.unit,
-        time_s=DAY_S * days + clock.start_s + clock.step_s * np.arange(signal.values.size, dtype=np.float64),
-        values=signal.values,
-        turn=turn,
+    return clocked(
+        signal.source,
+        signal.values,
+        DAY_S * days + clock.start_s + clock.step_s * np.arange(signal.values.size, dtype=np.float64),
+        asked,
+        unit=signal.unit,
+        known=signal.match,
     )
 
 

@@ -5,6 +5,7 @@ Cells are numbers, with decimal commas too, clocks and dates; columns of text ar
 
 from __future__ import annotations
 
+import codecs
 import csv
 import math
 import os
@@ -48,8 +49,24 @@ DECIMAL_POINT = re.compile(r"(?<![\d.])\d+\.\d+(?![\d.])")
 LONGEST_LINE = 10**6
 
 
-def read_csv(path: str) -> RawLog:
+def wide_encoding(head: bytes) -> str | None:
+    """Return the encoding of a text of two bytes a character from its first bytes; None where it is no such text."""
+    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return "utf-16"
+    even, odd = head[: len(head) // 2 * 2 : 2], head[1::2]
+    if not even or b"\0" not in head:
+        return None
+    if not any(odd) and all(even):
+        return "utf-16-le"
+    return "utf-16-be" if not any(even) and all(odd) else None
+
+
+def read_csv(path: str, encoding: str | None = None) -> RawLog:
     """Read a CSV log; empty cells are NaN.
+
+    Parameters
+    ----------
+    encoding : of the text; None for UTF-8, or Latin-1 where it is no UTF-8.
 
     Raises
     ------
@@ -62,8 +79,10 @@ def read_csv(path: str) -> RawLog:
             "times as much in memory); cut the log, or export it as HDF5 and give --from/--to"
         )
     try:
-        return _read(path, "utf-8-sig")
+        return _read(path, encoding or "utf-8-sig")
     except UnicodeDecodeError:
+        if encoding is not None:
+            raise LogError(f"{path}: damaged {encoding.upper()} text; save it as UTF-8") from None
         return _read(path, "latin-1")
 
 

@@ -20,12 +20,10 @@ from ..errors import LogError
 from ..notes import Note
 from ..units import DEGREE, G
 from .rates import one_base
-from .raw import Asked, FloatArray, RawLog, Track
+from .raw import ANGLES, Asked, FloatArray, RawLog, Track
 
 Recorder = Literal["px4", "ardupilot", "mavlink", "garmin"]
 RECORDERS: dict[Recorder, str] = {"px4": "PX4", "ardupilot": "ArduPilot", "mavlink": "MAVLink", "garmin": "Garmin"}
-# Angles that leave one end of their range and come back at the other.
-ANGLES = frozenset({"roll", "yaw"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

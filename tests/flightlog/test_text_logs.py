@@ -37,6 +37,17 @@ def g1000(seconds: list[int], *, day: str = "2011-07-01", hour: int = 13) -> str
     return G1000 + "".join(rows)
 
 
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_text_of_two_bytes_a_character(tmp_path: Path, encoding: str):
+    text = "time [s],tas [kt],elevator [deg]\n" + "".join(f"{0.1 * k:.1f},{100 + k},{k % 3}\n" for k in range(30))
+    path = tmp_path / "log.csv"
+    path.write_bytes(text.encode(encoding))
+    np.testing.assert_allclose(read_log(path).channel("tas").values, KT * (100.0 + np.arange(30)), rtol=1e-12)
+    path.write_bytes(text.encode(encoding)[:-1])
+    with pytest.raises(LogError, match=r"log\.csv: damaged UTF-16.* text; save it as UTF-8"):
+        read_log(path)
+
+
 def test_a_g1000_log(tmp_path: Path):
     log = read_log(write_text(tmp_path / "a.csv", g1000(list(range(20)))))
     assert log.time_s.tolist() == [13 * 3600.0 + k for k in range(20)]

@@ -23,6 +23,7 @@ channels: {}
 units: {}
 group: null
 sample_rate_hz: null
+columns: []
 fill_s: null
 fix_units: false
 boot: null

@@ -175,6 +175,8 @@ group  --group  group  NAME  text
     HDF5 group or MATLAB struct that holds the channels.
 sample_rate_hz  --sample-rate  sample_rate_hz  HZ  positive
     Samples per second of a log that has no time axis.
+columns  --columns  columns  NAMES  kinds
+    Names of the columns of a table of numbers without a header, time,elevator,tas.
 fill_s  --fill  fill_s  S  positive
     Interpolate stretches of missing samples (NaN) up to this long.  [default: none]
 boot  --boot  boot  N  whole
@@ -303,7 +305,7 @@ def _rows() -> dict[str, Option]:
 OPTIONS = _rows()
 # The long flag of every key, for messages.
 FLAGS = {row.key: row.flags[-2].partition("/")[0] for row in OPTIONS.values() if row.key}
-CHANNELS = ("channel_map", "unit_map", "group", "sample_rate_hz", "fill_s", "boot")
+CHANNELS = ("channel_map", "unit_map", "group", "sample_rate_hz", "columns", "fill_s", "boot")
 SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate", "recorder")
 MODEL = ("order", "feedthrough")
 VERDICT = ("require", "tolerance")

@@ -349,6 +349,8 @@ class Config(Rules):
     """HDF5 group or MATLAB struct that holds the channels."""
     sample_rate_hz: Positive | None = None
     """Samples per second of a log that has no time axis."""
+    columns: Annotated[tuple[Text, ...], AfterValidator(_distinct)] = ()
+    """Names of the columns of a table of numbers that has no header line; default those of its header."""
     fill_s: Positive | None = None
     """Stretches of missing samples (NaN) up to this long, s, are interpolated; default none."""
     fix_units: StrictBool = False

@@ -293,6 +293,6 @@ def _told_by(name: str, wanted: Iterable[str] = ()) -> tuple[str, str, int] | No
 
 
 def _topic(path: Path, name: str, instance: int) -> Topic:
-    columns = {column.source: column.values for column in read_csv(str(path)).columns}
+    columns = {column.source: column.values for column in read_csv(str(path), Asked()).columns}
     time_s = MICROSECOND * columns.pop("timestamp")
     return Topic(name=name, instance=instance, time_s=time_s, fields=columns)

@@ -39,6 +39,7 @@ class Asked:
     unit_map: Mapping[str, str] = field(default_factory=dict)
     span: Span = (None, None)
     sample_rate_hz: float | None = None
+    columns: tuple[str, ...] = ()
 
     @property
     def sources(self) -> tuple[str, ...]:

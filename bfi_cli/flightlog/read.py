@@ -73,6 +73,7 @@ def read_log(
     from_s: float | None = None,
     to_s: float | None = None,
     sample_rate_hz: float | None = None,
+    columns: Sequence[str] = (),
     fill_s: float | None = None,
     boot: int | None = None,
 ) -> FlightLog:
@@ -83,8 +84,8 @@ def read_log(
 
     Parameters
     ----------
-    path : HDF5 (also of FlightDataAccessor), CSV, MATLAB v5 or v7.3, PX4 ULog, ArduPilot DataFlash, MAVLink tlog, TDMS (with the
-        extra `tdms`), or a folder of files of `ulog2csv`.
+    path : HDF5 (also of FlightDataAccessor), CSV, MATLAB v5 or v7.3, PX4 ULog, ArduPilot DataFlash, MAVLink tlog, TDMS
+        (with the extra `tdms`), or a folder of files of `ulog2csv`.
     group : HDF5 or TDMS group or MATLAB struct that holds the channels, or the log of several in a folder; may be left
         out where there is just one, or where the groups of a TDMS have clocks.
     channel_map : standard name -> name in the file, for names that are not known.
@@ -92,6 +93,7 @@ def read_log(
     from_s, to_s : the window that is wanted, on the log's time axis. The log may come back longer, so cut it with
         `FlightLog.window`: samples outside are left unread only in a large HDF5 log.
     sample_rate_hz : from which time is counted in a log without a time axis, in place of the rate that its file states.
+    columns : names of the columns of a table of numbers without a header line.
     fill_s : stretches of NaN of up to this length are interpolated; by default none is.
     boot : which part of a log whose clock starts again, counted from 1; by default the one with the longest flight.
 
@@ -114,6 +116,7 @@ def read_log(
         unit_map=unit_map or {},
         span=(from_s, to_s),
         sample_rate_hz=sample_rate_hz,
+        columns=tuple(columns),
     )
     if os.path.isdir(name):
         log = _of_boot(name, read_folder(name, asked), asked, folder_digest(name), boot)
@@ -141,21 +144,30 @@ def _read_file(path: str, asked: Asked) -> RawLog:
         raise LogError(f"{path}: the file is empty; copy or export it again")
     for is_one, reader in WITH_GROUPS:
         if is_one(head):
+            _require_no_columns(path, asked)
             return reader(path, asked)
     if asked.group is not None:
         raise LogError(f"{path}: no group '{asked.group}', a log of this kind has none; leave out --group")
     for is_one, recorder, topics_in in OF_MESSAGES:
         if is_one(head):
+            _require_no_columns(path, asked)
             topics, notes = topics_in(path, topics_of(asked.sources))
             return log_of_topics(path, recorder, topics, asked, notes=notes)
     for magic, kind in FOREIGN.items():
         if head.startswith(magic):
             raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")
     if (encoding := wide_encoding(head)) is not None:
-        return read_csv(path, encoding)
+        return read_csv(path, asked, encoding)
     if b"\0" in head:
         raise LogError(f"{path}: neither HDF5, MATLAB v5 or v7.3, nor text; convert it to CSV or HDF5")
-    return read_topic_file(path, asked) or read_csv(path)
+    return (None if asked.columns else read_topic_file(path, asked)) or read_csv(path, asked)
+
+
+def _require_no_columns(path: str, asked: Asked) -> None:
+    if asked.columns:
+        raise LogError(
+            f"{path}: --columns names those of a text without a header, this file names its own; leave it out"
+        )
 
 
 def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None) -> FlightLog:

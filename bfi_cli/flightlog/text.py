@@ -24,7 +24,7 @@ from ..errors import LogError
 from ..filters import filters_from_json
 from ..notes import Note
 from ..units import si_unit
-from .raw import RawLog, Track, left_out, require_few
+from .raw import Asked, RawLog, Track, left_out, require_few
 from .record import CLEAN, FloatArray, faults_from_json, segments_from_json
 from .topics import maps_of
 
@@ -61,11 +61,12 @@ def wide_encoding(head: bytes) -> str | None:
     return "utf-16-be" if not any(even) and all(odd) else None
 
 
-def read_csv(path: str, encoding: str | None = None) -> RawLog:
-    """Read a CSV log; empty cells are NaN.
+def read_csv(path: str, asked: Asked, encoding: str | None = None) -> RawLog:
+    """Read a CSV log, or one with blanks between its columns; empty cells are NaN.
 
     Parameters
     ----------
+    asked : its columns, where the text has no header.
     encoding : of the text; None for UTF-8, or Latin-1 where it is no UTF-8.
 
     Raises
@@ -79,23 +80,28 @@ def read_csv(path: str, encoding: str | None = None) -> RawLog:
             "times as much in memory); cut the log, or export it as HDF5 and give --from/--to"
         )
     try:
-        return _read(path, encoding or "utf-8-sig")
+        return _read(path, encoding or "utf-8-sig", asked.columns)
     except UnicodeDecodeError:
         if encoding is not None:
             raise LogError(f"{path}: damaged {encoding.upper()} text; save it as UTF-8") from None
-        return _read(path, "latin-1")
+        return _read(path, "latin-1", asked.columns)
 
 
-def _read(path: str, encoding: str) -> RawLog:
+def _read(path: str, encoding: str, named: Sequence[str]) -> RawLog:
     comments: dict[str, str] = {}
     with open(path, encoding=encoding) as file:
         rows = _rows(path, file, comments)
         header = next(rows, None)
         if header is None:
             raise LogError(f"{path}: no header line, the file holds no text but comments; give a log with channels")
-        delimiter = next((sign for sign in (";", "\t") if sign in header[1]), ",")
-        garmin = AIRFRAME in comments
         second = next(rows, None)
+        if _is_spaced(header[1] if named or second is None else second[1]):
+            header, second, rows = _with_commas(header), second and _with_commas(second), map(_with_commas, rows)
+        delimiter = next((sign for sign in (";", "\t") if sign in header[1]), ",")
+        if named:
+            first_row, rows = header, chain([] if second is None else [second], rows)
+            header, second = (0, _named(path, header, named, delimiter)), first_row
+        garmin = AIRFRAME in comments
         if garmin and second is not None and (heads := _two_headers(header[1], second[1], delimiter)):
             header, second = (second[0], heads), next(rows, None)
         names = _header(path, *header, delimiter=delimiter)
@@ -131,6 +137,26 @@ def _read(path: str, encoding: str) -> RawLog:
         clean = {c.source.removesuffix(CLEAN): c for c in columns if c.source.endswith(CLEAN)}
         columns = [c for c in columns if not c.source.endswith(CLEAN)]
     return RawLog(columns=columns, segments=segments, filters=filters, faults=faults, clean=clean, notes=tuple(notes))
+
+
+def _is_spaced(line: str) -> bool:
+    """Say whether a line holds several numbers with blanks between them."""
+    cells = line.split()
+    return len(cells) > 1 and not any(sign in line for sign in ",;\t") and all(map(_is_number, cells))
+
+
+def _with_commas(row: tuple[int, str]) -> tuple[int, str]:
+    return row[0], ",".join(row[1].split())
+
+
+def _named(path: str, first: tuple[int, str], named: Sequence[str], delimiter: str) -> str:
+    """Return the header that a table does not have."""
+    cells = _cells(first[1], delimiter)
+    if not all(_is_number(cell) or cell.strip().lower() in ABSENT for cell in cells):
+        raise LogError(f"{path}: line {first[0]} is a header; leave out --columns, or map its names with --channel")
+    if len(cells) != len(named):
+        raise LogError(f"{path}: line {first[0]} has {len(cells)} columns, --columns names {len(named)}; name them all")
+    return delimiter.join(named)
 
 
 def _two_headers(upper: str, lower: str, delimiter: str) -> str | None:
@@ -200,7 +226,9 @@ def _header(path: str, line: int, text: str, *, delimiter: str) -> list[str]:
     if cells and not cells[-1]:
         cells.pop()
     if any(map(_is_number, cells)):
-        raise LogError(f"{path}: no header, line {line} holds numbers; write the channels' names above them")
+        raise LogError(
+            f"{path}: no header, line {line} holds numbers; write the channels' names above them, or give --columns"
+        )
     require_few(path, len(cells), "columns")
     places: dict[str, int] = {}
     for i, cell in enumerate(cells, start=1):

@@ -37,6 +37,24 @@ def g1000(seconds: list[int], *, day: str = "2011-07-01", hour: int = 13) -> str
     return G1000 + "".join(rows)
 
 
+@pytest.mark.parametrize("sign", ["  ", ",", ";", "\t"])
+def test_a_table_without_a_header_has_the_names_that_are_given(tmp_path: Path, sign: str):
+    rows = [sign.join((f"{0.1 * k:.1f}", f"{100 + k}", f"{k % 3}")) for k in range(30)]
+    path = tmp_path / "table.txt"
+    path.write_text("\n".join(rows) + "\n")
+    log = read_log(path, columns=("time", "tas", "elevator"), unit_map={"tas": "kt"})
+    np.testing.assert_allclose(log.channel("tas").values, KT * (100.0 + np.arange(30)), rtol=1e-12)
+    assert log.n_samples == 30
+    with pytest.raises(LogError, match=r"no header, line 1 holds numbers; .*--columns"):
+        read_log(path)
+    with pytest.raises(LogError, match=r"line 1 has 3 columns, --columns names 2; name them all"):
+        read_log(path, columns=("time", "tas"))
+    path.write_text(sign.join(("time", "tas", "elevator")) + "\n" + "\n".join(rows))
+    assert set(read_log(path).channels) == {"tas", "elevator"}
+    with pytest.raises(LogError, match=r"line 1 is a header; leave out --columns"):
+        read_log(path, columns=("time", "tas", "elevator"))
+
+
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
 def test_text_of_two_bytes_a_character(tmp_path: Path, encoding: str):
     text = "time [s],tas [kt],elevator [deg]\n" + "".join(f"{0.1 * k:.1f},{100 + k},{k % 3}\n" for k in range(30))

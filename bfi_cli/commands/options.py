@@ -264,7 +264,7 @@ allow_outside  --allow-outside  -  -  flag
 units  --units  shown_units  si|aviation  shown_units
     Units of tables, figures and reports; aviation: kt, ft, ft/min, deg, degC, hPa. Files stay SI.  [default: si]
 out_file  -o,--output  -  OUT  new_file
-    The file to write, .h5 or .csv.
+    The file to write, .h5, .csv or .mcap.
 out  --out  -  DIR  path
     Write result, report, figures and tables.
 force  --force  -  -  flag

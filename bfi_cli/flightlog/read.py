@@ -19,12 +19,13 @@ from ..units import si_unit, to_si
 from .dataflash import read_dataflash_topics
 from .hdf5 import read_hdf5
 from .matlab import read_matlab
+from .mcap import is_mcap, read_mcap
 from .phases import airborne_stretches
 from .plausible import RIGHT, assumed_units, time_scale
 from .px4 import folder_digest, read_folder, read_topic_file, read_ulog_topics
 from .quality import is_uniform
 from .rates import boot_starts
-from .raw import Asked, RawLog, Track, by_precedence, different_length, fits, time_column
+from .raw import Asked, RawLog, Track, by_precedence, different_length, fits, left_out, time_column
 from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
 from .resampling import with_filled, with_single_samples
@@ -41,6 +42,7 @@ WITH_GROUPS: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
     (lambda head: any(head.startswith(HDF5, at) for at in (0, 512, 1024, 2048)), read_hdf5),
     (lambda head: head.startswith(MATLAB), read_matlab),
     (lambda head: head.startswith(b"TDSm"), read_tdms),
+    (is_mcap, read_mcap),
 )
 # Recorders of messages: what reads those of their topics that are named.
 Topics = Callable[[str, Collection[str]], tuple[list[Topic], list[Note]]]
@@ -85,7 +87,7 @@ def read_log(
     Parameters
     ----------
     path : HDF5 (also of FlightDataAccessor), CSV, MATLAB v5 or v7.3, PX4 ULog, ArduPilot DataFlash, MAVLink tlog, TDMS
-        (with the extra `tdms`), or a folder of files of `ulog2csv`.
+        and MCAP (with the extras `tdms` and `mcap`), or a folder of files of `ulog2csv`.
     group : HDF5 or TDMS group or MATLAB struct that holds the channels, or the log of several in a folder; may be left
         out where there is just one, or where the groups of a TDMS have clocks.
     channel_map : standard name -> name in the file, for names that are not known.
@@ -237,9 +239,12 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     else:
         time_s, rounded = _without_rounding(_checked_time(path, time), time.source)
         notes += rounded
-    for channel in channels.values():
-        if channel.n_samples != time_s.size:
+    others = {name: one for name, one in channels.items() if one.n_samples != time_s.size}
+    for name, channel in others.items():
+        if channel.source in asked.sources or 2 * len(others) > len(channels):
             raise different_length(path, channel.source, channel.n_samples, time_s.size)
+        del channels[name]
+        notes.append(left_out(channel.source, f"has {channel.n_samples} samples, the time axis {time_s.size},"))
     if units := assumed_units(channels.values()):
         notes.append(
             Note.advice(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import struct
 import zlib
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from hypothesis import strategies as st
 from scipy.io import savemat
 from scipy.sparse import csc_array
 
+from bfi_cli.errors import LogError
+from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.matlab import unpacked_size, variables
 
 LEAVES = st.one_of(
@@ -38,6 +41,21 @@ def saved(written: dict[str, Any], *, compressed: bool = False) -> bytes:
 def test_what_is_saved_passes(written: dict[str, Any], compressed: bool):
     found = variables(saved(written, compressed=compressed))
     assert {variable.name: variable.unlike for variable in found} == dict.fromkeys(written)
+
+
+def test_what_has_another_length_is_left_out_with_its_reason(tmp_path: Path):
+    path = tmp_path / "flight.mat"
+    time_s = np.arange(50) / 10.0
+    savemat(
+        path, {"time": time_s, "tas": 90.0 + time_s, "elevator": time_s, "pitch": time_s, "aoa": np.ones(7), "g": 9.8}
+    )
+    log = read_log(path)
+    assert set(log.channels) == {"tas", "elevator", "pitch"}
+    assert any("'aoa' has 7 samples, the time axis 50, and is left out" in note.text for note in log.notes)
+    with pytest.raises(LogError, match=r"'aoa' has 7 samples, the time axis 50, and is left out; the log has: "):
+        log.channel("aoa")
+    with pytest.raises(LogError, match=r"'aoa' has 7 samples, the time axis 50; give all one time axis"):
+        read_log(path, channel_map={"sideslip": "aoa"})
 
 
 def test_classes_without_signals_are_told_apart():

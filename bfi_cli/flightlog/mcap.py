@@ -1,0 +1,141 @@
+"""MCAP logs of robots and ground stations: messages of JSON, their numbers the channels, each topic with its own clock.
+
+The parsing is that of the package mcap (extra `mcap`). Times are those of the log, not of the publisher.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from ..channels import match_name, split_unit
+from ..errors import LogError
+from ..files import MCAP
+from ..notes import Note
+from ..units import si_unit
+from .rates import one_base
+from .raw import Asked, FloatArray, RawLog, Track, choose_group, clocked, left_out, parsing, require_few, require_memory
+
+DAY_S = 86_400.0  # without leap seconds
+# Bytes of a message: a flight log's have some hundred, images a million.
+LARGEST_MESSAGE = 10**6
+# Levels of objects in objects that are opened, of which the names are joined by dots.
+DEEPEST = 4
+
+
+def is_mcap(head: bytes) -> bool:
+    """Say whether a file begins as MCAP does."""
+    return head.startswith(MCAP)
+
+
+def read_mcap(path: str, asked: Asked) -> RawLog:
+    """Read the numbers in the JSON messages of all topics, or of the one that is asked for as group.
+
+    Raises
+    ------
+    LogError : the package mcap is not installed; damaged, no such topic, no numbers, more than memory holds.
+    """
+    try:
+        from mcap.reader import make_reader
+    except ImportError:
+        raise LogError(f"{path}: an MCAP file, and mcap is not installed; pip install 'bfi-cli[mcap]'") from None
+    topics: dict[str, tuple[list[float], dict[str, list[float]]]] = {}
+    unread: dict[str, str] = {}
+    units: dict[str, str] = {}
+    n_values = 0
+    with parsing(path, "MCAP file"), open(path, "rb") as file:
+        for schema, channel, message in make_reader(file).iter_messages(log_time_order=True):
+            name = channel.topic.strip("/")
+            values = _numbers(channel.message_encoding, message.data)
+            if values is None:
+                unread.setdefault(name, channel.message_encoding)
+                continue
+            if name not in topics:
+                units |= {f"{name}/{field}": unit for field, unit in _units(b"" if schema is None else schema.data)}
+            times, fields = topics.setdefault(name, ([], {}))
+            for field, value in values.items():
+                known = fields.setdefault(field, [])
+                known += [math.nan] * (len(times) - len(known))
+                known.append(value)
+                n_values += 1
+            times.append(1e-9 * message.log_time)
+            require_memory(path, 32 * n_values, "its messages", "export fewer topics")
+    notes = [left_out(name, f"has messages of '{kind}', not of JSON numbers,") for name, kind in unread.items()]
+    signals = {name: topic for name, topic in topics.items() if topic[1]}
+    require_few(path, sum(len(fields) for _, fields in signals.values()), "fields")
+    if asked.group is not None or not signals:
+        chosen = choose_group(path, asked.group and asked.group.strip("/"), list(signals), has_signals=False)
+        signals = {name: topic for name, topic in signals.items() if name == chosen}
+    first_s = min(times[0] for times, _ in signals.values())
+    zero_s = DAY_S * math.floor(first_s / DAY_S)
+    if zero_s:
+        day = np.datetime64(int(zero_s), "s").astype("datetime64[D]")
+        notes.append(Note.method(f"time counts from midnight of {day} UTC"))
+    return _log_of(path, signals, units, zero_s, asked, tuple(notes))
+
+
+def _log_of(
+    path: str,
+    signals: Mapping[str, tuple[list[float], dict[str, list[float]]]],
+    units: Mapping[str, str],
+    zero_s: float,
+    asked: Asked,
+    notes: tuple[Note, ...],
+) -> RawLog:
+    """Return the log of one topic on its own clock, of several on one base."""
+    names = [field for _, fields in signals.values() for field in fields]
+    tracks = []
+    for topic, (times, fields) in signals.items():
+        time_s = np.array(times) - zero_s
+        for field, known in fields.items():
+            values: FloatArray = np.array(known + [math.nan] * (len(times) - len(known)))
+            full = field if names.count(field) == 1 else f"{topic}/{field}"
+            source, unit = split_unit(full)
+            here = np.isfinite(values) if len(signals) > 1 else np.ones(values.size, dtype=bool)
+            unit = unit or units.get(f"{topic}/{field}")
+            tracks.append(clocked(source, values[here], time_s[here], asked, unit=unit, known=match_name(source)))
+    if len(signals) > 1:
+        tracks = [track for track in tracks if track.channel != "time"]
+        return one_base(path, tracks, output=asked.channel_map.get("tas"), notes=notes)
+    columns = [Track(source=one.source, values=one.values, unit=one.unit, channel=one.channel) for one in tracks]
+    if not any(one.channel == "time" for one in columns):
+        columns.insert(0, Track(source="time", values=tracks[0].time_s, unit="s", channel="time"))
+    return RawLog(columns=columns, notes=notes)
+
+
+def _units(schema: bytes) -> Iterator[tuple[str, str]]:
+    """Yield the fields of a JSON schema that state a unit, as `unit`, `units` or the whole of their description."""
+    try:
+        properties = json.loads(schema or b"{}").get("properties", {})
+        stated = [
+            (name, [one.get(key) for key in ("unit", "units", "description")]) for name, one in properties.items()
+        ]
+    except (ValueError, RecursionError, AttributeError):
+        return
+    for name, texts in stated:
+        unit = next((text for text in texts if isinstance(text, str) and si_unit(text) is not None), None)
+        if unit is not None:
+            yield name, unit
+
+
+def _numbers(encoding: str, data: bytes) -> dict[str, float] | None:
+    """Return the numbers of a message by their names, None where it is no JSON object."""
+    if encoding != "json" or len(data) > LARGEST_MESSAGE:
+        return None
+    try:
+        message = json.loads(data)
+    except (ValueError, RecursionError):
+        return None
+    return dict(_opened("", message, 0)) if isinstance(message, dict) else None
+
+
+def _opened(prefix: str, message: Mapping[str, Any], depth: int) -> Iterator[tuple[str, float]]:
+    for name, value in message.items():
+        if isinstance(value, bool | int | float):
+            yield f"{prefix}{name}", float(value) if abs(value) < 1e300 else math.nan
+        elif isinstance(value, dict) and depth < DEEPEST:
+            yield from _opened(f"{prefix}{name}.", value, depth + 1)

@@ -2,11 +2,11 @@
 
 Written from the published sources, not translated from them:
 
-- PX4-Autopilot, src/lib/airspeed_validator/AirspeedValidator.cpp with the first-principle check (main branch of 2025),
+- PX4-Autopilot, src/lib/airspeed_validator/AirspeedValidator.cpp as it is with the first-principle check,
   parameters of src/modules/airspeed_selector/airspeed_selector_params.c: ASPD_FS_INNOV 5 m/s, ASPD_FS_INTEG 10 m,
   ASPD_FS_T_STOP 1 s, ASPD_FS_T_START -1 s (never again), ASPD_FP_T_WINDOW 2 s, ASPD_DO_CHECKS 7 (missing, stuck and
   innovation; load factor and first principle are off), FW_AIRSPD_STALL 7 m/s, FW_THR_TRIM 0.6, FW_PSP_OFF 0.
-- ArduPilot, libraries/AP_Airspeed/AP_Airspeed_Health.cpp (Plane 4.2 and later) and AP_Airspeed.cpp: ARSPD_WIND_MAX 0
+- ArduPilot, libraries/AP_Airspeed/AP_Airspeed_Health.cpp and AP_Airspeed.cpp: ARSPD_WIND_MAX 0
   (off), ARSPD_WIND_GATE 5, with the bits to disable and to enable again of ARSPD_OPTIONS set.
 
 Every function is given the samples that the autopilot has, (n,), in flight throughout, and returns (n,) booleans.

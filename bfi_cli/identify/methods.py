@@ -38,7 +38,6 @@ METHODS = {
         "rank-constrained least squares (risro)",
         "risro:identify_by_risro",
         intervals=False,
-        several_outputs=False,
         feedthrough=False,
     ),
     "risro-as-published": Method(

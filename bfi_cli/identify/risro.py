@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import Config
-from ..errors import LogError
+from ..errors import ConfigError, LogError
 from ..kernels.model_selection import Penalty, ScoredFit, refine_supports
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.risro_varx import VarxSolution
@@ -51,8 +51,14 @@ def identify_by_risro(
 
     Raises
     ------
+    ConfigError : several outputs, to the letter of the thesis.
     LogError : the window has too few rows to estimate all magnitudes at once.
     """
+    if as_published(config) and len(config.outputs) > 1:
+        raise ConfigError(
+            f"risro.as_published: the published algorithm works on one output, got {len(config.outputs)}; give one "
+            "--output, or leave the key out"
+        )
     n_atoms = len(regression.atoms)
     regression = replace(regression, orders=tuple(s for s in regression.orders if _has_rows(regression, s)))
     if not regression.orders:
@@ -159,9 +165,9 @@ def _by_rule(
     solutions, criteria = {}, {}
     for order, _ in parts(partial(progress, "every order"), regression.orders):
         solutions[order] = solution = solve(regression.at_order(order), config)
-        variance = solution.misfit**2 / n_rows + regression.floor**2
+        covariance = solution.squares / n_rows + regression.floor**2 * np.eye(len(solution.squares))
         n_parameters = regression.problem(order).n_predictor + n_atoms
-        criteria[order] = n_rows * float(np.log(variance)) + n_parameters * penalty.per_parameter
+        criteria[order] = n_rows * float(np.linalg.slogdet(covariance)[1]) + n_parameters * penalty.per_parameter
     order = min(criteria, key=lambda key: criteria[key])
     solution, problem = solutions[order], regression.problem(order)
     z = solution.z * regression.magnitude_unit
@@ -231,4 +237,4 @@ def declared(solution: VarxSolution, z: FloatArray, config: Config) -> NDArray[n
 def _has_rows(regression: RegressionData, order: int) -> bool:
     """Say whether the rows outnumber the unknowns of all magnitudes and the predictor of an order."""
     columns = replace(regression.data.columns, order=order)
-    return regression.n_rows > columns.n_base + order + len(columns.signals)
+    return regression.n_rows > columns.n_base + order * columns.n_outputs + len(columns.signals)

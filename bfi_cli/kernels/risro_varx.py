@@ -25,10 +25,11 @@ import numpy as np
 
 from . import FloatArray
 from .lagged import Compressed
-from .risro import DEFICIENT, NO_SKETCH, Factors, least_squares, risro
+from .risro import NO_SKETCH, Factors, least_squares, risro
 from .sparsity import SparseSolution, SparseStage, published_updates, sparse_supports
 from .termination import Iterate, StoppingRule, Termination, iterate
 from .variable_projection import ProjectedRegression, project_inputs
+from .whitened_outputs import WhitenedOutputs, whitened_outputs
 
 Corner = Literal["free", "imposed"]
 
@@ -47,6 +48,7 @@ class VarxSolution:
         n_outputs), where K[i - 1] multiplies yf(k - i).
     misfit : 2-norm of the prediction error of this model; of several outputs whitened, so that the predictor without a
         fault has the root of their number.
+    squares : (n_outputs, n_outputs) sums of squares and products of the prediction error, not whitened.
     corner : X's corner; 1 where it is imposed.
     iterations, termination : steps made, and why no more were.
     condition_number : of the last sketched regressor, columns scaled to unit norm.
@@ -56,6 +58,7 @@ class VarxSolution:
     z: FloatArray
     K: FloatArray
     misfit: float
+    squares: FloatArray
     corner: float
     iterations: int
     termination: Termination
@@ -149,6 +152,7 @@ def risro_varx(
         z=whole,
         K=K,
         misfit=misfit,
+        squares=np.array([[misfit**2]]),
         corner=corner_value,
         iterations=iterations,
         termination=termination,
@@ -164,39 +168,37 @@ def _several_outputs(
     settings: StoppingRule,
 ) -> VarxSolution:
     """Return the minimum over (z, K) of the whitened prediction error; see `risro_varx`."""
-    y, s, n_y = problem.y, problem.order, problem.n_outputs
-    atoms = sorted({atom for _, atom in problem.signals})
-    theta = np.zeros((*y.shape, len(atoms)))
-    for column, (output, atom) in enumerate(problem.signals):
-        theta[:, :, output, atoms.index(atom)] = problem.theta[:, :, column]
-    past = y[:, 1:].reshape(len(y), -1)
-    free = [least_squares(past, y[:, 0, m])[0] for m in range(n_y)]
-    z, H = np.zeros(len(atoms)), np.column_stack(free)
-    whiten = _whitening(y[:, 0], y[:, 0] - past @ H)
+    y, now, n_y = problem.y.reshape(len(problem.y), -1), problem.y[:, 0], problem.n_outputs
+    past, n_past = y[:, n_y:], y.shape[1] - n_y
+    z, K = np.zeros(n_atoms), _predictors(past, now).reshape(-1, n_y, n_y).transpose(0, 2, 1)
+    outputs = whitened_outputs(problem, z, K)
+    atoms = outputs.atoms
     if initial is not None:
-        z, H = initial[0][atoms], initial[1].transpose(0, 2, 1).reshape(-1, n_y)
-    elif len(y) >= past.shape[1] + (s + 1) * problem.theta.shape[2]:
+        z, K = initial
+    elif len(y) >= n_past + problem.theta[0].size:
         # As of one output: z and K where the unconstrained least squares has them by themselves.
-        every = np.hstack([past, problem.theta.reshape(len(y), -1)])
-        free = [least_squares(every, y[:, 0, m])[0] for m in range(n_y)]
-        H = np.column_stack(free)[: past.shape[1]]
-        own = [(atoms.index(atom), free[m][past.shape[1] + j]) for j, (m, atom) in enumerate(problem.signals)]
-        z = np.array([np.mean([value for of, value in own if of == j]) for j in range(len(atoms))])
-    colour, y = np.linalg.inv(whiten), y @ whiten
-    theta = np.einsum("kicj,cl->kilj", theta, whiten)
-    H = np.einsum("ac,icm,ml->ial", colour, H.reshape(s, n_y, n_y), whiten).reshape(-1, n_y)
+        free = _predictors(np.hstack([past, problem.theta.reshape(len(y), -1)]), now)
+        K = free[:n_past].reshape(-1, n_y, n_y).transpose(0, 2, 1)
+        shares = np.zeros(n_atoms)
+        for column, (output, atom) in enumerate(problem.signals, start=n_past):
+            z[atom] += free[column, output]
+            shares[atom] += 1.0
+        z /= np.maximum(shares, 1.0)
     ending = iterate(
-        lambda state: _joint_step(theta, y, state),
-        _joint_state(theta, y, z, H, NO_SKETCH),
-        scale=float(np.linalg.norm(y[:, 0])),
+        lambda state: _joint_step(outputs, state),
+        _joint_state(outputs, z[atoms], outputs.coefficients(K), NO_SKETCH),
+        scale=float(np.linalg.norm(outputs.y[0])),
         settings=settings,
     )
     last, whole = ending.last, np.zeros(n_atoms)
     whole[atoms] = last.z
+    K = outputs.predictor(last.H)
+    error = last.error.T @ np.linalg.inv(outputs.whiten)
     return VarxSolution(
         z=whole,
-        K=np.einsum("ac,icm,ml->ila", whiten, last.H.reshape(s, n_y, n_y), colour),
+        K=K,
         misfit=last.misfit,
+        squares=error.T @ error,
         corner=1.0,
         iterations=ending.iterations,
         termination=ending.termination,
@@ -205,19 +207,14 @@ def _several_outputs(
     )
 
 
-def _whitening(y: FloatArray, error: FloatArray) -> FloatArray:
-    """Return the matrix that makes the errors (m, n_y) orthonormal; where they are dependent, the outputs of norm 1."""
-    norms = np.linalg.norm(y, axis=0)
-    norms[norms == 0.0] = 1.0
-    R = np.linalg.qr(error / norms)[1]
-    if R.shape[0] == R.shape[1] and np.linalg.cond(R) * DEFICIENT < 1.0:
-        return np.asarray(np.linalg.inv(R) / norms[:, None])
-    return np.diag(1.0 / norms)
+def _predictors(regressors: FloatArray, outputs: FloatArray) -> FloatArray:
+    """Return the least squares of every output, (n_regressors, n_outputs)."""
+    return np.column_stack([least_squares(regressors, output)[0] for output in outputs.T])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _JointState(Iterate):
-    """An iterate of several outputs: ``error = corrected[:, 0] - past @ H`` with the corrected outputs at every lag."""
+    """An iterate of several outputs: ``error = corrected[0] - H.T @ past`` with the corrected outputs at every lag."""
 
     z: FloatArray
     H: FloatArray
@@ -228,21 +225,21 @@ class _JointState(Iterate):
     sketch: FloatArray
 
 
-def _joint_state(theta: FloatArray, y: FloatArray, z: FloatArray, H: FloatArray, sketch: FloatArray) -> _JointState:
-    corrected = y - theta @ z
-    past = corrected[:, 1:].reshape(len(y), -1)
-    error = corrected[:, 0] - past @ H
+def _joint_state(outputs: WhitenedOutputs, z: FloatArray, H: FloatArray, sketch: FloatArray) -> _JointState:
+    corrected = outputs.y - z @ outputs.theta
+    past = corrected[1:].reshape(len(H), -1)
+    error = corrected[0] - H.T @ past
     X = np.outer(np.append(z, 1.0), np.append(H, 1.0))
     return _JointState(z=z, H=H, X=X, past=past, error=error, misfit=float(np.linalg.norm(error)), sketch=sketch)
 
 
-def _joint_step(theta: FloatArray, y: FloatArray, state: _JointState) -> _JointState:
+def _joint_step(outputs: WhitenedOutputs, state: _JointState) -> _JointState:
     """Return the iterate after a step in (z, K)."""
-    m, n_y, n = len(y), y.shape[2], len(state.z)
-    signatures = theta[:, 0] - np.einsum("kaj,al->klj", theta[:, 1:].reshape(m, -1, n), state.H)
-    S = np.hstack([np.kron(state.past, np.eye(n_y)), signatures.reshape(m * n_y, n)])
+    theta, H, n_y = outputs.theta, state.H, len(outputs.whiten)
+    signatures = theta[0] - np.tensordot(H.T, theta[1:].reshape(len(H), *theta.shape[2:]), axes=1)
+    S = np.hstack([np.kron(np.eye(n_y), state.past.T), signatures.transpose(0, 2, 1).reshape(-1, len(state.z))])
     x, sketch = least_squares(S, state.error.ravel())
-    return _joint_state(theta, y, state.z + x[state.H.size :], state.H + x[: state.H.size].reshape(-1, n_y), sketch)
+    return _joint_state(outputs, state.z + x[H.size :], H + x[: H.size].reshape(n_y, -1).T, sketch)
 
 
 def sparse_varx(
@@ -255,14 +252,15 @@ def sparse_varx(
 
     Parameters
     ----------
-    problem : of one output; n_atoms : of its dictionary.
+    problem, n_atoms : of the dictionary.
     whole : RISRO's solution; None leaves its start out, and guards the first step of the other.
     stage, price : see `sparse_supports`.
     """
-    y, s = problem.y[:, :, 0], problem.order
-    if len(y) <= s + len(problem.signals):
+    n_y, past = problem.n_outputs, problem.y[:, 1:].reshape(len(problem.y), -1)
+    if len(past) <= past.shape[1] + len(problem.signals):
         return ()
-    plain = np.zeros(n_atoms), least_squares(y[:, 1:], y[:, 0])[0]
+    K = _predictors(past, problem.y[:, 0])
+    plain = np.zeros(n_atoms), K[:, 0] if n_y == 1 else K.reshape(-1, n_y, n_y).transpose(0, 2, 1)
     if whole is None:
         return (sparse_supports(problem, *plain, stage=stage, price=price, guarded=True),)
     starts = (whole.z, whole.K), plain

@@ -28,6 +28,7 @@ from . import FloatArray
 from .lagged import PANEL
 from .risro import least_squares
 from .variable_projection import ProjectedRegression
+from .whitened_outputs import whitened_outputs
 
 Sparsity = Literal["none", "l1", "lp", "exp-l0"]
 KINDS: tuple[str, ...] = get_args(Sparsity)
@@ -122,30 +123,40 @@ def sparse_supports(
 
     Parameters
     ----------
-    problem : of one output, with more rows than unknowns.
-    z : (n_atoms,) and K (order,) of the start.
+    problem : with more rows than unknowns. Several outputs are whitened by the prediction error of the start.
+    z : (n_atoms,) and K of the start, (order,) of one output, (order, n_outputs, n_outputs) of several.
     price : of an atom in the criterion.
     guarded : the first step is not a plain one of RISRO but takes every magnitude as the least survivor of the
         exponential, whose weight is 1. Where the atoms are many and alike, a plain step makes all of them large.
     """
     shape, R, least = penalty_constants(stage, price)
     prior = 0.0 if stage.p0 is None else 1.0 / stage.p0
-    live, s, n_atoms = np.array([atom for _, atom in problem.signals], dtype=np.intp), problem.order, len(z)
-    theta, y = problem.theta.transpose(1, 2, 0), problem.y[:, :, 0].T  # (order + 1, n, m) and (order + 1, m)
+    n_atoms, n_y, outputs = len(z), problem.n_outputs, whitened_outputs(problem, z, K)
+    live, theta, y, H = outputs.atoms, outputs.theta, outputs.y, outputs.coefficients(K)
+    floor_variance, n_past = problem.floor**2 * np.sum(outputs.whiten**2) / n_y, len(H)
     z, dof = z[live], float(len(live))
     supports: dict[tuple[int, ...], None] = {}
     settled, count = not len(live), 0
     while not settled and count < MAX_STEPS:
-        # 1. Linearise at (z, K): the columns of K, those of z, and the residual.
-        n, corrected = len(z), y - z @ theta
-        stacked, predictor = np.empty((s + n + 1, y.shape[1])), np.append(1.0, -K)
-        stacked[:s], stacked[s:-1] = corrected[1:], np.tensordot(predictor, theta, axes=1)
-        stacked[-1] = residual = predictor @ corrected
-        triangle = np.triu(lapack.dgeqrt(min(PANEL, s + n + 1), stacked.T, overwrite_a=True)[0][: s + n + 1])
-        R_zz = triangle[s:-1, s:-1]
+        # 1. Linearise at (z, K): the columns of K, those of z, and the residual, of every output.
+        n, corrected = len(z), (y - z @ theta).reshape(n_past + n_y, -1)
+        stacked, predictor = np.empty((n_past + (n + 1) * n_y, y.shape[2])), np.hstack([np.eye(n_y), -H.T])
+        stacked[:n_past] = corrected[n_y:]
+        signatures = np.tensordot(predictor, theta.reshape(len(corrected), n, -1), axes=1)
+        stacked[n_past:-n_y], errors = signatures.reshape(n * n_y, -1), predictor @ corrected
+        stacked[-n_y:], residual = errors, errors.ravel()
+        size = len(stacked)
+        whole = np.triu(lapack.dgeqrt(min(PANEL, size), stacked.T, overwrite_a=True)[0][:size])
+        across, below = whole[:n_past, n_past:], whole[n_past:, n_past:]
+        triangle = below
+        if n_y > 1:
+            each = below[:, :-n_y].reshape(len(below), n_y, n), below[:, -n_y:, None]
+            rows = np.concatenate(each, axis=2).transpose(1, 0, 2).reshape(-1, n + 1)
+            triangle = np.linalg.qr(rows, mode="r")
+        R_zz = triangle[:-1, :-1]
         # 2. The unit of each magnitude: its standard deviation with K eliminated and the other atoms known.
-        degrees = max(problem.n_rows - problem.n_base - s - dof, 1.0)
-        sigma = np.sqrt(residual @ residual / degrees + problem.floor**2)
+        degrees = max(n_y * (problem.n_rows - problem.n_base - n_past) - dof, 1.0)
+        sigma = np.sqrt(residual @ residual / degrees + floor_variance)
         norms = np.maximum(np.linalg.norm(R_zz, axis=0), SMALLEST)
         sd = sigma / norms
         # 3. The pseudo-measurements 0 = z_j: their weights are the slope of the penalty at |z_j|, and the prior.
@@ -154,12 +165,13 @@ def sparse_supports(
         W = slope / (2.0 * R * x) + prior if count else np.full(n, float(guarded))
         w = norms * np.sqrt(np.maximum(W, ROUND_OFF))
         # 4. The step: least squares over the triangle and the pseudo-measurements below it.
-        below = np.column_stack([np.diag(w), -w * z])
-        S = np.triu(lapack.dtpqrt(n, min(PANEL, n + 1), triangle[s:, s:], below)[0])
+        claims = np.column_stack([np.diag(w), -w * z])
+        S = np.triu(lapack.dtpqrt(n, min(PANEL, n + 1), triangle, claims)[0])
         dz = lapack.dtrtrs(S[:n, :n], S[:n, -1])[0]
-        dK = least_squares(triangle[:s, :s], triangle[:s, -1] - triangle[:s, s:-1] @ dz)[0]
+        left = (across[:, i - n_y] - across[:, i * n : (i + 1) * n] @ dz for i in range(n_y))
+        dH = np.column_stack([least_squares(whole[:n_past, :n_past], of_output)[0] for of_output in left])
         dof = n - float(np.sum((w[:, None] * lapack.dtrtri(S[:n, :n])[0]) ** 2))
-        z, K, count = z + dz, K + dK, count + 1
+        z, H, count = z + dz, H + dH, count + 1
         if count == 1:
             continue
         # 5. Magnitudes above the least survivor are a support; those that are nothing leave the problem.
@@ -168,10 +180,12 @@ def sparse_supports(
         supports[support] = None
         keep = x >= NOTHING
         settled = not keep.any() or bool(keep.all() and np.all(np.abs(dz) < SETTLED * sd))
-        z, live, theta = z[keep], live[keep], theta if keep.all() else theta[:, keep]
-    whole = np.zeros(n_atoms)
-    whole[live] = z
-    return SparseSolution(supports=tuple(supports), z=whole, K=K, iterations=count, converged=settled)
+        z, live, theta = z[keep], live[keep], theta if keep.all() else theta[:, :, keep]
+    every = np.zeros(n_atoms)
+    every[live] = z
+    return SparseSolution(
+        supports=tuple(supports), z=every, K=outputs.predictor(H), iterations=count, converged=settled
+    )
 
 
 def pseudo_norm(z: FloatArray, stage: SparseStage) -> tuple[float, FloatArray]:

@@ -67,6 +67,18 @@ def test_a_method_of_one_output_refuses_two(log, thesis, name):
             identify_faults(log, thesis, config)
 
 
+@pytest.mark.parametrize("rule", [{}, {"selection.threshold": 0.05}])
+def test_risro_of_two_outputs_names_the_fault_of_one(log, thesis, rule):
+    found = identify_faults(log, thesis, settings("risro", outputs=["tas", "aoa"], **rule))
+    assert found.model.outputs == ("tas", "aoa")
+    assert {fault.name for fault in found.faults} >= {"bias_13.8"}
+
+
+def test_the_published_key_refuses_two_outputs(log, thesis):
+    with pytest.raises(ConfigError, match=r"^risro\.as_published: .* works on one output, got 2; give one --output"):
+        identify_faults(log, thesis, settings("risro", outputs=["tas", "aoa"], **{"risro.as_published": True}))
+
+
 def test_risro_as_published_is_risro_with_its_key(log, thesis):
     rate = {"conditioning.rate_hz": 10.0, "model.order": 4}
     one = identify_faults(log, thesis, settings("risro-as-published", **rate))

@@ -375,6 +375,21 @@ def test_several_outputs_end_at_a_minimum_of_the_whitened_error():
         assert misfit(found.z + move) > found.misfit
 
 
+def test_the_stage_finds_what_is_active_in_several_outputs_whatever_their_units():
+    u, y, theta, _, z = several(3, noise=[0.1, 0.3, 0.2])
+    active = np.array([3.0, 0.0, 0.0, 2.0, 0.0, 0.0])
+    y, unit, found = y - theta @ (z - active), np.array([1e3, 0.02, 57.3]), []
+    for scale in (np.ones(3), unit):
+        data = compress(u, y * scale, theta * scale[:, None], order=2)
+        problem, whole = project_inputs(data, 2), risro_varx(data)
+        found.append(sparse_varx(problem, whole, n_atoms=6, stage=SparseStage(kind="exp-l0"), price=20.0))
+    for one, other in zip(*found, strict=True):
+        assert one.supports == other.supports
+        assert one.supports[-1] == (0, 3)
+        np.testing.assert_allclose(one.z, active, atol=0.3)
+        np.testing.assert_allclose(other.z, one.z, rtol=1e-6, atol=1e-8)
+
+
 def test_as_published_makes_fifty_steps():
     u, y, theta, _ = varx(noise=0.02)
     found = risro_varx(compress(u, y, theta, order=ORDER), as_published=True)

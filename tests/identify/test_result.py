@@ -252,7 +252,12 @@ def changed(log, name, values):
         (lambda log: log, {"window": {"from_s": 3.1, "to_s": 3.5}, "model": {"order": 12}}, LogError, "give --order 7"),
         (lambda log: log, {"window": {"from_s": 90.0}}, LogError, "no samples between"),
         (lambda log: log, {"model": {"order": 200}}, LogError, "give --order"),
-        (lambda log: log, {"method": "risro", "outputs": ["tas", "aoa"]}, ConfigError, "works on one output"),
+        (
+            lambda log: log,
+            {"method": "risro-as-published", "outputs": ["tas", "aoa"]},
+            ConfigError,
+            "works on one output",
+        ),
     ],
 )
 def test_refusals(flight, thesis, change, config, error, message):

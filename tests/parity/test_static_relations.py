@@ -12,8 +12,10 @@ from made_logs import made_log
 
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
+from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import Channel, frozen_array
 from bfi_cli.parity.static_relations import find_static, relation_series
+from bfi_cli.preprocessing.tolerance import tolerance_of
 
 FROM_S, TO_S, ONSET_S = 240.0, 360.0, 300.0
 STEPS = {"altitude": 0.3048, "cas": 0.0322, "tas": 0.0322, "mach": 1e-4, "tat": 0.25, "sat": 0.25}
@@ -134,6 +136,16 @@ def test_two_air_data_computers_are_each_held_against_their_own_channels(faulty:
     (found,) = find_static(with_error(log, faulty, size), FROM_S, TO_S).findings
     assert found.among == (faulty,)
     assert find_static(log, FROM_S, TO_S).findings == ()
+
+
+@pytest.mark.parametrize("quantity", ["tas", "cas"])
+def test_two_sensors_alone_fly(quantity: str):
+    only = made_flight(names=(quantity, "altitude"))
+    log = _with_two(quantity, only, 0.3)
+    assert phases_of(log) == phases_of(only)
+    (found,) = find_static(with_error(log, f"{quantity}_2", 0.5), FROM_S, TO_S).findings
+    assert set(found.among) == {f"{quantity}_1", f"{quantity}_2"}
+    assert tolerance_of(log, log, f"{quantity}_1") == tolerance_of(only, only, quantity)
 
 
 def _with_two(quantity: str, log: FlightLog, offset: float) -> FlightLog:

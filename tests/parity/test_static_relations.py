@@ -10,6 +10,8 @@ import pytest
 from made_flights import RECORDED, made_flight
 from made_logs import made_log
 
+from bfi_cli.config import Config
+from bfi_cli.diagnose.diagnose import diagnose_flight
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.phases import phases_of
@@ -195,3 +197,9 @@ def test_a_limit_holds():
 def test_the_same_comes_of_series_made_before():
     log = with_error(made_flight(steps=STEPS), "tas", 0.2)
     assert find_static(log, FROM_S, TO_S, series=relation_series(log)) == find_static(log, FROM_S, TO_S)
+
+
+def test_a_pair_without_physics_is_diagnosed_as_a_pair():
+    log = _with_two("tas", made_flight(names=("tas", "altitude")), 0.3)
+    answer = diagnose_flight(with_error(log, "tas_2", 0.1, "drift"), Config(window={"from_s": FROM_S, "to_s": TO_S}))
+    assert {name for event in answer.events for name in event.among} == {"tas_1", "tas_2"}

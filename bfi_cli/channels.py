@@ -9,16 +9,20 @@ import difflib
 import math
 import re
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .units import si_unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandardChannel:
-    """A signal the program knows: its name, SI unit ("1" for a ratio) and what it is."""
+    """A signal the program knows: its name, SI unit ("1" for a ratio) and what it is.
+
+    `quantity` is what it measures: of `tas_2`, the second sensor of it, `tas`; else the name itself.
+    """
 
     name: str
+    quantity: str
     unit: str
     description: str
     aliases: tuple[str, ...]
@@ -119,10 +123,44 @@ _ALIAS: dict[str, tuple[str, str | None]] = {}
 for _line in _TABLE.strip().splitlines():
     _head, _description, _aliases = (part.strip() for part in _line.split("|"))
     _name, _si = _head.split()
-    STANDARD[_name] = StandardChannel(name=_name, unit=_si, description=_description, aliases=tuple(_aliases.split()))
+    STANDARD[_name] = StandardChannel(
+        name=_name, quantity=_name, unit=_si, description=_description, aliases=tuple(_aliases.split())
+    )
     for _alias in (_name, *_aliases.split()):
         _spelling, _, _unit = _alias.partition("=")
         _ALIAS[_spelling] = (_name, _unit or None)
+
+# Quantities that an aircraft has several sensors of; two elevators are two surfaces.
+REPEATED = (
+    *("tas", "cas", "ias", "mach", "aoa", "sideslip", "p_static", "p_total", "q_impact", "altitude", "altitude_rate"),
+    *("pitch", "roll", "yaw", "tat", "sat"),
+)
+# Which sensor a word or number after the name is.
+_WHICH = {
+    **{str(number): number for number in range(1, 10)},
+    **dict.fromkeys(("captain", "capt", "left", "lh"), 1),
+    **dict.fromkeys(("first_officer", "fo", "right", "rh"), 2),
+    **dict.fromkeys(("standby", "stby", "backup"), 3),
+}
+for _name in REPEATED:
+    _one = STANDARD[_name]
+    for _number in range(1, 10):
+        _sensor = f"{_name}_{_number}"
+        STANDARD[_sensor] = replace(_one, name=_sensor, description=f"{_one.description}, sensor {_number}", aliases=())
+        if _name in LARGEST_ERROR:
+            LARGEST_ERROR[_sensor] = LARGEST_ERROR[_name]
+    for _alias in (_name, *_one.aliases):
+        _spelling, _, _unit = _alias.partition("=")
+        # Two letters and a number are anything: ps_1, ma_2.
+        if len(_spelling) > 2:
+            for _word, _number in _WHICH.items():
+                _ALIAS[f"{_spelling}_{_word}"] = (f"{_name}_{_number}", _unit or None)
+
+
+def quantity_of(name: str) -> str:
+    """Return what a standard channel measures, `tas` of `tas_2`; the name itself of any other channel."""
+    return STANDARD[name].quantity if name in STANDARD else name
+
 
 _PREFIX = re.compile(r"^(?:dadc|adc|adiru|adahrs|ahrs|irs|iru|ins|imu|fms|gps|att|arsp)\d*_(?:b_|body_)?")
 

@@ -72,6 +72,7 @@ def tables() -> dict[str, str]:
     channels = [
         (f"`{one.name}`", one.unit, one.description, ", ".join(f"`{alias.partition('=')[0]}`" for alias in one.aliases))
         for one in STANDARD.values()
+        if one.name == one.quantity
     ]
     spellings = [*CONVERSIONS, *((conversion, spelling) for spelling, conversion in CASE_MATTERS.items())]
     units: dict[str, list[str]] = {}

@@ -9,7 +9,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bfi_cli.channels import INPUTS, STANDARD, match_name, meant_channel, split_unit
+from bfi_cli.channels import (
+    INPUTS,
+    LARGEST_ERROR,
+    REPEATED,
+    STANDARD,
+    match_name,
+    meant_channel,
+    quantity_of,
+    split_unit,
+)
 from bfi_cli.errors import LogError
 from bfi_cli.units import BY_SPELLING, CONVERSIONS, si_unit, to_si
 
@@ -108,6 +117,34 @@ def test_no_alias_stands_for_two_channels():
     aliases = [alias.partition("=")[0] for channel in STANDARD.values() for alias in channel.aliases]
     assert len(aliases) == len(set(aliases))
     assert not set(aliases) & set(STANDARD)
+
+
+@pytest.mark.parametrize("quantity", REPEATED)
+def test_a_sensor_has_the_unit_and_the_largest_error_of_its_quantity(quantity: str):
+    for sensor in (f"{quantity}_{number}" for number in range(1, 10)):
+        assert quantity_of(sensor) == quantity
+        assert STANDARD[sensor].unit == STANDARD[quantity].unit
+        assert LARGEST_ERROR.get(sensor) == LARGEST_ERROR.get(quantity)
+
+
+@pytest.mark.parametrize(
+    ("source", "name", "unit"),
+    [
+        ("mach_1", "mach_1", None),
+        ("Mach (1)", "mach_1", None),
+        ("TAS Captain", "tas_1", None),
+        ("tas_fo", "tas_2", None),
+        ("aoa (left)", "aoa_1", None),
+        ("AOA Right", "aoa_2", None),
+        ("cas standby", "cas_3", None),
+        ("true_airspeed_2_kt", "tas_2", "kt"),
+        ("mach_1_1", "mach_1", "1"),
+    ],
+)
+def test_a_further_sensor_is_read_from_its_name(source: str, name: str, unit: str | None):
+    match = match_name(source)
+    assert match is not None
+    assert (match.name, match.unit) == (name, unit)
 
 
 def test_units_of_the_standard_channels_are_si():

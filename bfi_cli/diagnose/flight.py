@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..airdata import GRAVITY_LEFT_IN, IMPACT_SOURCES
+from ..channels import quantity_of
 from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
@@ -272,7 +273,7 @@ def _stretches_of(held: Sequence[Finding]) -> list[Window]:
 
 def _check_channels(log: FlightLog, config: Config) -> None:
     has = ", ".join(sorted(log.channels))
-    if not {"tas", *IMPACT_SOURCES} & log.channels.keys():
+    if not {"tas", *IMPACT_SOURCES} & set(map(quantity_of, log.channels)):
         raise LogError(
             f"{log.path}: no airspeed and no impact pressure that changes; the log has: {has}; map one with --channel"
         )

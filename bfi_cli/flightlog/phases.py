@@ -12,12 +12,13 @@ of CAST and ICAO, "Phase of flight: definitions and usage notes" (2013), where t
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..channels import quantity_of
 from ..kernels.runs import BoolArray, FloatArray, Run, bridged, joined, runs, runs_with
 from .record import LARGEST_VALUE, FlightLog
 from .signs import (
@@ -211,6 +212,9 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     nothing = FlightPhases(phases=(), disagreements=())
     if log.n_samples < 2:
         return nothing
+    sensors = _sensors(log, suspects)
+    log = replace(log, channels={**log.channels, **{name: log.channels[one] for name, one in sensors.items()}})
+    suspects = {*suspects, *(name for name, one in sensors.items() if one in suspects)}
     speeds = {name: values for name in AIRSPEEDS if (values := speed_values(log, name)) is not None}
     over_ground = speed_values(log, "ground_speed")
     trusted = {name: values for name, values in speeds.items() if name not in suspects}
@@ -241,7 +245,17 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     order = (*PARTS, *MANOEUVRES)
     found.sort(key=lambda one: (one[1][0], order.index(one[0])))
     phases = tuple(flight.phase(name, run) for name, run in found)
-    return FlightPhases(phases=phases, disagreements=flight.disagreements())
+    told = (replace(one, channel=sensors.get(one.channel, one.channel)) for one in flight.disagreements())
+    return FlightPhases(phases=phases, disagreements=tuple(told))
+
+
+def _sensors(log: FlightLog, suspects: Collection[str]) -> dict[str, str]:
+    """Return the sensor that stands for each quantity without a plain name: its first one, of those not suspected."""
+    sensors: dict[str, str] = {}
+    for name in sorted(log.channels, key=lambda one: (one in suspects, one)):
+        if (quantity := quantity_of(name)) not in log.channels:
+            sensors.setdefault(quantity, name)
+    return sensors
 
 
 def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> list[tuple[float, float]]:

@@ -27,7 +27,7 @@ from ..airdata import (
     speed_of_sound,
     static_temperature,
 )
-from ..channels import STANDARD, match_name
+from ..channels import STANDARD, match_name, quantity_of
 from ..flightlog import FlightLog
 from ..kernels.change_scan import ChangeScan, scan_changes, steps_and_ramps
 from ..shapes import SHAPES
@@ -196,7 +196,7 @@ def _relations(log: FlightLog) -> tuple[list[Relation], list[str]]:
 
 def _by_quantity(log: FlightLog) -> dict[str, list[str]]:
     """Return the channels that read each quantity of the relations, in its unit, the plain name first."""
-    sensors = {name: [name] for name in log.channels if name in STANDARD}
+    sensors = {name: [name] for name in log.channels if name in STANDARD and _quantity(name) == name}
     for name in sorted(log.channels):
         quantity = _quantity(name)
         if name != quantity and quantity in DOMAIN and (unit_of(log, name) or "1") == STANDARD[quantity].unit:
@@ -248,7 +248,7 @@ def _second_sensors(log: FlightLog) -> list[Relation]:
 def _quantity(channel: str) -> str:
     """Return the standard name of what a channel measures, of a second sensor too; its own name where it has none."""
     match = match_name(channel) or match_name(NUMBERED.sub("", channel))
-    return channel if match is None else match.name
+    return channel if match is None else quantity_of(match.name)
 
 
 def _sensors(channel: str) -> frozenset[str]:

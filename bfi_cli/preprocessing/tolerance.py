@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..channels import quantity_of
 from ..config import Config
 from ..errors import ConfigError
 from ..faults import did_you_mean
@@ -31,7 +32,7 @@ OTHER_SHARE = 0.1  # of the range of a channel that neither names
 def is_any(error: float, window: FlightLog, channel: str) -> bool:
     """Return whether an error is as large as any could be: of a speed, larger than all that it reads in the window."""
     known = window.channel(channel)
-    if known.name not in (*AIRSPEEDS, "ground_speed", "mach"):
+    if quantity_of(known.name) not in (*AIRSPEEDS, "ground_speed", "mach"):
         return not np.isfinite(error)
     return not error <= float(np.max(np.abs(known.values[np.isfinite(known.values)]), initial=0.0))
 
@@ -60,12 +61,13 @@ def tolerance_of(log: FlightLog, window: FlightLog, channel: str) -> float:
     window : the part analysed, whose median airspeed counts.
     """
     name = window.channel(channel).name
-    if name in FIXED:
-        return FIXED[name]
-    if name in AIRSPEEDS:
+    quantity = quantity_of(name)
+    if quantity in FIXED:
+        return FIXED[quantity]
+    if quantity in AIRSPEEDS:
         speed = _median_speed(window, name)
         return min(max(AIRSPEED_SHARE * speed, AIRSPEED_LEAST), AIRSPEED_MOST * speed)
-    if name == "altitude":
+    if quantity == "altitude":
         known = [one for one in AIRSPEEDS if one in window.channels]
         speed = _median_speed(window, known[0]) if known else 0.0
         return max(ALTITUDE_PER_SPEED * speed, ALTITUDE_LEAST)

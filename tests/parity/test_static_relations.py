@@ -10,10 +10,14 @@ import pytest
 from made_flights import RECORDED, made_flight
 from made_logs import made_log
 
+from bfi_cli.config import Config
+from bfi_cli.diagnose.diagnose import diagnose_flight
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
+from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import Channel, frozen_array
 from bfi_cli.parity.static_relations import find_static, relation_series
+from bfi_cli.preprocessing.tolerance import tolerance_of
 
 FROM_S, TO_S, ONSET_S = 240.0, 360.0, 300.0
 STEPS = {"altitude": 0.3048, "cas": 0.0322, "tas": 0.0322, "mach": 1e-4, "tat": 0.25, "sat": 0.25}
@@ -136,6 +140,16 @@ def test_two_air_data_computers_are_each_held_against_their_own_channels(faulty:
     assert find_static(log, FROM_S, TO_S).findings == ()
 
 
+@pytest.mark.parametrize("quantity", ["tas", "cas"])
+def test_two_sensors_alone_fly(quantity: str):
+    only = made_flight(names=(quantity, "altitude"))
+    log = _with_two(quantity, only, 0.3)
+    assert phases_of(log) == phases_of(only)
+    (found,) = find_static(with_error(log, f"{quantity}_2", 0.5), FROM_S, TO_S).findings
+    assert set(found.among) == {f"{quantity}_1", f"{quantity}_2"}
+    assert tolerance_of(log, log, f"{quantity}_1") == tolerance_of(only, only, quantity)
+
+
 def _with_two(quantity: str, log: FlightLog, offset: float) -> FlightLog:
     """Return the log with two sensors of a quantity, under numbered names, in place of its one."""
     only = log.channels[quantity]
@@ -183,3 +197,9 @@ def test_a_limit_holds():
 def test_the_same_comes_of_series_made_before():
     log = with_error(made_flight(steps=STEPS), "tas", 0.2)
     assert find_static(log, FROM_S, TO_S, series=relation_series(log)) == find_static(log, FROM_S, TO_S)
+
+
+def test_a_pair_without_physics_is_diagnosed_as_a_pair():
+    log = _with_two("tas", made_flight(names=("tas", "altitude")), 0.3)
+    answer = diagnose_flight(with_error(log, "tas_2", 0.1, "drift"), Config(window={"from_s": FROM_S, "to_s": TO_S}))
+    assert {name for event in answer.events for name in event.among} == {"tas_1", "tas_2"}

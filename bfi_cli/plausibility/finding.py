@@ -22,6 +22,7 @@ class Implausible:
     relative_misfit : what is left of the difference, over what is expected.
     rivals : channels that could be to blame in their place.
     text, advice : that in words, and what to do about it.
+    factor_ci95 : 95 % interval of the factor, None where it is not estimated.
     fixed : whether it was applied: when the log was read (--fix-units), or as a fault that a diagnosis leaves out.
     """
 
@@ -35,6 +36,7 @@ class Implausible:
     rivals: tuple[str, ...]
     text: str
     advice: str
+    factor_ci95: tuple[float, float] | None = None
     fixed: bool = False
 
     @property

@@ -15,6 +15,7 @@ from ..notes import Note
 from ..preprocessing.tolerance import tolerance_of
 from ..report.text import quantity
 from .changes import RANKS, Change
+from .circling import scale_by_circles
 from .finding import Implausible
 from .relations import NAMES, RELATIONS
 from .search import Blame, blames, told_relations
@@ -31,7 +32,9 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
     stated = {name: log.channels[name].source_unit for name in seconds.values}
     sources = {name: log.channels[name].source for name in seconds.values}
     found = blames(told_relations(RELATIONS, seconds), seconds, stated)
-    return tuple(_finding(_beyond_tolerance(one, log, seconds), stated, sources) for one in found)
+    findings = tuple(_finding(_beyond_tolerance(one, log, seconds), stated, sources) for one in found)
+    turned = None if any("tas" in one.channels or one.what == "clock" for one in findings) else scale_by_circles(log)
+    return findings if turned is None else (*findings, turned)
 
 
 def with_fixed_units(log: FlightLog, findings: Sequence[Implausible]) -> tuple[FlightLog, tuple[Implausible, ...]]:

@@ -21,6 +21,7 @@ from bfi_cli.errors import LogError
 from bfi_cli.flightlog import FlightLog, read_log, write_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.plausibility import Implausible, implausible_channels
+from bfi_cli.plausibility.circling import circle_scales, scale_by_circles
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
@@ -234,3 +235,22 @@ def test_constant_errors_in_level_flight(
     )
     assert falsely == 0
     assert len(ratios) >= least[channel] * WINDOWS
+
+
+def test_a_scale_of_a_circling_glider(flights: Path) -> None:
+    log = read_log(flights / "px4_flight3")
+    own = circle_scales(log).mean()
+    rng = np.random.default_rng(0)
+    named = covered = 0
+    for _ in range(40):
+        from_s = rng.uniform(1120.0, 1200.0)
+        part = log.window(from_s, from_s + rng.uniform(120.0, 170.0))
+        tas = part.channels["tas"]
+        lost = replace(part, channels={**part.channels, "tas": replace(tas, values=frozen_array(0.9 * tas.values))})
+        finding = scale_by_circles(lost)
+        if finding is not None and finding.factor_ci95 is not None:
+            named += 1
+            covered += finding.factor_ci95[0] <= own / 0.9 <= finding.factor_ci95[1]
+    print(f"a loss of 10 % is named in {named} of 40 windows, {covered} intervals hold it")
+    assert named >= 36
+    assert covered >= 0.9 * named

@@ -303,7 +303,10 @@ COMMANDS = {
     "--versoin": (2, "bfi: unknown option '--versoin'; did you mean '--version'?"),
     "identify": (2, "bfi identify: LOG is missing; see bfi identify --help"),
     "identify good.csv --input rudder": (3, "good.csv: no channel 'rudder'"),
-    "identify two.h5 --method risro --output tas --output aoa -d good.yaml": (2, "--method risro: works on one output"),
+    "identify two.h5 --method risro-as-published --output tas --output aoa -d good.yaml": (
+        2,
+        "--method risro-as-published: works on one output",
+    ),
     "identify two.h5 --group x -d good.yaml": (3, "two.h5: no group 'x'"),
     "dictionary": (2, "bfi dictionary: FILE is missing; see bfi dictionary --help"),
     "dictionary absent.yaml": (2, "absent.yaml: cannot be read, no such file or directory; check the path"),

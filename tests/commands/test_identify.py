@@ -296,6 +296,7 @@ def test_no_key_of_the_example_is_forgotten():
         "fail_on",
         "group",
         "sample_rate_hz",
+        "columns",
         "fill_s",
         "fix_units",
         "boot",

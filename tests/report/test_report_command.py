@@ -65,7 +65,7 @@ def test_a_terminal_gets_the_tables(stored, tmp_path, capsys, monkeypatch):
     [
         (b"{", "x.json: not JSON (Expecting property name enclosed"),
         (b"[]", "x.json: not a result of this program, it has no 'kind'"),
-        (b'{"kind": "audit", "schema": 1}', "x.json: kind is 'audit', known: calibration, convert, detect,"),
+        (b'{"kind": "audit", "schema": 1}', "x.json: kind is 'audit', known: calibration, compare, convert,"),
         (b'{"kind": [], "schema": 1}', "x.json: kind is '[]', known: "),
         (b'{"kind": "start-time", "schema": 9}', "x.json: schema is 9, this program reads 3"),
         (b'{"kind": "start-time", "schema": 2}', "x.json: no key 'provenance'"),

@@ -232,3 +232,7 @@ def test_any_text_has_a_name_a_unit_or_neither(text: str):
 )
 def test_a_channel_that_is_meant_is_one_of_the_log_and_never_another_quantity(name: str, meant: str | None):
     assert meant_channel(name, ["elevator", "pitch", "tas"]) == meant
+
+
+def test_a_numbered_sensor_is_meant_where_the_plain_name_is_missing():
+    assert meant_channel("tas", ["cas", "tas_1", "tas_2"]) == "tas_1"

@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..airdata import DEPENDS_ON
-from ..channels import INPUTS, STANDARD
+from ..channels import INPUTS, STANDARD, quantity_of
 from ..errors import LogError
 from ..filters import Filter
 from ..kernels.quantisation import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
 from ..kernels.runs import BoolArray, shared, within
 from ..notes import Note
+from ..report.text import quantity
 from .derived import DERIVED, missing_for
 from .phases import NO_AIRSPEED, Phase, phases_of
 from .plausible import doubt_about
@@ -225,8 +226,27 @@ def inspect_log(log: FlightLog) -> LogReport:
         phases=phases,
         segments=log.segments,
         filters=log.filters,
-        notes=(*log.notes, *filter(None, questions)),
+        notes=(*log.notes, *_sensors_of_one_quantity(log), *filter(None, questions)),
     )
+
+
+def _sensors_of_one_quantity(log: FlightLog) -> Iterator[Note]:
+    """Yield how far each further sensor of a quantity reads from its first one."""
+    sensors: dict[str, list[Channel]] = {}
+    for name, channel in log.channels.items():
+        sensors.setdefault(quantity_of(name), []).append(channel)
+    for first, *others in sensors.values():
+        for other in others:
+            apart = other.values - first.values
+            known = apart[np.isfinite(apart)]
+            if known.size:
+                median, unit = float(np.median(known)), "" if first.unit == "1" else first.unit
+                most = float(np.quantile(np.abs(known - median), 0.95))
+                yield Note.method(
+                    f"{first.name} and {other.name} are two sensors of one quantity: the second reads "
+                    f"{quantity(abs(median), unit)} {'less' if median < 0.0 else 'more'} in the median, "
+                    f"within {quantity(most, unit)} of that for 95 % of the samples"
+                )
 
 
 def advice_on_windows(log: FlightLog, *, whole: bool = True) -> str | None:

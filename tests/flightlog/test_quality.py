@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from made_logs import made_log
 
 from bfi_cli.errors import LogError
-from bfi_cli.flightlog import FlightLog, inspect_log, quality, read_log, require_usable
+from bfi_cli.flightlog import Channel, FlightLog, inspect_log, quality, read_log, require_usable
 from bfi_cli.flightlog.quality import advice_on_the_ground, advice_on_windows, gap_starts, is_uniform, time_jitter
+from bfi_cli.flightlog.record import frozen_array
 
 T = np.arange(0.0, 60.0, 0.1)
 RNG = np.random.default_rng(3)
@@ -183,3 +184,17 @@ def test_a_window_on_the_ground_is_called_that():
     assert said.startswith("the aircraft is on the ground for most of the window, 20 to 120 s (in flight from 2")
     assert advice_on_the_ground(log, 250.0, 450.0) is None
     assert advice_on_the_ground(log, None, None) is None
+
+
+def test_two_sensors_of_one_quantity_are_held_against_each_other():
+    time_s = np.arange(200) / 10.0
+    tas = 90.0 + np.sin(time_s)
+    made = {"tas_1": tas, "tas_2": tas + 1.5, "pitch": 0.1 * tas}
+    channels = {
+        name: Channel(name=name, values=frozen_array(values), unit="rad" if name == "pitch" else "m/s", source=name)
+        for name, values in made.items()
+    }
+    found = inspect_log(FlightLog(path="made", time_s=frozen_array(time_s), channels=channels))
+    said = [note.text for note in found.notes if "two sensors" in note.text]
+    assert len(said) == 1
+    assert said[0].startswith("tas_1 and tas_2 are two sensors of one quantity: the second reads 1.5 m/s more")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -40,7 +41,7 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
     LogError : the package mcap is not installed; damaged, no such topic, no numbers, more than memory holds.
     """
     try:
-        from mcap.reader import make_reader
+        from mcap.reader import NonSeekingReader
     except ImportError:
         raise LogError(f"{path}: an MCAP file, and mcap is not installed; pip install 'bfi-cli[mcap]'") from None
     topics: dict[str, tuple[list[float], dict[str, list[float]]]] = {}
@@ -48,7 +49,9 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
     units: dict[str, str] = {}
     n_values = 0
     with parsing(path, "MCAP file"), open(path, "rb") as file:
-        for schema, channel, message in make_reader(file).iter_messages(log_time_order=True):
+        # No record is longer than the file; by a damaged length the package would take that much memory.
+        reader = NonSeekingReader(file, record_size_limit=os.path.getsize(path))
+        for schema, channel, message in reader.iter_messages(log_time_order=True):
             name = channel.topic.strip("/")
             values = _numbers(channel.message_encoding, message.data)
             if values is None:

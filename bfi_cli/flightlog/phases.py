@@ -40,6 +40,8 @@ from .signs import (
     speed_values,
 )
 
+# s, beyond the longest flight there was (of a solar aircraft in 2022, 64 days): the clock has an error.
+LONGEST_S = 6e6
 # A part in flight in which no airspeed says so: none is recorded there, or all fail.
 NO_AIRSPEED = "no airspeed"
 PARTS = ("ground", "take-off", "climb", "cruise", "descent", "approach", "landing", "flight", NO_AIRSPEED)
@@ -210,7 +212,7 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     suspects : channels that may be faulty: they are not used, an airspeed only where it is the only one.
     """
     nothing = FlightPhases(phases=(), disagreements=())
-    if log.n_samples < 2:
+    if log.n_samples < 2 or log.time_s[-1] - log.time_s[0] > LONGEST_S:
         return nothing
     sensors = _sensors(log, suspects)
     log = replace(log, channels={**log.channels, **{name: log.channels[one] for name, one in sensors.items()}})

@@ -472,3 +472,10 @@ def test_the_landing_of_a_flight_without_airspeed_in_its_middle_is_a_landing(fli
     found = find_phases(replace(log, channels={**log.channels, **channels}))
     assert not found.disagreements
     assert [one.phase for one in found.phases][-2:] == ["landing", "ground"]
+
+
+def test_a_clock_that_jumps_by_years_is_no_flight():
+    time_s = np.arange(300) / 10.0
+    time_s[-1] = 1e9
+    channel = Channel(name="tas", values=frozen_array(100.0 + np.sin(time_s)), unit="m/s", source="tas")
+    assert phases_of(FlightLog(path="made", time_s=frozen_array(time_s), channels={"tas": channel})) == ()

@@ -28,7 +28,7 @@ FLIPS = 200
 LARGEST_KB = 10**6
 # Of 300 files of a format. On one of them (an altered text attribute of variable length) the HDF5 library itself ends
 # the process, which nothing in the same process can prevent.
-MOST_ENDED = {"contiguous": 2, "with_truth": 2, "matlab_73": 2}
+MOST_ENDED = {"contiguous": 2, "with_truth": 2, "matlab_73": 2, "flight_data_accessor": 2}
 TIME = np.arange(N) / 10.0
 SIGNALS = {"time": TIME, "elevator": 0.02 * np.sin(TIME**1.3), "tas": 100.0 + np.cumsum(np.sin(TIME**1.3)) / 50.0}
 
@@ -94,6 +94,26 @@ def garmin(path: Path) -> None:
     )
 
 
+def utf_16(path: Path) -> None:
+    text(path)
+    path.write_bytes(path.read_text().encode("utf-16"))
+
+
+def flight_data_accessor(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        for name, source, rate_hz in (("Airspeed True", "tas", 10.0), ("Elevator", "elevator", 5.0)):
+            group = file.create_group(f"series/{name}")
+            group["data"] = SIGNALS[source][:: round(10.0 / rate_hz)]
+            group["mask"] = np.zeros(len(group["data"]), dtype=bool)
+            group.attrs.update({"frequency": rate_hz, "supf_offset": 0.0, "units": "kt" if source == "tas" else "rad"})
+
+
+def mcap(path: Path) -> None:
+    contiguous(path)
+    write_log(read_log(path), path.with_suffix(".mcap"))
+    path.with_suffix(".mcap").replace(path)
+
+
 FORMATS = (
     contiguous,
     with_truth,
@@ -107,6 +127,9 @@ FORMATS = (
     tlog,
     tdms,
     tdms_rates,
+    utf_16,
+    flight_data_accessor,
+    mcap,
 )
 
 

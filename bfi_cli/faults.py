@@ -284,7 +284,21 @@ def parse_spec(text: str, *, where: str = "--fault", unit_of: Callable[[str], st
                 given[key] = float(value)
     if isinstance(given.get("magnitude"), str):
         given["magnitude"] = _magnitude_in_si(given, unit_of, where=f"{where}: magnitude")
-    return fault_from_dict(given, where=where)
+    fault = fault_from_dict(given, where=where)
+    require_loss(fault, where=where)
+    return fault
+
+
+def require_loss(fault: Fault, *, where: str) -> None:
+    """Check that a fault that is stated does not gain what it is said to lose; an estimate may.
+
+    Raises
+    ------
+    DictionaryError : it does.
+    """
+    size = fault.magnitude
+    if SHAPES[fault.shape].is_loss and size < 0.0:
+        raise DictionaryError(f"{where}: magnitude: a loss is positive, got {shown(size)}; write {shown(-size)}")
 
 
 def _magnitude_in_si(given: Mapping[str, Any], unit_of: Callable[[str], str] | None, *, where: str) -> float | str:
@@ -333,8 +347,6 @@ def _problems(given: Mapping[str, Any]) -> Iterator[str]:
             yield f"{key}: {unknown_key(key, allowed)}"
         elif problem := _value_problem(key, value):
             yield f"{key}: {problem}, got {shown(value)}"
-        elif key == "magnitude" and SHAPES[shape].is_loss and value < 0.0:
-            yield f"magnitude: a loss is positive, got {shown(value)}; write {shown(-value)}"
     yield from (_missing(key.name, shape) for key in SHAPES[shape].keys if key.required and key.name not in given)
     onset, offset = given.get("onset_s", 0.0), given.get("offset_s")
     if not _value_problem("onset_s", onset) and not _value_problem("offset_s", offset) and offset <= onset:

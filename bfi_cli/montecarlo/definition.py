@@ -13,7 +13,7 @@ from ..aircraft import MANOEUVRES, MODELS
 from ..config import Config, DictionarySource, Natural
 from ..dictionary import Interval, NumberOrInterval
 from ..errors import DictionaryError
-from ..faults import Fault, did_you_mean, fault_from_dict
+from ..faults import Fault, did_you_mean, fault_from_dict, require_loss
 from ..shapes import SHAPES
 from ..validation import Number, Positive, Rules, Text, Whole, editor_schema
 
@@ -134,7 +134,7 @@ class InjectedFault(Rules):
     @model_validator(mode="after")
     def _is_a_fault(self) -> InjectedFault:
         try:
-            self.fault()
+            require_loss(self.fault(), where="fault")
         except DictionaryError as problem:
             raise ValueError(str(problem).removeprefix("fault: ")) from None
         return self

@@ -90,7 +90,7 @@ def _mapping(loader: _Loader, node: yaml.Node) -> dict[Any, Any]:
     merged: dict[Any, Any] = {}
     merges = 0
     for key_node, value_node in node.value:
-        if _is_merge(key_node):
+        if isinstance(key_node, yaml.ScalarNode) and key_node.style is None and key_node.value == "<<":
             merges += 1
             if merges > 1:
                 _refuse(key_node, "key '<<' stands twice; give it a list, <<: [*a, *b]")
@@ -103,10 +103,6 @@ def _mapping(loader: _Loader, node: yaml.Node) -> dict[Any, Any]:
             _refuse(key_node, f"key '{shortened(str(key), 40)}' stands twice; keep one")
         result[key] = loader.construct_object(value_node, deep=True)
     return merged | result
-
-
-def _is_merge(node: yaml.Node) -> bool:
-    return isinstance(node, yaml.ScalarNode) and node.style is None and node.value == "<<"
 
 
 def _merged(loader: _Loader, node: yaml.Node) -> dict[Any, Any]:

@@ -103,7 +103,7 @@ class Asked:
         from ..flightlog.quality import advice_on_the_ground, advice_on_windows
         from ..preprocessing.defaults import with_defaults_of
 
-        flight, findings = judged(log_of(self.log, self.config), self.config)
+        flight, findings = with_findings(log_of(self.log, self.config), self.config)
         config, notes = with_defaults_of(flight, self.config)
         whole = (config.window.from_s, config.window.to_s) == (None, None)
         asked = (self.config.window.from_s, self.config.window.to_s) != (None, None)
@@ -212,7 +212,7 @@ def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None 
     return tuple(path for path in named if path)
 
 
-def judged(flight: FlightLog, config: Config) -> tuple[FlightLog, tuple[Implausible, ...]]:
+def with_findings(flight: FlightLog, config: Config) -> tuple[FlightLog, tuple[Implausible, ...]]:
     """Return a log with what its channels contradict each other in, and with --fix-units without what is certain."""
     from ..plausibility import implausible_channels, with_fixed_units
 

@@ -49,7 +49,7 @@ def command(asked: Asked) -> Answer:
     peers = {**PEERS, **{name: program_peer(path, asked.options["timeout_s"]) for name, path in programs.items()}}
     for name in asked.options["only"]:
         if name not in peers:
-            raise ConfigError(f"--only: no method '{name}'{did_you_mean(name, list(peers))}; known: {', '.join(peers)}")
+            raise ConfigError(f"--only: no method '{name}'{did_you_mean(name, list(peers))}")
     if taken := PEERS.keys() & programs.keys():
         raise ConfigError(f"--program: '{sorted(taken)[0]}' is a method of this program; give another name")
     wanted = {*(asked.options["only"] or peers), *programs}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import partial
 
-from .analysis import Answer, Asked, analysis, doubts, judged, log_of, saying_first
+from .analysis import Answer, Asked, analysis, doubts, log_of, saying_first, with_findings
 from .options import ANSWER, CHANNELS, VERDICT, log_argument
 
 
@@ -28,7 +28,7 @@ def command(asked: Asked) -> Answer:
     from ..detect import detect_content, detect_document, detect_faults
 
     asked.check_out(("hidden", "detection"), ("alarms", "candidates", "channels"))
-    flight, findings = judged(log_of(asked.log, asked.config), asked.config)
+    flight, findings = with_findings(log_of(asked.log, asked.config), asked.config)
     with saying_first(findings):
         result = detect_faults(flight, asked.config, report=partial(asked.progress, "channels"))
     notes = doubts(flight, (*result.outputs, *result.inputs), findings)

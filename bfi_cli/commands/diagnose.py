@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from .analysis import Answer, Asked, analysis, doubts, judged, log_of, saying_first
+from .analysis import Answer, Asked, analysis, doubts, log_of, saying_first, with_findings
 from .options import ANSWER, CHANNELS, log_argument
 
 
@@ -53,7 +53,7 @@ def command(asked: Asked) -> Answer:
         check_files([listed], inputs=asked.inputs, force=asked.options["force"], option="--events-csv")
     # The whole log, whatever part is diagnosed: the rest of the flight tells the aircraft's angle of zero lift.
     flight = log_of(asked.log, merge(asked.config, {"window": {"from_s": None, "to_s": None}}))
-    flight, findings = judged(flight, asked.config)
+    flight, findings = with_findings(flight, asked.config)
     workers = asked.options["workers"] or os.cpu_count() or 1
     asked = replace(asked, notes=doubts(flight, USED, findings), findings=findings)
     with saying_first(findings):

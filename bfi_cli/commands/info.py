@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .analysis import Answer, Asked, analysis, judged, source_of
+from .analysis import Answer, Asked, analysis, source_of, with_findings
 from .options import CHANNELS, FILES, log_argument
 
 
@@ -20,7 +20,7 @@ def command(asked: Asked) -> Answer:
     asked.check_out(("phases",), ("channels", "derived", "phases", "excitation", "windows", "segments"))
     window = asked.config.window
     flight = read_log(asked.log, from_s=window.from_s, to_s=window.to_s, **source_of(asked.config))
-    flight, findings = judged(flight.window(window.from_s, window.to_s), asked.config)
+    flight, findings = with_findings(flight.window(window.from_s, window.to_s), asked.config)
     found, defects = inspect_log(flight), find_defects(with_seen_recorder(flight))
     return Answer(
         document=lambda origin: info_document(found, origin, defects, findings),

@@ -48,7 +48,7 @@ def compare(
 
     Raises
     ------
-    LogError : the log has no such window or output.
+    LogError : the log has no such window or output, or no input that the user names.
     """
     config = with_inputs_of(log, config)
     window = log.window(config.window.from_s, config.window.to_s)
@@ -62,6 +62,8 @@ def compare(
     truth = None if window.truth is None else _acting(window.truth.faults, window)
     hit = () if window.truth is None else tuple(window.truth.clean)
     channels = [window.channel(name) for name in config.outputs]
+    if problem.asked.inputs not in (Config().inputs, ("auto",)):
+        window.signals(problem.asked.inputs)  # what the user names must be there; a default that is not is a reason
     outcomes = []
     for name, peer in peers.items():
         progress(name, 0.0)

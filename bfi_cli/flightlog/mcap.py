@@ -19,9 +19,21 @@ from ..files import MCAP
 from ..notes import Note
 from ..units import si_unit
 from .rates import one_base
-from .raw import Asked, FloatArray, RawLog, Track, choose_group, clocked, left_out, parsing, require_few, require_memory
+from .raw import (
+    DAY_S,
+    Asked,
+    FloatArray,
+    RawLog,
+    Track,
+    choose_group,
+    clocked,
+    from_midnight,
+    left_out,
+    parsing,
+    require_few,
+    require_memory,
+)
 
-DAY_S = 86_400.0  # without leap seconds
 # Bytes of a message: a flight log's have some hundred, images a million.
 LARGEST_MESSAGE = 10**6
 # Levels of objects in objects that are opened, of which the names are joined by dots.
@@ -76,8 +88,7 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
     first_s = min(times[0] for times, _ in signals.values())
     zero_s = DAY_S * math.floor(first_s / DAY_S)
     if zero_s:
-        day = np.datetime64(int(zero_s), "s").astype("datetime64[D]")
-        notes.append(Note.method(f"time counts from midnight of {day} UTC"))
+        notes.append(from_midnight(np.datetime64(int(zero_s), "s")))
     return _log_of(path, signals, units, zero_s, asked, tuple(notes))
 
 

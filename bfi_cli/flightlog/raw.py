@@ -24,6 +24,7 @@ Span = tuple[float | None, float | None]
 
 # Bytes of a log's channels as float64. It is held twice while it is put together: what a computer of 8 GB has.
 LARGEST = 4 * 10**9
+DAY_S = 86_400.0  # without leap seconds, which clocks of recorders do not count
 # Angles that leave one end of their range and come back at the other.
 ANGLES = frozenset({"roll", "yaw"})
 # Channels of a file. The largest recorders have about 4000 parameters.
@@ -175,6 +176,11 @@ def left_out(name: str, why: str) -> Note:
     """Return the note on an array that is no channel; `why` is "holds text", "is a table of 600 x 3 (2-D)"."""
     advice = "; give each column a dataset of its own" if why.startswith("is a table") else ""
     return Note.method(f"'{name}' {why} and is left out{advice}")
+
+
+def from_midnight(day: np.datetime64) -> Note:
+    """Return the note on a time axis that counts from the beginning of a day."""
+    return Note.method(f"time counts from midnight of {day.astype('datetime64[D]')} UTC")
 
 
 def different_length(path: str, name: str, n: int, n_times: int) -> LogError:

@@ -19,12 +19,14 @@ from ..errors import LogError
 from ..notes import Note
 from .rates import one_base
 from .raw import (
+    DAY_S,
     Asked,
     FloatArray,
     RawLog,
     Track,
     choose_group,
     clocked,
+    from_midnight,
     left_out,
     parsing,
     rate_of,
@@ -36,7 +38,6 @@ from .raw import (
 UNITS = ("unit_string", "NI_UnitDescription", "units", "unit")
 # Hz and s. A clock beyond these is none of a flight, but a damaged or an empty property.
 FASTEST, SLOWEST_S = 1e6, 1e4
-DAY_S = 86_400.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +112,7 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
     elif all(one.clock is not None for one in signals):
         day = min((one.clock.day for one in signals if one.clock and one.clock.day is not None), default=None)
         if day is not None:
-            notes.append(Note.method(f"time counts from midnight of {day} UTC"))
+            notes.append(from_midnight(day))
         tracks = [_track(one, day, asked) for one in sorted(signals, key=lambda one: one.match.rank)]
         if len({(one.clock, one.values.size) for one in signals}) > 1:
             return one_base(path, tracks, output=asked.channel_map.get("tas"), notes=notes)
@@ -213,10 +214,6 @@ def _with_time(signals: Sequence[_Signal]) -> tuple[list[Track], list[Note]]:
             has_axis = True
             known = signal.values[np.isfinite(signal.values)]
             first = np.floor(known[0] / DAY_S) * DAY_S if known.size else 0.0
-            notes.append(
-                Note.method(
-                    f"time counts from midnight of {np.datetime64(int(first), 's').astype('datetime64[D]')} UTC"
-                )
-            )
+            notes.append(from_midnight(np.datetime64(int(first), "s")))
             kept.append(Track(source=signal.source, values=signal.values - first, unit="s", channel="time"))
     return kept, notes

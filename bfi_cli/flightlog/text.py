@@ -24,7 +24,7 @@ from ..errors import LogError
 from ..filters import filters_from_json
 from ..notes import Note
 from ..units import si_unit
-from .raw import Asked, RawLog, Track, left_out, require_few
+from .raw import DAY_S, Asked, RawLog, Track, left_out, require_few
 from .record import CLEAN, FloatArray, faults_from_json, segments_from_json
 from .topics import maps_of
 
@@ -33,7 +33,6 @@ Kind = Literal["number", "clock", "date", "moment", "text"]
 ABSENT = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
 CLOCK = re.compile(r"(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)")
 DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
-DAY_S = 86400.0  # without leap seconds, which clocks of recorders do not count
 EPOCH = date(1970, 1, 1).toordinal()
 
 

@@ -108,3 +108,9 @@ def test_names_that_cannot_be_are_refused(bfi, options: tuple[str, ...], message
     made = bfi("compare", LOG, *options)
     assert (made.code, made.stdout) == (2, "")
     assert made.stderr.startswith(message)
+
+
+def test_an_input_that_is_named_and_not_there_is_refused_and_no_reason(bfi):
+    made = bfi("compare", LOG, "--only", "arx-residual", "--input", "stick")
+    assert (made.code, made.stdout) == (3, "")
+    assert "no channel 'stick'" in made.stderr

@@ -396,7 +396,10 @@ COMMANDS = {
     "inject good.csv -o new.h5 --fault bias,onset_s=1000": (2, "never active in the log, got magnitude 1 from 1000 s"),
     "simulate citatoin -o new.h5": (2, "simulate: no such model, got 'citatoin'; did you mean 'citation'?"),
     "simulate b52 -o new.h5": (2, "simulate: no such model, got 'b52'; known: citation, "),
-    "simulate -o new.h5": (2, "bfi simulate: no model given; give one of citation, citation-short-period, b747, f16"),
+    "simulate -o new.h5": (
+        2,
+        "simulate: no model given; give one of citation, citation-short-period, b747, b747-mf2d, f16",
+    ),
     "simulate citation --model d.yaml -o new.h5": (2, "one model is flown, got 'citation' and --model d.yaml; give"),
     "simulate --model absent.yaml -o new.h5": (2, "absent.yaml: cannot be read, no such file or directory; check"),
     "simulate --model binary.yaml -o new.h5": (2, "binary.yaml: byte 0 is not UTF-8 text; save the file as UTF-8"),

@@ -1,4 +1,4 @@
-"""The aircraft models by their names: two of the Cessna Citation II, one of the Boeing 747, one of the F-16.
+"""The aircraft models by their names: two of the Cessna Citation II, two of the Boeing 747, one of the F-16.
 
 `jsbsim:NAME` is an aircraft of JSBSim, where that is installed.
 """
@@ -97,8 +97,39 @@ B747 = LinearModel(
     manoeuvred=ELEVATORS,
 )
 
+# Boeing 747 at 40 000 ft and 774 ft/s: Bryson's longitudinal model in ft, s and hundredths of a radian, as in the
+# example of MF2D. `_SI` takes its states, speeds along and down the body, pitch rate and pitch, to SI.
+_FT, _CRAD = 0.3048, 0.01
+_SI = np.diag([_FT, _FT, _CRAD, _CRAD])
+_TO_FT = np.linalg.inv(_SI)
+
+B747_CRUISE = LinearModel(
+    name="b747-mf2d",
+    title="Boeing 747, longitudinal, 235.9 m/s, 12 192 m",
+    A=_SI
+    @ np.array(
+        [
+            [-0.003, 0.039, 0.0, -0.322],
+            [-0.065, -0.319, 7.74, 0.0],
+            [0.0201, -0.101, -0.429, 0.0],
+            [0.0, 0.0, 1.0, 0.0],
+        ]
+    )
+    @ _TO_FT,
+    B=_SI @ np.array([[0.01], [-0.18], [-1.16], [0.0]]) / _CRAD,
+    C=_FT * np.array([[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 7.74]]) @ _TO_FT,
+    D=np.zeros((2, 1)),
+    states=("tas", "down_speed", "pitch_rate", "pitch"),
+    inputs=("elevator",),
+    outputs=("tas", "altitude_rate"),
+    trim={"tas": 774.0 * _FT},
+    airspeed_m_s=774.0 * _FT,
+    source="Bryson, Control of Spacecraft and Aircraft, 1994; angles and elevator are deviations from their trim",
+    units={"down_speed": "m/s"},
+)
+
 MODELS: dict[str, LinearModel | NonlinearModel] = {
-    model.name: model for model in (CITATION, CITATION_SHORT_PERIOD, B747, F16)
+    model.name: model for model in (CITATION, CITATION_SHORT_PERIOD, B747, B747_CRUISE, F16)
 }
 
 

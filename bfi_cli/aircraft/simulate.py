@@ -53,8 +53,9 @@ def manoeuvre(
 
     Parameters
     ----------
-    name : "3211" (steps of 3, 2, 1, 1 units with changing sign), "doublet" (one unit each way), "multisine" (16 lines
-        k/10 per unit with Schroeder's phases, up to the end of the record), or "none".
+    name : "3211" (steps of 3, 2, 1, 1 units with changing sign), "3211-pairs" (two of them, the second with the other
+        sign, 3 units of rest between and 8 after them, and all of it once more), "doublet" (one unit each way),
+        "multisine" (16 lines k/10 per unit with Schroeder's phases, up to the end of the record), or "none".
     time_s : (n,) seconds, any values in any order.
     amplitude_rad : largest deflection; the thesis's listing uses 0.5, far outside the linear range.
     start_s : 0.2 s in the thesis's listing.
@@ -128,6 +129,12 @@ def _steps(lengths: tuple[int, ...]) -> Callable[[FloatArray], FloatArray]:
     return lambda units: levels[np.searchsorted(edges, units, side="right")]
 
 
+def _pairs(units: FloatArray) -> FloatArray:
+    """Return two 3211 of opposite signs, twice: 50 units in all, of which the sum is zero."""
+    single = MANOEUVRES["3211"]
+    return np.asarray(sum(sign * single(units - start) for start, sign in ((0, 1), (10, -1), (25, 1), (35, -1))))
+
+
 def _multisine(units: FloatArray) -> FloatArray:
     """Return equal cosines whose phases keep the crest factor low (Schroeder 1970), their largest sum 1."""
     k = np.arange(1, MULTISINE_LINES + 1)
@@ -143,6 +150,7 @@ def _multisine(units: FloatArray) -> FloatArray:
 
 MANOEUVRES: dict[str, Callable[[FloatArray], FloatArray]] = {
     "3211": _steps((3, 2, 1, 1)),
+    "3211-pairs": _pairs,
     "doublet": _steps((1, 1)),
     "multisine": _multisine,
     "none": np.zeros_like,

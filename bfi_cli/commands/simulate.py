@@ -62,7 +62,10 @@ def _check(context: click.Context, options: dict[str, Any]) -> None:
 @click.option("--model", "model_file", metavar="FILE", help="Linear model of a YAML file, in place of MODEL.")
 @with_options("out_file", "force")
 @click.option(
-    "--manoeuvre", default="3211", show_default=True, help="3211, doublet, multisine, none; of jsbsim also tour."
+    "--manoeuvre",
+    default="3211",
+    show_default=True,
+    help="3211, 3211-pairs, doublet, multisine, none; of jsbsim also tour.",
 )
 @click.option("--amplitude", metavar="SIZE", type=float, help=AMPLITUDE)
 @click.option("--start", metavar="S", type=float, default=0.2, show_default=True, help="When the manoeuvre starts.")
@@ -86,8 +89,9 @@ def command(context: click.Context, /, name: str | None, model_file: str | None,
     """Write a flight log of MODEL in straight flight with a manoeuvre of its elevators.
 
     MODEL is citation, citation-short-period, b747 (Boeing 747-100/200: four elevators, stabiliser, four engines),
-    f16 (nonlinear, six degrees of freedom, without turbulence), or jsbsim:NAME, an aircraft of JSBSim (jsbsim:c172p,
-    jsbsim:737; pip install 'bfi-cli[jsbsim]') whose pilot keeps the wings level, or flies climbs, descents and turns
+    b747-mf2d (Boeing 747 in cruise, with two sensors: configs/mf2d_dictionary.yaml has steps for them), f16 (nonlinear,
+    six degrees of freedom, without turbulence), or jsbsim:NAME, an aircraft of JSBSim (jsbsim:c172p, jsbsim:737;
+    pip install 'bfi-cli[jsbsim]') whose pilot keeps the wings level, or flies climbs, descents and turns
     (--manoeuvre tour). --model takes any linear one, such as configs/citation_model.yaml.
     Noise and steps are in the output's unit, m/s or rad: --noise tas=0.01 --quantum tas=0.03.
     """

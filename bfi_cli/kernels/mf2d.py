@@ -21,8 +21,9 @@ from scipy.linalg import solve_triangular
 from . import FloatArray
 from .variable_projection import ProjectedRegression
 
-# Relaxation and the balance of the two residuals by the step size (Boyd et al. 2011, sections 3.4.1 and 3.4.3).
-RELAXATION, UNBALANCED, CHANGE, EVERY = 1.6, 5.0, 2.0, 20
+# Relaxation and the balance of the two residuals by the step size (Boyd et al. 2011, sections 3.4.1 and 3.4.3); the
+# step goes at once to where both would be equal, for every change costs a factorisation.
+RELAXATION, UNBALANCED, LARGEST_CHANGE, EVERY = 1.6, 5.0, 10.0, 30
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -172,7 +173,7 @@ def solve_mf2d(
         if iteration % EVERY == 0:
             uneven = (primal / size) / max(dual / max(multiplier, 1e-300), 1e-300)
             if uneven > UNBALANCED or uneven < 1.0 / UNBALANCED:
-                change = CHANGE if uneven > 1.0 else 1.0 / CHANGE
+                change = float(np.clip(np.sqrt(uneven), 1.0 / LARGEST_CHANGE, LARGEST_CHANGE))
                 step, U, t = step * change, U / change, t / change
                 solvers = split.solvers(step)
     misfit = sum(

@@ -74,7 +74,7 @@ class FlownModel(Rules):
     model: Annotated[Text, _known("model", MODELS)]
     """citation, citation-short-period."""
     manoeuvre: Annotated[Text, _known("manoeuvre", MANOEUVRES)] = "3211"
-    """3211, doublet, multisine, none."""
+    """3211, 3211-pairs, doublet, multisine, none."""
     amplitude_rad: Positive = 0.035
     start_s: Number = 0.2
     step_s: Positive = 1.0

@@ -50,7 +50,9 @@ def drafts_of_relations(flight: Flight, series: Series, answers: StaticWindows) 
         (joined,) = join(members)
         if len(members) > 2:
             joined = _from_the_start(flight, series, joined, members[0])
-        drafts.append(_with_course(flight, series, joined))
+        # What is stuck has the course of its twin.
+        told = joined.finding.magnitude is not None
+        drafts.append(_with_course(flight, series, joined) if told else joined)
     return drafts
 
 

@@ -23,6 +23,8 @@ from .result import DiagnoseResult
 
 Plain = Mapping[str, Any]
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
+# Shapes that are named behind a channel; the others are faults by themselves.
+OF_A_CHANNEL = ("bias", "drift", "sine", "offset", "frozen", "pitot_blocked", "static_blocked")
 # What a channel does that has short defects of a shape.
 SHORT = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}
 # On either side of the window that describes an event.
@@ -196,8 +198,8 @@ def _sentence(event: Plain, units: Units) -> str:
         return f"{_name(event)} {_short(event)}, {_error(event['fault'], event['effect'][event['fault']], units)}"
     others = [name.replace("_", " ") for name in event["among"][1:]]
     name = _name(event) + (f" (or {', '.join(others)})" if others else "")
-    if event["shape"] in ("bias", "drift", "sine", "offset") and event["fault"] in event["effect"]:
-        name += f" {event['shape']}"
+    if event["shape"] in OF_A_CHANNEL and event["fault"] in event["effect"]:
+        name += f" {event['shape'].replace('_', ' ')}"
     size = "" if event["magnitude"] is None else f", {_magnitude(event, units)}"
     if event["frequency_hz"] is not None:
         size += f" at {number(event['frequency_hz'])} Hz"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from operator import itemgetter
 
@@ -31,8 +31,9 @@ from ..channels import STANDARD, match_name, quantity_of
 from ..flightlog import FlightLog
 from ..kernels.change_scan import ChangeScan, scan_changes, steps_and_ramps
 from ..shapes import SHAPES
-from .finding import CHI_SQUARE, Bound, Finding, Limit
+from .finding import CHI_SQUARE, Bound, Finding, Limit, squares_by_onset
 from .sampled import Blocks, airborne, quanta_of, unit_of
+from .stuck import stuck_errors
 
 FloatArray = NDArray[np.float64]
 Values = Mapping[str, FloatArray]
@@ -81,6 +82,8 @@ DOMAIN: dict[str, tuple[float, float]] = {
     "q_impact": (0.0, 90_000.0),
     "p_total": (5_475.0, 267_000.0),
 }
+# What an airspeed is made of beside its own line.
+AIR = frozenset(("p_static", "altitude", "tat", "sat"))
 # Channels of which `FOLLOWS` is made.
 FOLLOWED = frozenset(("cas", "mach", "altitude", "p_static", "tas"))
 # Quantities that an aircraft measures more than once with sensors that should agree; two elevators are two surfaces.
@@ -99,6 +102,7 @@ class Relation:
     scale : what one unit of the channel counts in `unit`.
     declares : whether a change of it is a fault; else it only tells channels apart.
     beside : channels that the log must have too.
+    twins : whether its sides are two sensors of one quantity.
     """
 
     name: str
@@ -109,6 +113,7 @@ class Relation:
     scale: float = 1.0
     declares: bool = True
     beside: tuple[str, ...] = ()
+    twins: bool = False
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -241,7 +246,7 @@ def _second_sensors(log: FlightLog) -> list[Relation]:
             unit = unit_of(log, one)
             if unit == unit_of(log, other):
                 unit = unit if unit in WORTH else STANDARD[quantity].unit
-                pairs.append(Relation(f"{one} - {other}", unit, one, (other,), itemgetter(other)))
+                pairs.append(Relation(f"{one} - {other}", unit, one, (other,), itemgetter(other), twins=True))
     return pairs
 
 
@@ -269,6 +274,7 @@ class RelationSeries:
     effects : by channel, (n,) what one unit of its error adds to the relation.
     noise_sd : the least noise: recorded steps, or what pieces of 20 s show.
     resting_step : what the steps of all channels that mostly rest within one make of it together.
+    readings : (n,) of the two sensors, where it is their difference, and of the air about them; else empty.
     """
 
     relation: Relation
@@ -279,6 +285,7 @@ class RelationSeries:
     effects: Mapping[str, FloatArray]
     noise_sd: float
     resting_step: float
+    readings: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def between(self, from_s: float, to_s: float, *, shows: str | None = None) -> RelationSeries:
         """Return the part in a window, its nuisances about their means there.
@@ -298,6 +305,7 @@ class RelationSeries:
             values=self.values[inside],
             nuisances=nuisances,
             effects={name: effect[inside] for name, effect in self.effects.items()},
+            readings={name: reading[inside] for name, reading in self.readings.items()},
         )
 
     def scan(self, candidates: FloatArray, *, declared_at: float = np.inf) -> ChangeScan:
@@ -361,6 +369,26 @@ class StaticRelations:
     too_short: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Stuck:
+    """A sensor that is stuck from an onset on.
+
+    Attributes
+    ----------
+    near_s : the first and last onset that may be true.
+    loss : twice the negative log-likelihood, but for a constant.
+    effect : largest error of the relation in the window.
+    """
+
+    channel: str
+    shape: str
+    onset_s: float
+    near_s: tuple[float, float]
+    loss: float
+    statistic: float
+    effect: float
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Scanned:
     """A relation in a window.
@@ -369,12 +397,14 @@ class _Scanned:
     ----------
     effects : by channel, what one unit of its error adds to the relation.
     reach : (n_candidates,) the largest value of each candidate in the window, of size 1.
+    stuck : its sensors as stuck ones, the likeliest first; empty where no step or ramp is as bad.
     """
 
     series: RelationSeries
     scan: ChangeScan
     effects: Mapping[str, float]
     reach: FloatArray
+    stuck: tuple[_Stuck, ...]
 
     @property
     def least(self) -> FloatArray:
@@ -399,14 +429,14 @@ class _Scanned:
 
     @property
     def answer(self) -> RelationAnswer:
-        best = self.best
+        best, stuck = self.best, self.stuck[0] if self.stuck else None
         return RelationAnswer(
             name=self.series.relation.name,
             channels=tuple(self.effects),
-            statistic=float(self.scan.statistic[best]),
+            statistic=stuck.statistic if stuck else float(self.scan.statistic[best]),
             threshold=THRESHOLD,
-            effect=abs(float(self.scan.amplitude[best] * self.reach[best])),
-            least_effect=float(self.least[best] * self.reach[best]),
+            effect=stuck.effect if stuck else abs(float(self.scan.amplitude[best] * self.reach[best])),
+            least_effect=LEAST_STEPS * self.series.noise_sd if stuck else float(self.least[best] * self.reach[best]),
             declares=self.series.relation.declares,
         )
 
@@ -422,8 +452,10 @@ def relation_series(log: FlightLog) -> Series:
         return (), ("no relation is checked: the log shows no flight",)
     blocks = Blocks.of(log.time_s[flies], BLOCK_S)
     values: dict[str, FloatArray] = {}
-    main = {quantity: sensors[0] for quantity, sensors in _by_quantity(log).items() if quantity in FOLLOWED}
-    for name in {*names, *main.values()}:
+    first = {quantity: sensors[0] for quantity, sensors in _by_quantity(log).items()}
+    main = {quantity: name for quantity, name in first.items() if quantity in FOLLOWED}
+    about = {quantity: name for quantity, name in first.items() if quantity in AIR}
+    for name in {*names, *main.values(), *about.values()}:
         low, high = DOMAIN.get(_quantity(name), (-np.inf, np.inf))
         x = blocks.mean(log.channels[name].values[flies])
         values[name] = np.where((x >= low) & (x <= high), x, np.nan)
@@ -457,6 +489,10 @@ def relation_series(log: FlightLog) -> Series:
                 effects=effects,
                 noise_sd=max(float(np.hypot(np.sqrt(steps), unexplained)), numbers),
                 resting_step=sum(typical[name] * step for name, step in resting.items() if name in effects),
+                readings={
+                    **{quantity: values[name][kept] for quantity, name in about.items() if one.twins},
+                    **{name: values[name][kept] for name in one.needs if one.twins},
+                },
             )
         )
     return tuple(series), tuple(missing)
@@ -520,13 +556,22 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
             words = part.relation.words
             too_short.append(f"{words}: {n} s of flight in the window, at least {FEWEST_BLOCKS} are needed")
             continue
-        scan = part.scan(np.hstack(steps_and_ramps(part.time_s, onsets_s)), declared_at=THRESHOLD)
+        candidates = np.hstack(steps_and_ramps(part.time_s, onsets_s))
+        scan = part.scan(candidates, declared_at=THRESHOLD)
         effects = {name: float(np.nanmedian(effect)) for name, effect in part.effects.items()}
         effects = {name: effect for name, effect in effects.items() if effect}  # at rest a temperature has none
-        scanned.append(_Scanned(series=part, scan=scan, effects=effects, reach=reach))
+        stuck = tuple(_stuck_sensors(part, onsets_s, candidates))
+        scanned.append(_Scanned(series=part, scan=scan, effects=effects, reach=reach, stuck=stuck))
     answers = tuple(one.answer for one in scanned)
-    declared = [(one.statistic, i) for i, one in enumerate(answers) if one.declares and one.changes]
-    findings = (_finding(log, scanned, scanned[max(declared)[1]], onsets_s),) if declared else ()
+    # What is stuck its twin tells for certain; a step or a ramp of another relation may be no more than like it.
+    declared = [
+        (bool(scanned[i].stuck), one.statistic, i) for i, one in enumerate(answers) if one.declares and one.changes
+    ]
+    findings: tuple[Finding, ...] = ()
+    if declared:
+        strongest = scanned[max(declared)[-1]]
+        of_a_pair = strongest.stuck and _stuck_finding(scanned, strongest)
+        findings = (of_a_pair or _finding(log, scanned, strongest, onsets_s),)
     # Beside a change that is told no second one is looked for.
     limits = () if findings else _limits(log, scanned, onsets_s)
     return StaticRelations(
@@ -535,6 +580,83 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
         limits=limits,
         missing=tuple(dict.fromkeys(missing)),
         too_short=tuple(dict.fromkeys(too_short)),
+    )
+
+
+def _stuck_sensors(part: RelationSeries, onsets_s: FloatArray, candidates: FloatArray) -> list[_Stuck]:
+    """Return two sensors as stuck ones, by channel and shape at the likeliest onset, the likeliest first.
+
+    What is stuck errs by the whole of what its twin does, and its level has the spread of what that is within a second:
+    where in its second it began is not known. They are compared by all that each leaves of the difference, slow or not:
+    noise of any size that wanders would take a sensor that moves for one that rests.
+
+    Parameters
+    ----------
+    candidates : (n, n_candidates) steps and ramps, none of which may be as likely.
+    """
+    least, n = LEAST_STEPS * part.noise_sd, len(part.time_s)
+    if not part.relation.twins or np.ptp(part.values) < least:
+        return []
+
+    def loss(squares: FloatArray) -> FloatArray:
+        """Return twice the negative logarithm of the likelihood of what is left."""
+        return np.asarray(n * np.log(np.maximum(squares / n, part.noise_sd**2)))
+
+    moves = np.ptp(candidates, axis=0) > 0.0
+    bounded = float(loss(squares_by_onset(part.values, candidates[:, moves])[0]).min()) - AS_GOOD
+    air = {name: reading for name, reading in part.readings.items() if name in AIR}
+    rows = np.searchsorted(part.time_s, onsets_s)
+    onsets_s, rows = onsets_s[rows < n - 1], rows[rows < n - 1]
+    after = np.arange(n)[:, None] >= rows
+    found = []
+    for channel, twin in (part.relation.needs, part.relation.needs[::-1]):
+        for shape, errors in stuck_errors(_quantity(channel), part.readings[twin], air, rows).items():
+            errors = errors * part.effects[channel][:, None]
+            healthy = part.values[:, None] - errors
+            level = np.mean(healthy, axis=0, where=after) - np.mean(healthy, axis=0, where=~after)
+            within_a_second = np.hypot(errors[rows + 1, np.arange(len(rows))], part.noise_sd)
+            left = healthy - level * after
+            losses = loss(np.var(left, axis=0) * n) + (level / within_a_second) ** 2
+            losses[~np.isfinite(losses)] = np.inf
+            best = int(np.argmin(losses))
+            if not losses[best] < bounded:
+                continue
+            course = part.values - left[:, best]
+            scan = part.scan(course[:, None])
+            statistic = float(scan.statistic[0] - ((scan.amplitude[0] - 1.0) / scan.sd[0]) ** 2)
+            effect = float(np.abs(course).max())
+            if statistic >= THRESHOLD and effect >= least:
+                near_s = onsets_s[losses <= losses[best] + CHI_SQUARE]
+                found.append(
+                    _Stuck(
+                        channel=channel,
+                        shape=shape,
+                        onset_s=float(onsets_s[best]),
+                        near_s=(float(near_s[0]), float(near_s[-1])),
+                        loss=float(losses[best]),
+                        statistic=statistic,
+                        effect=effect,
+                    )
+                )
+    return sorted(found, key=lambda one: one.loss)
+
+
+def _stuck_finding(scanned: list[_Scanned], strongest: _Scanned) -> Finding:
+    """Return the sensor that is stuck beside its twin."""
+    stuck = strongest.stuck[0]
+    among = [one.channel for one in strongest.stuck if one.loss <= stuck.loss + AS_GOOD]
+    return Finding(
+        fault=stuck.channel,
+        among=tuple(dict.fromkeys(among)),
+        channels=(stuck.channel,),
+        stage="static relations",
+        shape=stuck.shape,
+        onset_s=stuck.onset_s,
+        onset_ci95=(stuck.near_s[0] - BLOCK_S, stuck.near_s[1] + BLOCK_S),
+        statistic=stuck.statistic,
+        threshold=THRESHOLD,
+        effect={stuck.channel: stuck.effect / abs(strongest.effects[stuck.channel])},
+        evidence={one.series.relation.name: one.answer.statistic for one in scanned},
     )
 
 

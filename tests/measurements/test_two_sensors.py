@@ -24,8 +24,6 @@ from bfi_cli.parity.static_relations import find_static
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
 KINDS = ("bias", "drift", "freeze", "block")
-# Of these the course is a step or a ramp, which the scan of a relation looks for; the others follow the flight.
-COURSES = ("bias", "drift")
 # m/s: the least error of a trial, the second sensor's offset, noise and step (the recorded one's step: 1/16 kt).
 LEAST, OFFSET, NOISE, STEP = 1.0, 0.4, 0.05, 1852.0 / 3600.0 / 16.0
 # s from the window's start and to its end, between which faults begin.
@@ -90,7 +88,7 @@ def test_the_faulty_sensor_is_named(flights: Path) -> None:
     print(dict(sorted(counts.items())))
     assert counts["trials"] == TRIALS
     n = TRIALS // len(KINDS)
-    for kind in COURSES:
+    for kind in KINDS:
         assert not_below(counts[f"{kind} named"] / n, 0.97, n)
     assert not_above(sum(counts[f"{kind} wrong"] for kind in KINDS) / TRIALS, 0.03, TRIALS)
     assert not_above(counts["alarms"] / TRIALS, 0.01, TRIALS)

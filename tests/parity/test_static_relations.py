@@ -17,6 +17,7 @@ from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import Channel, frozen_array
 from bfi_cli.parity.static_relations import find_static, relation_series
+from bfi_cli.parity.stuck import stuck_errors
 from bfi_cli.preprocessing.tolerance import tolerance_of
 
 FROM_S, TO_S, ONSET_S = 240.0, 360.0, 300.0
@@ -98,6 +99,41 @@ def test_an_error_of_a_tenth_of_a_metre_per_second_is_found_in_recorded_steps():
     (found,) = find_static(with_error(log, "tas", 0.1), FROM_S, TO_S).findings
     assert found.among == ("tas",)
     assert abs((found.magnitude or 0.0) - 0.1) < 4.0 * (found.sd or 0.0)
+
+
+def stuck_values(log: FlightLog, quantity: str, shape: str) -> np.ndarray:
+    """Return what a sensor of its own ports reads that is stuck from the onset on."""
+    if shape == "frozen":
+        values = log.channels[quantity].values
+        return np.where(log.time_s >= ONSET_S, values[np.argmax(log.time_s >= ONSET_S)], values)
+    return np.asarray(inject(log, [Fault(shape=shape, onset_s=ONSET_S)]).channels[quantity].values)
+
+
+@pytest.mark.parametrize("quantity", ["tas", "cas", "mach"])
+@pytest.mark.parametrize("shape", ["frozen", "pitot_blocked", "static_blocked"])
+def test_what_a_stuck_sensor_reads_follows_from_its_twin(quantity: str, shape: str):
+    flight = made_flight()
+    values = {name: channel.values for name, channel in flight.channels.items()}
+    row = int(np.argmax(flight.time_s >= ONSET_S))
+    air = {name: values[name] for name in ("altitude", "tat")}
+    errors = stuck_errors(quantity, values[quantity], air, np.array([row]))[shape][:, 0]
+    assert values[quantity] + errors == pytest.approx(stuck_values(flight, quantity, shape), rel=1e-9)
+
+
+@pytest.mark.parametrize("faulty", ["tas", "tas_2"])
+@pytest.mark.parametrize("shape", ["frozen", "pitot_blocked", "static_blocked"])
+@pytest.mark.parametrize("alone", [True, False], ids=["of two airspeeds", "beside mach and tat"])
+def test_of_two_sensors_the_one_that_is_stuck_is_named(faulty: str, shape: str, alone: bool):
+    flight = made_flight(steps=STEPS)
+    stuck, healthy = stuck_values(flight, "tas", shape), flight.channels["tas"].values
+    first, second = (stuck, healthy) if faulty == "tas" else (healthy, stuck)
+    kept = made_flight(names=("altitude", "tas")) if alone else flight
+    log = with_channel(with_channel(kept, "tas", first), "tas_2", second + 0.3)
+    (found,) = find_static(log, FROM_S, TO_S).findings
+    assert (found.among, found.shape) == ((faulty,), shape)
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+    inside = (log.time_s >= FROM_S) & (log.time_s < TO_S)
+    assert found.effect[faulty] == pytest.approx(np.abs(stuck - healthy)[inside].max(), rel=0.1)
 
 
 def test_a_second_sensor_shows_which_of_two_errs_where_a_third_does():

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from ..channels import STANDARD
 from ..flightlog.phases import Disagreement
 from ..kernels.progress import Report, silent
@@ -48,12 +50,32 @@ def drafts_of_relations(flight: Flight, series: Series, answers: StaticWindows) 
     for run in clusters([window for window, _ in found]):
         members = [Draft(finding=found[k][1], window=found[k][0], until_s=found[k][0][1]) for k in run]
         (joined,) = join(members)
+        if joined.finding.magnitude is None:
+            drafts.append(_stuck(flight, joined, members))
+            continue
         if len(members) > 2:
             joined = _from_the_start(flight, series, joined, members[0])
-        # What is stuck has the course of its twin.
-        told = joined.finding.magnitude is not None
-        drafts.append(_with_course(flight, series, joined) if told else joined)
+        drafts.append(_with_course(flight, series, joined))
     return drafts
+
+
+def _stuck(flight: Flight, joined: Draft, members: Sequence[Draft]) -> Draft:
+    """Return the draft of a stuck sensor, from the window that shows its onset best to the end that the last one shows.
+
+    What is stuck has the course of its twin. Windows that begin when it is stuck already do not tell since when.
+    """
+    same = [one for one in members if (one.finding.fault, one.finding.magnitude) == (joined.finding.fault, None)]
+    begins = [one for one in same if np.isfinite(one.finding.onset_ci95[0])]
+    best = max(begins, key=lambda one: one.finding.statistic) if begins else same[0]
+    effect = {best.finding.fault: max(one.finding.effect[best.finding.fault] for one in same)}
+    first_s, last_s = best.finding.onset_ci95
+    finding = replace(
+        best.finding,
+        onset_ci95=(max(first_s, flight.from_s), last_s),
+        offset_s=same[-1].finding.offset_s,
+        effect=effect,
+    )
+    return replace(joined, finding=finding, window=best.window)
 
 
 def _with_course(flight: Flight, series: Series, draft: Draft) -> Draft:

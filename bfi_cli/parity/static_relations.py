@@ -8,7 +8,7 @@ stands in.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 from operator import itemgetter
@@ -371,11 +371,10 @@ class StaticRelations:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Stuck:
-    """A sensor that is stuck from an onset on.
+    """A sensor that is stuck in a part of a window, from its start on where `onset_ci95` begins at -inf.
 
     Attributes
     ----------
-    near_s : the first and last onset that may be true.
     loss : twice the negative log-likelihood, but for a constant.
     effect : largest error of the relation in the window.
     """
@@ -383,7 +382,8 @@ class _Stuck:
     channel: str
     shape: str
     onset_s: float
-    near_s: tuple[float, float]
+    onset_ci95: tuple[float, float]
+    offset_s: float | None
     loss: float
     statistic: float
     effect: float
@@ -419,6 +419,11 @@ class _Scanned:
     def hidden(self) -> FloatArray:
         """Largest sizes of the candidates that, added to the window, may not be told."""
         return np.maximum(self.scan.hidden, np.abs(self.scan.amplitude) + self.least)
+
+    def not_overruled(self, changed: Sequence[_Scanned]) -> tuple[_Stuck, ...]:
+        """Return what is stuck, without a sensor whose twin is at odds with a third channel while it is not itself."""
+        at_odds = [one.effects.keys() for one in changed if one.effects.keys() & self.effects.keys()]
+        return tuple(one for one in self.stuck if all(one.channel in channels for channels in at_odds))
 
     @property
     def best(self) -> int:
@@ -562,6 +567,8 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
         effects = {name: effect for name, effect in effects.items() if effect}  # at rest a temperature has none
         stuck = tuple(_stuck_sensors(part, onsets_s, candidates))
         scanned.append(_Scanned(series=part, scan=scan, effects=effects, reach=reach, stuck=stuck))
+    changed = [one for one in scanned if one.answer.declares and one.answer.changes]
+    scanned = [replace(one, stuck=one.not_overruled(changed)) for one in scanned]
     answers = tuple(one.answer for one in scanned)
     # What is stuck its twin tells for certain; a step or a ramp of another relation may be no more than like it.
     declared = [
@@ -583,12 +590,30 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
     )
 
 
-def _stuck_sensors(part: RelationSeries, onsets_s: FloatArray, candidates: FloatArray) -> list[_Stuck]:
-    """Return two sensors as stuck ones, by channel and shape at the likeliest onset, the likeliest first.
+def _stuck_courses(part: RelationSeries, during: NDArray[np.bool_]) -> Iterator[tuple[str, str, FloatArray]]:
+    """Yield channel, shape and (n, n_stretches) what each of two sensors adds to their difference while it is stuck.
 
-    What is stuck errs by the whole of what its twin does, and its level has the spread of what that is within a second:
-    where in its second it began is not known. They are compared by all that each leaves of the difference, slow or not:
-    noise of any size that wanders would take a sensor that moves for one that rests.
+    Parameters
+    ----------
+    during : (n, n_stretches) where it is stuck, the whole window last.
+    """
+    air = {name: reading for name, reading in part.readings.items() if name in AIR}
+    for channel, twin in (part.relation.needs, part.relation.needs[::-1]):
+        effect, own = part.effects[channel][:, None], part.readings[channel]
+        for shape, errors in stuck_errors(_quantity(channel), own, part.readings[twin], air, during).items():
+            healthy = part.values[:, None] - effect * errors
+            level = np.mean(healthy[:, :-1], axis=0, where=during[:, :-1])
+            level -= np.mean(healthy[:, :-1], axis=0, where=~during[:, :-1])
+            yield channel, shape, effect * errors + np.append(level, 0.0) * during
+
+
+def _stuck_sensors(part: RelationSeries, onsets_s: FloatArray, candidates: FloatArray) -> list[_Stuck]:
+    """Return two sensors as stuck ones, by channel and shape in the likeliest stretch, the likeliest first.
+
+    A sensor is stuck from an onset on, or was before and is until some time, or throughout the window. It then errs by
+    the whole of what its twin does, and what it keeps is what it read within the second of its onset. The hypotheses
+    are compared by all that each leaves of the difference, slow or not: noise of any size that wanders would take a
+    sensor that moves for one that rests.
 
     Parameters
     ----------
@@ -602,42 +627,45 @@ def _stuck_sensors(part: RelationSeries, onsets_s: FloatArray, candidates: Float
         """Return twice the negative logarithm of the likelihood of what is left."""
         return np.asarray(n * np.log(np.maximum(squares / n, part.noise_sd**2)))
 
-    moves = np.ptp(candidates, axis=0) > 0.0
-    bounded = float(loss(squares_by_onset(part.values, candidates[:, moves])[0]).min()) - AS_GOOD
-    air = {name: reading for name, reading in part.readings.items() if name in AIR}
-    rows = np.searchsorted(part.time_s, onsets_s)
-    onsets_s, rows = onsets_s[rows < n - 1], rows[rows < n - 1]
+    # Steps within a second too, which move its mean by a part.
+    steps, _ = np.hsplit(candidates, 2)
+    within = [steps[:, 1:] + share * np.diff(-steps, axis=1) for share in (0.25, 0.5, 0.75)]
+    others = np.hstack([candidates, *within])
+    bound = loss(squares_by_onset(part.values, others[:, np.ptp(others, axis=0) > 0.0])[0]).min() - AS_GOOD
+    rows = np.unique(np.searchsorted(part.time_s, onsets_s))
+    rows = rows[(rows > 0) & (rows < n - 1)]
     after = np.arange(n)[:, None] >= rows
+    during = np.hstack([after, ~after, np.ones((n, 1), dtype=bool)])
+    begins = np.arange(len(rows))  # of `during`, the stretches of which the onset is in the window
     found = []
-    for channel, twin in (part.relation.needs, part.relation.needs[::-1]):
-        for shape, errors in stuck_errors(_quantity(channel), part.readings[twin], air, rows).items():
-            errors = errors * part.effects[channel][:, None]
-            healthy = part.values[:, None] - errors
-            level = np.mean(healthy, axis=0, where=after) - np.mean(healthy, axis=0, where=~after)
-            within_a_second = np.hypot(errors[rows + 1, np.arange(len(rows))], part.noise_sd)
-            left = healthy - level * after
-            losses = loss(np.var(left, axis=0) * n) + (level / within_a_second) ** 2
-            losses[~np.isfinite(losses)] = np.inf
-            best = int(np.argmin(losses))
-            if not losses[best] < bounded:
-                continue
-            course = part.values - left[:, best]
-            scan = part.scan(course[:, None])
-            statistic = float(scan.statistic[0] - ((scan.amplitude[0] - 1.0) / scan.sd[0]) ** 2)
-            effect = float(np.abs(course).max())
-            if statistic >= THRESHOLD and effect >= least:
-                near_s = onsets_s[losses <= losses[best] + CHI_SQUARE]
-                found.append(
-                    _Stuck(
-                        channel=channel,
-                        shape=shape,
-                        onset_s=float(onsets_s[best]),
-                        near_s=(float(near_s[0]), float(near_s[-1])),
-                        loss=float(losses[best]),
-                        statistic=statistic,
-                        effect=effect,
-                    )
-                )
+    for channel, shape, courses in _stuck_courses(part, during):
+        losses = loss(n * np.var(part.values[:, None] - courses, axis=0))
+        first, second = courses[rows, begins], courses[rows + 1, begins]
+        losses[begins] += (first / np.hypot(second - first, part.noise_sd)) ** 2
+        losses[~np.isfinite(losses)] = np.inf
+        best = int(np.argmin(losses))
+        if not losses[best] < bound:
+            continue
+        statistic = float(part.scan(courses[:, [best]]).statistic[0])
+        sizes = np.sort(np.abs(courses[:, best]))
+        # A second in which one of them begins or ends to err moves it too: what is stuck errs for longer.
+        if statistic < THRESHOLD or sizes[-round(MARGIN_S / BLOCK_S)] < least:
+            continue
+        stuck_s = part.time_s[during[:, best]]
+        near_s = part.time_s[rows[losses[begins] <= losses[best] + CHI_SQUARE]]
+        first_s, last_s = (near_s[0], near_s[-1]) if best in begins else (-np.inf, stuck_s[0])
+        found.append(
+            _Stuck(
+                channel=channel,
+                shape=shape,
+                onset_s=float(stuck_s[0]) - 0.5 * BLOCK_S,
+                onset_ci95=(float(first_s) - 1.5 * BLOCK_S, float(last_s) + 0.5 * BLOCK_S),
+                offset_s=None if during[-1, best] else float(stuck_s[-1]) + 0.5 * BLOCK_S,
+                loss=float(losses[best]),
+                statistic=statistic,
+                effect=float(sizes[-1]),
+            )
+        )
     return sorted(found, key=lambda one: one.loss)
 
 
@@ -652,7 +680,8 @@ def _stuck_finding(scanned: list[_Scanned], strongest: _Scanned) -> Finding:
         stage="static relations",
         shape=stuck.shape,
         onset_s=stuck.onset_s,
-        onset_ci95=(stuck.near_s[0] - BLOCK_S, stuck.near_s[1] + BLOCK_S),
+        onset_ci95=stuck.onset_ci95,
+        offset_s=stuck.offset_s,
         statistic=stuck.statistic,
         threshold=THRESHOLD,
         effect={stuck.channel: stuck.effect / abs(strongest.effects[stuck.channel])},

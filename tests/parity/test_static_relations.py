@@ -12,6 +12,8 @@ from made_logs import made_log
 
 from bfi_cli.config import Config
 from bfi_cli.diagnose.diagnose import diagnose_flight
+from bfi_cli.diagnose.flight import flight_of
+from bfi_cli.diagnose.relations import drafts_of_relations, find_relations
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.phases import phases_of
@@ -114,26 +116,46 @@ def stuck_values(log: FlightLog, quantity: str, shape: str) -> np.ndarray:
 def test_what_a_stuck_sensor_reads_follows_from_its_twin(quantity: str, shape: str):
     flight = made_flight()
     values = {name: channel.values for name, channel in flight.channels.items()}
-    row = int(np.argmax(flight.time_s >= ONSET_S))
     air = {name: values[name] for name in ("altitude", "tat")}
-    errors = stuck_errors(quantity, values[quantity], air, np.array([row]))[shape][:, 0]
-    assert values[quantity] + errors == pytest.approx(stuck_values(flight, quantity, shape), rel=1e-9)
+    stuck, during = stuck_values(flight, quantity, shape), (flight.time_s >= ONSET_S)[:, None]
+    errors = stuck_errors(quantity, stuck, values[quantity], air, during)[shape][:, 0]
+    assert values[quantity] + errors == pytest.approx(stuck, rel=1e-5)
 
 
 @pytest.mark.parametrize("faulty", ["tas", "tas_2"])
 @pytest.mark.parametrize("shape", ["frozen", "pitot_blocked", "static_blocked"])
 @pytest.mark.parametrize("alone", [True, False], ids=["of two airspeeds", "beside mach and tat"])
 def test_of_two_sensors_the_one_that_is_stuck_is_named(faulty: str, shape: str, alone: bool):
-    flight = made_flight(steps=STEPS)
-    stuck, healthy = stuck_values(flight, "tas", shape), flight.channels["tas"].values
+    """In a window in which it begins, in one in which it lasts, and in one in which it ends."""
+    flight, until_s = made_flight(steps=STEPS), ONSET_S + 150.0
+    healthy = flight.channels["tas"].values
+    stuck = np.where(flight.time_s < until_s, stuck_values(flight, "tas", shape), healthy)
     first, second = (stuck, healthy) if faulty == "tas" else (healthy, stuck)
     kept = made_flight(names=("altitude", "tas")) if alone else flight
     log = with_channel(with_channel(kept, "tas", first), "tas_2", second + 0.3)
-    (found,) = find_static(log, FROM_S, TO_S).findings
-    assert (found.among, found.shape) == ((faulty,), shape)
+    series = relation_series(log)
+    for from_s, begins, ends in ((240.0, True, False), (325.0, False, False), (380.0, False, True)):
+        (found,) = find_static(log, from_s, from_s + 120.0, series=series).findings
+        assert (found.among, found.shape) == ((faulty,), shape)
+        assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+        assert np.isfinite(found.onset_ci95[0]) == begins
+        assert found.offset_s == (pytest.approx(until_s, abs=2.0) if ends else None)
+        inside = (log.time_s >= from_s) & (log.time_s < from_s + 120.0)
+        assert found.effect[faulty] == pytest.approx(np.abs(stuck - healthy)[inside].max(), rel=0.15)
+
+
+def test_a_stuck_sensor_is_diagnosed_from_its_onset_to_its_end():
+    flight, until_s = made_flight(steps=STEPS), ONSET_S + 150.0
+    healthy = flight.channels["tas"].values
+    stuck = np.where(flight.time_s < until_s, stuck_values(flight, "tas", "pitot_blocked"), healthy)
+    log = with_channel(made_flight(names=("altitude", "tas")), "tas_2", stuck)
+    part = flight_of(log, Config())
+    series = relation_series(log)
+    (draft,) = drafts_of_relations(part, series, find_relations(part, series))
+    found = draft.finding
+    assert (found.among, found.shape) == (("tas_2",), "pitot_blocked")
     assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
-    inside = (log.time_s >= FROM_S) & (log.time_s < TO_S)
-    assert found.effect[faulty] == pytest.approx(np.abs(stuck - healthy)[inside].max(), rel=0.1)
+    assert found.offset_s == pytest.approx(until_s, abs=2.0)
 
 
 def test_a_second_sensor_shows_which_of_two_errs_where_a_third_does():

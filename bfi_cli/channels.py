@@ -154,7 +154,8 @@ for _name in REPEATED:
         # Two letters and a number are anything: ps_1, ma_2.
         if len(_spelling) > 2:
             for _word, _number in _WHICH.items():
-                _ALIAS[f"{_spelling}_{_word}"] = (f"{_name}_{_number}", _unit or None)
+                for _between in ("_", "") if _word.isdigit() else ("_",):
+                    _ALIAS[f"{_spelling}{_between}{_word}"] = (f"{_name}_{_number}", _unit or None)
 
 
 def quantity_of(name: str) -> str:

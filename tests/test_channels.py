@@ -134,6 +134,8 @@ def test_a_sensor_has_the_unit_and_the_largest_error_of_its_quantity(quantity: s
         ("Mach (1)", "mach_1", None),
         ("TAS Captain", "tas_1", None),
         ("tas_fo", "tas_2", None),
+        ("tas2", "tas_2", None),
+        ("ALT1_ft", "altitude_1", "ft"),
         ("aoa (left)", "aoa_1", None),
         ("AOA Right", "aoa_2", None),
         ("cas standby", "cas_3", None),

@@ -16,6 +16,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..channels import REPEATED, STANDARD
 from ..errors import LogError
 from ..notes import Note
 from ..units import DEGREE, G
@@ -212,6 +213,8 @@ csv.Longitude  longitude      deg
 """
 
 
+# Quantities of which the instances of a topic are sensors; those of an attitude or a climb are cores of one filter.
+SENSED = frozenset(REPEATED) - {"pitch", "roll", "yaw", "altitude_rate"}
 _MAPS: dict[str, list[ChannelMap]] = {}
 for _line in _TABLE.strip().splitlines():
     _place, *_words = _line.split()
@@ -292,6 +295,8 @@ def completed(topic: Topic) -> Topic:
 def tracks_of(recorder: Recorder, topics: Sequence[Topic], wanted: Sequence[str]) -> list[Track]:
     """Return the signals of a log, the ones with the first claim on a channel first.
 
+    The second sensor of a kind that measures `tas` is `tas_2`.
+
     Parameters
     ----------
     wanted : further fields, as `topic.field`, that become signals under that name.
@@ -299,19 +304,21 @@ def tracks_of(recorder: Recorder, topics: Sequence[Topic], wanted: Sequence[str]
 
     def mapped() -> Iterator[Track]:
         for row in _MAPS[recorder]:
-            for topic in sorted((one for one in topics if one.name == row.topic), key=lambda one: one.instance):
-                if row.field in topic.fields:
-                    with np.errstate(over="ignore", invalid="ignore"):
-                        values = row.scale * np.asarray(topic.fields[row.field], dtype=np.float64) + row.offset
-                    yield Track(
-                        source=f"{topic.label}.{row.field}",
-                        channel=row.channel,
-                        unit=row.unit,
-                        time_s=topic.time_s,
-                        values=values,
-                        is_state=row.is_state,
-                        turn=2.0 * math.pi if row.channel in ANGLES else None,
-                    )
+            having = [one for one in topics if one.name == row.topic and row.field in one.fields]
+            for number, topic in enumerate(sorted(having, key=lambda one: one.instance), start=1):
+                further = f"{row.channel}_{number}"
+                is_sensor = number > 1 and row.channel in SENSED and further in STANDARD
+                with np.errstate(over="ignore", invalid="ignore"):
+                    values = row.scale * np.asarray(topic.fields[row.field], dtype=np.float64) + row.offset
+                yield Track(
+                    source=f"{topic.label}.{row.field}",
+                    channel=further if is_sensor else row.channel,
+                    unit=row.unit,
+                    time_s=topic.time_s,
+                    values=values,
+                    is_state=row.is_state,
+                    turn=2.0 * math.pi if row.channel in ANGLES else None,
+                )
 
     tracks = list(mapped())
     have = {track.source for track in tracks}

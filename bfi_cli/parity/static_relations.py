@@ -7,7 +7,6 @@ stands in.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
@@ -27,7 +26,7 @@ from ..airdata import (
     speed_of_sound,
     static_temperature,
 )
-from ..channels import STANDARD, match_name, quantity_of
+from ..channels import REPEATED, STANDARD, match_name, quantity_of
 from ..flightlog import FlightLog
 from ..kernels.change_scan import ChangeScan, scan_changes, steps_and_ramps
 from ..shapes import SHAPES
@@ -86,9 +85,8 @@ DOMAIN: dict[str, tuple[float, float]] = {
 AIR = frozenset(("p_static", "altitude", "tat", "sat"))
 # Channels of which `FOLLOWS` is made.
 FOLLOWED = frozenset(("cas", "mach", "altitude", "p_static", "tas"))
-# Quantities that an aircraft measures more than once with sensors that should agree; two elevators are two surfaces.
-REPEATED = frozenset(("pitch", "roll", "aoa", *DOMAIN))
-NUMBERED = re.compile(r"[_ ]?(?:\d+|left|right|backup|standby)$", re.IGNORECASE)
+# Headings turn by a whole round, which is no difference.
+COMPARED = frozenset(REPEATED) - {"yaw"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +236,7 @@ def _second_sensors(log: FlightLog) -> list[Relation]:
     """Return the differences of channels that measure the same quantity: tas and tas_2, of two air-data computers."""
     sensors: dict[str, list[str]] = {}
     for name in log.channels:
-        if (quantity := _quantity(name)) in REPEATED:
+        if (quantity := _quantity(name)) in COMPARED:
             sensors.setdefault(quantity, []).append(name)
     pairs = []
     for quantity, names in sensors.items():
@@ -252,7 +250,7 @@ def _second_sensors(log: FlightLog) -> list[Relation]:
 
 def _quantity(channel: str) -> str:
     """Return the standard name of what a channel measures, of a second sensor too; its own name where it has none."""
-    match = match_name(channel) or match_name(NUMBERED.sub("", channel))
+    match = match_name(channel)
     return channel if match is None else quantity_of(match.name)
 
 

@@ -167,15 +167,22 @@ def test_every_map_is_of_a_known_channel_and_unit():
         assert si_unit(row.unit) in (STANDARD[row.channel].unit, "1"), row
 
 
-def test_the_second_sensor_of_a_kind_keeps_its_own_name():
+def test_the_second_sensor_of_a_kind_is_a_channel_of_its_own():
     t = np.arange(50) / 5.0
+    fields = {"airspeed": "true_airspeed_m_s", "vehicle_air_data": "baro_pressure_pa", "vehicle_local_position": "vz"}
     topics = [
-        Topic(name="airspeed", instance=i, time_s=t, fields={"true_airspeed_m_s": np.full(50, 20.0 + i)})
-        for i in (0, 1)
+        Topic(name=name, instance=i, time_s=t, fields={field: np.full(50, 20.0 + i)})
+        for name, field in fields.items()
+        for i in (2, 0)
     ]
-    assert [one.source for one in tracks_of("px4", topics, ())] == [
-        "airspeed.true_airspeed_m_s",
-        "airspeed_1.true_airspeed_m_s",
+    assert [(one.channel, one.source) for one in tracks_of("px4", topics, ())] == [
+        ("tas", "airspeed.true_airspeed_m_s"),
+        ("tas_2", "airspeed_2.true_airspeed_m_s"),
+        ("p_static", "vehicle_air_data.baro_pressure_pa"),
+        ("p_static_2", "vehicle_air_data_2.baro_pressure_pa"),
+        # Cores of one filter are no sensors.
+        ("altitude_rate", "vehicle_local_position.vz"),
+        ("altitude_rate", "vehicle_local_position_2.vz"),
     ]
 
 

@@ -30,7 +30,7 @@ from .events import Draft, as_one, beyond_its_tolerance, is_certain, join, large
 from .flight import Flight, flight_of
 from .limits import bounds_of, limit_courses, limits_of
 from .looks import GLANCE_S, STEP_S, Scanned, glance_at_flight, inputs_for, rate_of, summary_of
-from .naming import finding_of_glance, repeat_advice
+from .naming import finding_of_glance, repeat_advice, vote_against
 from .offsets import event_of_offset, is_fault, with_faults_marked
 from .relations import StaticWindows, drafts_of_disagreements, drafts_of_relations, find_relations, intact_channels
 from .result import DiagnoseResult, Event, Strip
@@ -309,7 +309,7 @@ def _state(flight: Flight, draft: Draft) -> tuple[State, str]:
         return "suspected", "no shipped table fits this log, so that the rate of false alarms of steps is not known"
     if one.stage == "scan" and overlaps(draft.window, flight.moved):
         return "suspected", "flaps or gear that move disturb the airspeed as a step would"
-    return "declared", ""
+    return "declared", vote_against(one, flight.recorded)
 
 
 def _strips(scanned: Sequence[Scanned], static: StaticWindows) -> tuple[Strip, ...]:

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from itertools import combinations
+
+import numpy as np
 
 from ..airdata import DEPENDS_ON, IMPACT_SOURCES
+from ..channels import quantity_of
 from ..onset.glance import Glance
 from ..parity import Finding, Fit, Record, Threshold, WindowScan, effects
 from ..parity.record import STATIC_LEAK, hypotheses
@@ -162,4 +166,14 @@ def repeat_advice(among: Collection[str]) -> str:
     for pair, words in REPEATS:
         if pair <= set(among):
             return words
-    return f"a second, independent sensor of {' or '.join(sorted(among)[:3])} tells them apart"
+    further = "third" if len({quantity_of(name) for name in among}) == 1 else "second"
+    return f"a {further}, independent sensor of {' or '.join(sorted(among)[:3])} tells them apart"
+
+
+def vote_against(finding: Finding, recorded: Collection[str]) -> str:
+    """Return which sensors agree with each other and not with the one that errs, "" for less than two."""
+    others = [name for name in recorded if name != finding.fault and quantity_of(name) == quantity_of(finding.fault)]
+    pairs = [finding.evidence.get(f"{one} - {other}", np.inf) for one, other in combinations(others, 2)]
+    if len(finding.among) > 1 or not pairs or max(pairs) >= finding.threshold:
+        return ""
+    return f"{', '.join(others[:-1])} and {others[-1]} agree with each other and not with it"

@@ -103,7 +103,13 @@ def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
         drawings=tuple(drawings),
         notes=(
             *(Note.limit(f"missing: {units.sentence(sentence)}") for sentence in document["missing"]),
-            *(Note.limit(f"{_name(one)}: {units.sentence(one['note'])}") for one in events if one["note"]),
+            *(
+                Note(
+                    "method" if one["state"] == "declared" else "limit", f"{_name(one)}: {units.sentence(one['note'])}"
+                )
+                for one in events
+                if one["note"]
+            ),
             *(Note.advice(f"{_name(one)}: next time, {one['repeat']}") for one in events if one["repeat"]),
             *notes_of(document, units),
         ),

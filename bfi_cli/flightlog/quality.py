@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +31,7 @@ GAP = 1.75  # median time steps, between one and two: a sample is missing from h
 LONG_S, MOST_NAMED = 600.0, 3
 # Means of this long are compared: shorter than a pilot's stroke, longer than the noise of a position sensor.
 BLOCK_S = 0.25
+ODD = 3.0  # times as far from the others as these from each other, where one of three sensors is named as the odd one
 MOVE = 0.05  # of the range of an input, what counts as a move
 POWER = 0.95  # of the variance of an input, what the bandwidth holds
 SEGMENT_S = 60.0  # slower changes are those of the trim
@@ -231,7 +233,7 @@ def inspect_log(log: FlightLog) -> LogReport:
 
 
 def _sensors_of_one_quantity(log: FlightLog) -> Iterator[Note]:
-    """Yield how far each further sensor of a quantity reads from its first one."""
+    """Yield how far each further sensor of a quantity reads from its first one, and which of three is the odd one."""
     sensors: dict[str, list[Channel]] = {}
     for name, channel in log.channels.items():
         sensors.setdefault(quantity_of(name), []).append(channel)
@@ -246,6 +248,23 @@ def _sensors_of_one_quantity(log: FlightLog) -> Iterator[Note]:
                     f"{first.name} and {other.name} are two sensors of one quantity: the second reads "
                     f"{quantity(abs(median), unit)} {'less' if median < 0.0 else 'more'} in the median, "
                     f"within {quantity(most, unit)} of that for 95 % of the samples"
+                )
+    for several in sensors.values():
+        if len(several) < 3:
+            continue
+        between = {}
+        for pair in combinations(several, 2):
+            size = np.abs(pair[0].values - pair[1].values)
+            between[pair] = float(np.quantile(size[np.isfinite(size)], 0.95)) if np.isfinite(size).any() else np.nan
+        for odd in several:
+            own = min(size for pair, size in between.items() if odd in pair)
+            rest = max(size for pair, size in between.items() if odd not in pair)
+            if own > ODD * rest:
+                *before, last = [one.name for one in several if one is not odd]
+                unit = "" if odd.unit == "1" else odd.unit
+                yield Note.method(
+                    f"{odd.name} agrees with neither {', '.join(before)} nor {last}: it is up to {quantity(own, unit)} "
+                    f"from the nearest, these up to {quantity(rest, unit)} from each other in 95 % of the samples"
                 )
 
 

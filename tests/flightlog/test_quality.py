@@ -198,3 +198,24 @@ def test_two_sensors_of_one_quantity_are_held_against_each_other():
     said = [note.text for note in found.notes if "two sensors" in note.text]
     assert len(said) == 1
     assert said[0].startswith("tas_1 and tas_2 are two sensors of one quantity: the second reads 1.5 m/s more")
+
+
+@pytest.mark.parametrize("errs", [0.0, 1.5], ids=["all agree", "one errs"])
+def test_of_three_sensors_the_odd_one_is_named(errs: float):
+    time_s = np.arange(200) / 10.0
+    tas = 90.0 + np.sin(time_s)
+    values = {"tas": tas, "tas_2": tas + errs, "tas_3": tas + 0.1 * np.cos(time_s)}
+    if not errs:
+        values["tas_2"] = tas - 0.1 * np.sin(time_s)
+    found = inspect_log(
+        FlightLog(
+            path="made",
+            time_s=frozen_array(time_s),
+            channels={
+                name: Channel(name=name, values=frozen_array(one), unit="m/s", source=name)
+                for name, one in values.items()
+            },
+        )
+    )
+    said = [note.text for note in found.notes if "neither" in note.text]
+    assert [text.partition(":")[0] for text in said] == ["tas_2 agrees with neither tas nor tas_3"] * bool(errs)

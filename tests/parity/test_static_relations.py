@@ -13,6 +13,7 @@ from made_logs import made_log
 from bfi_cli.config import Config
 from bfi_cli.diagnose.diagnose import diagnose_flight
 from bfi_cli.diagnose.flight import flight_of
+from bfi_cli.diagnose.naming import vote_against
 from bfi_cli.diagnose.relations import drafts_of_relations, find_relations
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
@@ -166,6 +167,8 @@ def test_a_second_sensor_shows_which_of_two_errs_where_a_third_does():
     three = with_channel(two, "tas_3", flight.channels["tas"].values - 0.1)
     (found,) = find_static(with_error(three, "tas_2", 0.5), FROM_S, TO_S).findings
     assert found.among == ("tas_2",)
+    assert vote_against(found, list(three.channels)) == "tas and tas_3 agree with each other and not with it"
+    assert vote_against(found, list(two.channels)) == ""
     assert found.magnitude == pytest.approx(0.5, rel=1e-3)
 
 

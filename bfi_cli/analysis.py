@@ -22,6 +22,7 @@ from .flightlog.recorder import recorder_filters
 from .identify.identify import Identification, concluded, identification
 from .identify.methods import METHODS
 from .identify.result import AgainstTruth, IdentifyResult, ScanSummary
+from .identify.shared_model import with_those_that_share
 from .kernels.progress import Progress, unseen
 from .notes import Note
 from .onset import STANDS_FOR, OnsetResult, find_onset, scan_beside, search_onsets, why_not_scanned, with_limit_of_scan
@@ -84,7 +85,9 @@ def identify(
     kinds = () if dictionary is None else _live_kinds(part, dictionary.searched, config)
     if dictionary is None or (kinds and not dictionary.exact.atoms):
         return _identify_kinds(log, part, dictionary, kinds, config, progress)
-    return _identify_entries(log, part, dictionary, kinds, config, progress), dictionary
+    log, on_model = with_those_that_share(log, dictionary.exact, config, progress) if log.earlier else (log, ())
+    result = _identify_entries(log, replace(part, earlier=log.earlier), dictionary, kinds, config, progress)
+    return replace(result, notes=(*on_model, *result.notes)), dictionary
 
 
 def _live_kinds(part: FlightLog, searched: Dictionary, config: Config) -> tuple[Fault, ...]:
@@ -132,6 +135,7 @@ def _identify_kinds(
         searched = replace(searched, faults=tuple(_named(one, dictionary, from_s) for one in searched.faults))
     sources = [searched.evidence, physics]
     proposed = _as_dictionary(searched, dictionary)
+    log, on_model = with_those_that_share(log, proposed, config) if log.earlier else (log, ())
     if searched.faults:
         found = identification(log, proposed, config, progress, given=config.method == "ml")
     else:
@@ -146,7 +150,7 @@ def _identify_kinds(
         percent = 100.0 * config.start_time.false_alarm
         said += f": the search over all onsets finds no fault at a false-alarm rate of {percent:.3g} %"
     left_out = _left_out(dictionary, kinds, physics)
-    notes = (Note.method(said), *searched.notes, *physics.notes, *left_out, *result.notes)
+    notes = (Note.method(said), *on_model, *searched.notes, *physics.notes, *left_out, *result.notes)
     result = replace(result, notes=notes, truth=_truth_by_onset(result, searched))
     return _with_scan(result, searched, "it proposed the faults"), proposed
 

@@ -234,7 +234,10 @@ OPTIONS = {
     "--metod ml": (2, "bfi identify: unknown option '--metod'; did you mean '--method'?"),
     "--xyzzy": (2, "bfi identify: unknown option '--xyzzy'; see bfi identify --help"),
     "-x": (2, "bfi identify: unknown option '-x'; see bfi identify --help"),
-    "second.csv": (2, "bfi identify: got unexpected extra argument (second.csv); see bfi identify --help"),
+    "second.csv": (
+        2,
+        "bfi identify: one LOG is analysed at a time, got 2; add --together where the others are healthy flights",
+    ),
     "-c absent.yaml": (2, "absent.yaml: cannot be read, no such file or directory; check the path"),
     "-c folder": (2, "folder: cannot be read, is a directory; check the path"),
     "-c binary.yaml": (2, "binary.yaml: byte 0 is not UTF-8 text; save the file as UTF-8"),

@@ -2,17 +2,63 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from .analysis import Answer, Asked, analysis, saying_first
+import click
+
+from ..errors import ConfigError
+from .analysis import Answer, Asked, analysis, saying_first, source_of, with_findings
 from .options import ANSWER, MODEL, SIGNALS, VERDICT, log_argument
+
+if TYPE_CHECKING:
+    from ..config import Config
+    from ..flightlog import FlightLog
+
+
+def _check(given: Mapping[str, Any]) -> None:
+    """Refuse further logs without --together, and --together without any."""
+    if given["logs"] and not given["together"]:
+        raise ConfigError(
+            f"bfi identify: one LOG is analysed at a time, got {1 + len(given['logs'])}; add --together where the "
+            "others are healthy flights of the same aircraft, or run them one by one"
+        )
+    if given["together"] and not given["logs"]:
+        raise ConfigError("--together: no further log is given; write bfi identify LOG EARLIER --together")
+
+
+def _earlier_log(word: str, config: Config) -> FlightLog:
+    """Return a log of which `word` may name a stretch, FILE@FROM:TO in seconds.
+
+    Raises
+    ------
+    LogError : it cannot be read, or has no such stretch.
+    """
+    from ..flightlog import read_log
+
+    stretch = None if Path(word).exists() else re.fullmatch(r"(.+)@([-+.\deE]*):([-+.\deE]*)", word)
+    if stretch is None:
+        return with_findings(read_log(word, **source_of(config)), config)[0]
+    path, *ends = stretch.groups()
+    try:
+        from_s, to_s = (float(end) if end else None for end in ends)
+    except ValueError:
+        raise ConfigError(f"--together: {word}: not a stretch of seconds, write {path}@100:250") from None
+    log = with_findings(read_log(path, **source_of(config)), config)[0]
+    return replace(log.window(from_s, to_s), path=word)
 
 
 @analysis(
     "identify",
     log_argument,
+    click.argument("logs", metavar="[EARLIER]...", nargs=-1),
     *("config_path", "dictionary", "onset_tolerance", *SIGNALS, "fix_units", *MODEL, *VERDICT),
-    *("method", "sparsity", "model", "seed", *ANSWER),
+    *("together", "method", "sparsity", "model", "seed", *ANSWER),
+    check=_check,
 )
 def command(asked: Asked) -> Answer:
     """Say which faults of a dictionary are in LOG, how large they are and how sure that is.
@@ -25,6 +71,7 @@ def command(asked: Asked) -> Answer:
 
     asked.check_out(DRAWINGS, TABLES)
     flight, asked = asked.read()
+    flight = replace(flight, earlier=tuple(_earlier_log(word, asked.config) for word in asked.options["logs"]))
     with saying_first(asked.findings):
         result, dictionary = identify(flight, asked.dictionary, asked.config, asked.progress)
     result = asked.noted(result)

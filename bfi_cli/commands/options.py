@@ -195,6 +195,8 @@ require  --require  require  KINDS  kinds
     Kinds of fault that must be excluded for a no_fault: abrupt,oscillating,slow.  [default: all]
 tolerance  --tolerance  tolerances  CHANNEL=VALUE  tolerances
     Largest error that may stay unseen, SI or with unit, tas=5kt; repeatable.  [default: by channel, tas 3 % or 5 kt]
+together  --together  -  -  flag
+    Further logs of this aircraft without a fault, FILE or FILE@FROM:TO, share its model with LOG.
 method  --method  method  NAME  text
     Method of identification: {", ".join(METHODS)}.  [default: ml]
 sparsity  --sparsity  risro.sparsity  KIND  text
@@ -319,7 +321,18 @@ HELP_GROUPS: Mapping[str, tuple[str, ...]] = {
     ),
     "Reading the log": (*CHANNELS, "fix_units", "allow_outside"),
     "Model and method": (
-        *("rate", "recorder", *MODEL, "method", "scan_method", "detect_method", "sparsity", "model", "seed"),
+        *(
+            "rate",
+            "recorder",
+            *MODEL,
+            "together",
+            "method",
+            "scan_method",
+            "detect_method",
+            "sparsity",
+            "model",
+            "seed",
+        ),
         *("flown_model", "manoeuvres", "noise", "amplitude_rad", "start_s", "unit_step_s", "flight_s"),
         *("turbulence_m_s", "draws"),
     ),

@@ -164,6 +164,8 @@ class FlightLog:
     filters : the low-pass filters it went through, recorder first; None where nothing is known of them.
     sha256 : of the file, "" for a log made in memory.
     notes : what the reader, or resampling, decided, as sentences for the user.
+    earlier : other records of this aircraft without a fault, whose motion follows the same model; earlier_weights : how
+        many times as quiet as this one each is, none for 1.
     """
 
     path: str
@@ -174,6 +176,8 @@ class FlightLog:
     filters: tuple[Filter, ...] | None = None
     sha256: str = ""
     notes: tuple[Note, ...] = ()
+    earlier: tuple[FlightLog, ...] = ()
+    earlier_weights: tuple[float, ...] = ()
     _rate_hz: list[float] = field(init=False, repr=False, default_factory=list)  # once it is known
 
     @property

@@ -28,7 +28,6 @@ from ..kernels.free_course import CourseFit, course_problem, fit_course, redrawn
 from ..kernels.model_selection import Penalty
 from ..kernels.progress import Progress, unseen
 from ..kernels.variable_projection import fit_magnitudes
-from ..kernels.whiteness import effective_rows
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow, regression_of
 from .magnitudes import FreeOutcome, MethodResult
@@ -83,7 +82,7 @@ def identify_with_courses(
     identify : the method for named entries.
     """
     plain = identify(window, regression, config, progress)
-    effective = effective_rows(plain.error)
+    effective = regression.effective_rows(plain.error)
     penalty = Penalty(
         n_rows=regression.n_rows,
         n_effective=min(max(effective, 2.0 * regression.data.columns.n_base), float(regression.n_rows)),

@@ -158,6 +158,11 @@ def identification(
                     f"{dictionary.path}: a fault of unknown shape is estimated by --method ml on one output, got "
                     f"{config.method} on {', '.join(config.outputs)}; leave out shape free"
                 )
+            if log.earlier:
+                raise DictionaryError(
+                    f"{dictionary.path}: a fault of unknown shape is estimated from one log, got --together with "
+                    f"{len(log.earlier)} more; leave out shape free, or the other logs"
+                )
             identify = partial(identify_with_courses, identify=identify)
         outcome = identify(window, regression, config, progress)
         suggested = window

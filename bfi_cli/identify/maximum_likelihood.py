@@ -30,7 +30,6 @@ from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ..kernels.termination import Termination
 from ..kernels.variable_projection import Fit, fit_magnitudes
-from ..kernels.whiteness import effective_rows
 from ..notes import Note
 from ..preprocessing.magnitudes import (
     MagnitudeEstimates,
@@ -325,7 +324,7 @@ def select(
     searching(1.0)
     selection = best_of(regression, searches, penalty)
     per_output = selection.best.fit.n_parameters / regression.layout.y.shape[1]
-    effective = max(effective_rows(selection.unfolded.weighted_error), 2.0 * per_output)
+    effective = max(regression.effective_rows(selection.unfolded.weighted_error), 2.0 * per_output)
     if effective >= n_rows:
         return selection
     penalty = replace(penalty, n_effective=effective)

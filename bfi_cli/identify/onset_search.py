@@ -14,7 +14,7 @@ import numpy as np
 
 from ..config import Config
 from ..kernels import FloatArray
-from ..kernels.lagged import compress, restrict
+from ..kernels.lagged import compress, restrict, with_earlier
 from ..kernels.model_selection import Penalty
 from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
@@ -201,6 +201,7 @@ def _hopeful_fits(
             weights=layout.weights,
             segments=regression.segments,
         )
+        data = with_earlier(data, layout.earlier)
         if without.order < layout.first:
             data = restrict(data, order=without.order)
         problem = project_inputs(data, without.order, floor=regression.floor)

@@ -15,7 +15,7 @@ from scipy.linalg import lapack
 
 from . import FloatArray
 from .coherence import whiten
-from .lagged import Compressed, lagged
+from .lagged import Compressed, EarlierRows, lagged
 from .piecewise import PiecewiseSignals, ScaledSignals
 from .variable_projection import Fit
 
@@ -40,6 +40,7 @@ class Layout:
     first : sample of the first row, the largest of the orders that are compared.
     feedthrough : inputs act in the same sample too.
     weights : (n_samples,) of the rows, None for 1.
+    earlier : of other records with the same model, at lag `first`; None where there are none.
     """
 
     u: FloatArray | ScaledSignals
@@ -48,6 +49,7 @@ class Layout:
     first: int
     feedthrough: bool
     weights: FloatArray | None = None
+    earlier: EarlierRows | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,7 +58,8 @@ class Regressors:
 
     Attributes
     ----------
-    Q : (n_rows, rank), their orthogonal basis; now : (n_rows, n_outputs) the corrected outputs, weighted.
+    Q : (n_all, rank), their orthogonal basis; now : (n_all, n_outputs) the corrected outputs, weighted; those of the
+        record, then those of earlier ones.
     singular : all of their singular values, columns scaled; Vt : (rank, n_regressors); scale : of the columns.
     weights : (n_rows,).
     """
@@ -82,7 +85,9 @@ class FitRows:
     coefficients : (n_regressors, n_outputs) of [1, u lags, corrected y lags].
     condition_number : of the regressors, columns scaled.
     n_regressors : per output.
-    n_rows : of the record. The arrays have fewer where it was unfolded on its triangular factor.
+    n_rows : of all records. The arrays have fewer where they were unfolded on their triangular factor.
+    earlier_error : (n, n_outputs) and earlier_signatures : (n, n_outputs, n_atoms) on the rows of earlier records, in
+        no order of time, as they are orthogonal to the same regressors; none of those that are in the factor.
     """
 
     error: FloatArray
@@ -93,6 +98,18 @@ class FitRows:
     condition_number: float
     n_regressors: int
     n_rows: int
+    earlier_error: FloatArray
+    earlier_signatures: FloatArray
+
+    @property
+    def all_errors(self) -> FloatArray:
+        """(n_all, n_outputs) weighted, those of the record first."""
+        return _above(self.weighted_error, self.earlier_error)
+
+    @property
+    def all_signatures(self) -> FloatArray:
+        """(n_all, n_outputs, n_atoms), those of the record first."""
+        return _above(self.signatures, self.earlier_signatures)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,7 +131,15 @@ def regressors_of(layout: Layout, fit: Fit) -> Regressors:
     X[:, n_base:] = lagged(corrected, output_lags, first=first)
     weights = np.ones(n - first) if layout.weights is None else layout.weights[first:]
     X *= weights[:, None]
-    return _orthogonalised(X, corrected[first:] * weights[:, None], weights)
+    now, others = corrected[first:] * weights[:, None], layout.earlier
+    if others is not None:
+        past = np.hstack([others.u[:, : n_base - 1], others.past[:, : X.shape[1] - n_base]])
+        X, now = np.asfortranarray(_above(X, np.pad(past, ((0, 0), (1, 0))))), _above(now, others.y)
+    return _orthogonalised(X, now, weights)
+
+
+def _above(rows: FloatArray, others: FloatArray) -> FloatArray:
+    return np.concatenate([rows, others]) if len(others) else rows
 
 
 def _orthogonalised(X: FloatArray, now: FloatArray, weights: FloatArray) -> Regressors:
@@ -158,25 +183,31 @@ def unfold(layout: Layout, fit: Fit, regressors: Regressors | None = None) -> Fi
     for i, K in enumerate(fit.K, start=1):
         g -= np.einsum("io,koj->kij", K, theta[first - i : n - i])
     g *= made.weights[:, None, None]
-    return _projected(made, g, n - first)
+    if layout.earlier is None:
+        return _projected(made, g, n - first)
+    none = np.zeros((len(made.now) - len(g), *g.shape[1:]))
+    return _projected(made, np.concatenate([g, none]), n - first + layout.earlier.n_rows)
 
 
 def _projected(made: Regressors, g: FloatArray, n_rows: int) -> FitRows:
-    """Return the rows of a fit with weighted signatures g (n, n_outputs, n_atoms), which are overwritten."""
-    Q, now, s = made.Q, made.now, made.singular
+    """Return the rows of a fit with weighted signatures g (n_all, n_outputs, n_atoms), which are overwritten."""
+    Q, now, s, n = made.Q, made.now, made.singular, len(made.weights)
     flat = g.reshape(len(g), -1)
     weighted_error = now - Q @ (Q.T @ now)
     raw_norm = np.sqrt(np.einsum("koj,koj->j", g, g))
     flat -= Q @ (Q.T @ flat)
+    signatures = flat.reshape(g.shape)
     return FitRows(
-        error=weighted_error / made.weights[:, None],
-        weighted_error=weighted_error,
-        signatures=flat.reshape(g.shape),
+        error=weighted_error[:n] / made.weights[:, None],
+        weighted_error=weighted_error[:n],
+        signatures=signatures[:n],
         raw_norm=raw_norm,
         coefficients=_coefficients(made, now),
         condition_number=float(s[0] / s[-1]) if s[-1] > 0 else float("inf"),
         n_regressors=made.scale.size,
         n_rows=n_rows,
+        earlier_error=weighted_error[n:],
+        earlier_signatures=signatures[n:],
     )
 
 
@@ -291,13 +322,16 @@ def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:
     rows, n_y = unfolded.error.shape
     G, scale = _unit_signatures(fit, unfolded)
     e = whiten(unfolded.weighted_error[:, :, None], fit.sigma)
+    others, G = G[rows * n_y :], G[: rows * n_y]
     scores = (G * e).reshape(rows, n_y, -1).sum(axis=1)
     lags = int(np.ceil(rows ** (1.0 / 3.0)))
     meat = scores.T @ scores
     for lag in range(1, lags + 1):
         cross = scores[lag:].T @ scores[:-lag]
         meat += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
-    return _sandwich(fit, unfolded, G.T @ G, meat, scale)
+    # Of the rows of other records the order in time is not known: their scores count as uncorrelated.
+    apart = others.T @ others
+    return _sandwich(fit, unfolded, G.T @ G + apart, meat + apart, scale)
 
 
 def covariance_of_rows(layout: Layout, fit: Fit, on_factor: FitRows, data: Compressed) -> FloatArray:
@@ -320,13 +354,16 @@ def covariance_of_rows(layout: Layout, fit: Fit, on_factor: FitRows, data: Compr
     absorbed = _coefficients(made, raw[:, :, active].transpose(0, 2, 1).reshape(len(raw), -1))
     width = int(np.ceil((n - layout.first) ** (1.0 / 3.0))) + 1
     meat, sums = np.zeros((len(active), len(active))), np.zeros((width, len(active)))
+    information = np.zeros_like(meat)  # of the rows of this record
     for rows, corrected, error in _in_parts(layout, fit, on_factor.coefficients):
         g = filtered.between(rows.start, rows.stop).sum(axis=1)
         g -= _predicted(layout, fit, absorbed, rows.start, corrected)
         g = g.reshape(len(g), len(active), n_y).transpose(0, 2, 1)
         if layout.weights is not None:
             error, g = error * layout.weights[rows, None], g * layout.weights[rows, None, None]
-        white = whiten(g, fit.sigma) * whiten(error[:, :, None], fit.sigma) / scale
+        unit = whiten(g, fit.sigma) / scale
+        information += unit.T @ unit
+        white = unit * whiten(error[:, :, None], fit.sigma)
         # The last `width` scores of the rows before, and zeros behind the last row, so that every sum is complete.
         scores = white.reshape(len(g), n_y, -1).sum(axis=1)
         tail = np.zeros((width if rows.stop == n else 0, len(active)))
@@ -335,12 +372,13 @@ def covariance_of_rows(layout: Layout, fit: Fit, on_factor: FitRows, data: Compr
         windows = summed[width:] - summed[:-width]
         meat += windows.T @ windows
         sums = scores[-width:]
-    return _sandwich(fit, on_factor, G.T @ G, meat / width, scale)
+    apart = 0.0 if layout.earlier is None else G.T @ G - information
+    return _sandwich(fit, on_factor, G.T @ G, meat / width + apart, scale)
 
 
 def _unit_signatures(fit: Fit, unfolded: FitRows) -> tuple[FloatArray, FloatArray]:
     """Return the whitened signatures of the support, of norm 1, and (n_active,) what they were divided by."""
-    G = whiten(unfolded.signatures[:, :, list(fit.atoms)], fit.sigma)
+    G = whiten(unfolded.all_signatures[:, :, list(fit.atoms)], fit.sigma)
     scale = np.linalg.norm(G, axis=0)
     scale[scale == 0.0] = 1.0
     return G / scale, scale
@@ -356,7 +394,7 @@ def _sandwich(fit: Fit, unfolded: FitRows, information: FloatArray, meat: FloatA
 
 def single_additions(fit: Fit, unfolded: FitRows) -> SingleAdditions:
     """Return magnitude and variance that each atom would have if it were added alone to the support."""
-    G, e = whiten(unfolded.signatures, fit.sigma), whiten(unfolded.weighted_error[:, :, None], fit.sigma)[:, 0]
+    G, e = whiten(unfolded.all_signatures, fit.sigma), whiten(unfolded.all_errors[:, :, None], fit.sigma)[:, 0]
     Q = np.linalg.qr(G[:, list(fit.atoms)])[0]
     others = G - Q @ (Q.T @ G)
     power = np.einsum("kj,kj->j", others, others)

@@ -115,6 +115,53 @@ class Compressed:
     n_rows: int
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class EarlierRows:
+    """What other records of the system say of its model: their lagged rows, compressed, without their own constants.
+
+    No signal acts in them. They are rows of every factor of the record that they stand beside.
+
+    Attributes
+    ----------
+    u : (n, n_lags * n_inputs), past : (n, order * n_outputs), y : (n, n_outputs) columns as `Columns` has them, in the
+        units of the record.
+    n_rows : that they stand for, one less per record for its constant.
+    """
+
+    u: FloatArray
+    past: FloatArray
+    y: FloatArray
+    n_rows: int
+
+    @classmethod
+    def of(cls, data: Compressed) -> EarlierRows:
+        """Return the rows of a record without signals."""
+        columns, rest = data.columns, data.R[1:]  # the first row alone has to do with the constant
+        return cls(
+            u=rest[:, 1 : columns.n_base], past=rest[:, columns.y_lags], y=rest[:, columns.y], n_rows=data.n_rows - 1
+        )
+
+    @classmethod
+    def together(cls, several: Sequence[EarlierRows]) -> EarlierRows:
+        """Return the rows of several records as those of one."""
+        n_rows = sum(one.n_rows for one in several)
+        rows = np.concatenate([np.hstack([one.u, one.past, one.y]) for one in several])
+        rows = np.asarray(np.linalg.qr(rows, mode="r")) if len(rows) > rows.shape[1] else rows
+        n_u, n_y = several[0].u.shape[1], several[0].y.shape[1]
+        return cls(u=rows[:, :n_u], past=rows[:, n_u:-n_y], y=rows[:, -n_y:], n_rows=n_rows)
+
+    def scaled(self, scale: FloatArray) -> EarlierRows:
+        """Return the rows with outputs times `scale`, (n_outputs,)."""
+        copies = self.past.shape[1] // len(scale)
+        return replace(self, past=self.past * np.tile(scale, copies), y=self.y * scale)
+
+    def among(self, columns: Columns) -> FloatArray:
+        """Return (n, n_columns) the rows with zeros for the constant and for signals."""
+        rows = np.zeros((len(self.y), columns.size), order="F")
+        rows[:, 1 : columns.n_base], rows[:, columns.y_lags], rows[:, columns.y] = self.u, self.past, self.y
+        return rows
+
+
 def lagged(x: FloatArray, lags: Sequence[int], *, first: int | None = None) -> FloatArray:
     """Return the lagged copies of `x` side by side: all channels at lags[0], then at lags[1], ...
 
@@ -365,8 +412,21 @@ def compress(
     return _compressed(R, columns, n_rows)
 
 
+def with_earlier(data: Compressed, earlier: EarlierRows | None) -> Compressed:
+    """Return the factor of a record and of others of its order, of which there may be none."""
+    if earlier is None:
+        return data
+    columns, R = data.columns, np.concatenate([data.R, earlier.among(data.columns)])
+    R = np.asarray(np.linalg.qr(R, mode="r")) if len(R) > columns.size else triangular_first(R, columns.n_base)
+    return _compressed(R, columns, data.n_rows + earlier.n_rows)
+
+
 def compress_beside(
-    theta: PiecewiseSignals, beside: PiecewiseSignals, *, segments: SegmentFactors
+    theta: PiecewiseSignals,
+    beside: PiecewiseSignals,
+    *,
+    segments: SegmentFactors,
+    earlier: EarlierRows | None = None,
 ) -> tuple[Compressed, FloatArray]:
     """Return the factor of a record and a few signals, and the rows that others have beside it.
 
@@ -375,14 +435,21 @@ def compress_beside(
     theta : with all its lags.
     beside : at lag 0 alone.
     segments : of the record, with every exponent of both.
+    earlier : of other records at this order.
 
     Returns
     -------
     The factor of the record with `theta`, whose R has more rows than columns, and (rows of R, n_beside).
     """
     columns = replace(segments.record_columns, n_atoms=theta.shape[2], signals=_signals_of(theta))
-    R = _piecewise_factor(theta, columns, beside, segments)
-    data = _compressed(R[:, : columns.size], columns, len(segments.y) - segments.order)
+    R, n_rows = _piecewise_factor(theta, columns, beside, segments), len(segments.y) - segments.order
+    if earlier is not None:
+        n_beside = R.shape[1] - columns.size
+        R, n_rows = (
+            np.concatenate([R, np.pad(earlier.among(columns), ((0, 0), (0, n_beside)))]),
+            n_rows + earlier.n_rows,
+        )
+    data = _compressed(R[:, : columns.size], columns, n_rows)
     return data, R[:, columns.size :]
 
 

@@ -19,7 +19,6 @@ from ..flightlog import FlightLog
 from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import fit_magnitudes
-from ..kernels.whiteness import effective_rows
 from ..preprocessing.magnitudes import at_half_rate, estimate_magnitudes, overdispersion
 from ..preprocessing.window import prepare_window, regression_of
 from .estimate import Estimate
@@ -73,7 +72,7 @@ def measure(
         for order, _ in parts(fitting, regression.orders)
     ]
     best = min(fits, key=penalty.criterion)
-    effective = effective_rows(regression.unfold(best).weighted_error)
+    effective = regression.effective_rows(regression.unfold(best).weighted_error)
     least = 2.0 * best.n_parameters / regression.layout.y.shape[1]
     penalty = replace(penalty, n_effective=min(float(rows), max(effective, least)))
     scored = [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits]

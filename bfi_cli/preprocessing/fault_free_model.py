@@ -13,7 +13,7 @@ from ..kernels.coherence import detectable_deviations
 from ..kernels.covariance import FitRows, single_additions, unfold
 from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.variable_projection import Fit, fit_magnitudes
-from ..kernels.whiteness import effective_rows, exceedances
+from ..kernels.whiteness import exceedances
 from ..notes import Note
 from .regression import RegressionData, build_regression
 from .summary import ModelSummary, noise_of
@@ -114,7 +114,7 @@ def fault_free_fits(regression: RegressionData, config: Config, n_candidates: in
     fits = [fit_magnitudes(regression.problem(order), ()) for order in regression.orders]
     best = min(fits, key=penalty.criterion)
     effective = max(
-        effective_rows(regression.unfold(best).weighted_error),
+        regression.effective_rows(regression.unfold(best).weighted_error),
         2.0 * best.n_parameters / regression.layout.y.shape[1],
     )
     penalty = replace(penalty, n_effective=min(penalty.n_effective, effective))

@@ -26,11 +26,13 @@ from ..kernels.covariance import (
 from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
 from ..kernels.lagged import (
     Compressed,
+    EarlierRows,
     SegmentFactors,
     compress,
     compress_beside,
     exponents_of,
     restrict,
+    with_earlier,
     with_fault,
     with_scaled_outputs,
 )
@@ -41,6 +43,7 @@ from ..kernels.running import running_weights
 from ..kernels.sparsity import SparseStage
 from ..kernels.termination import StoppingRule
 from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes, project_inputs
+from ..kernels.whiteness import effective_rows
 from .fault_signals import FaultSignals
 
 FloatArray = NDArray[np.float64]
@@ -76,6 +79,8 @@ class Signals:
     theta : (n_samples, n_outputs, n_atoms), every entry of the dictionary; piecewise where these are many numbers.
     scaling : entries whose signal is the output itself.
     slopes : by entry whose signal changes with the outputs otherwise, by how much, (n_samples, n_outputs).
+    earlier : of other records of the aircraft without a fault, which have the same model but for its constant.
+    weight : of the rows of one of these.
     """
 
     path: str
@@ -87,6 +92,8 @@ class Signals:
     theta: FloatArray | PiecewiseSignals
     scaling: tuple[int, ...] = ()
     slopes: Mapping[int, FloatArray] = field(default_factory=dict)
+    earlier: tuple[Signals, ...] = ()
+    weight: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -97,12 +104,15 @@ class NativeSignals:
     ----------
     log : the window; inputs, outputs : names of its channels.
     faults : what makes the signals of the dictionary.
+    earlier : of other records, see `Signals`; weight : of one of these.
     """
 
     log: FlightLog
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     faults: FaultSignals
+    earlier: tuple[NativeSignals, ...] = ()
+    weight: float = 1.0
 
     @property
     def path(self) -> str:
@@ -177,7 +187,8 @@ def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE
                 made[:, i] = _decimated_channel(native.log.channel(name), factor, lowpass)
         signals = replace(signals, u=u, y=y)
     theta, largest = native.faults.decimated(factor, lowpass)
-    return replace(signals, theta=theta), largest
+    earlier = tuple(decimate_native(one, factor, lowpass)[0] for one in native.earlier)
+    return replace(signals, theta=theta, earlier=earlier, weight=native.weight), largest
 
 
 def _decimated_channel(channel: Channel, factor: int, lowpass: Lowpass) -> FloatArray:
@@ -243,12 +254,16 @@ class RegressionData:
 
     @property
     def n_rows(self) -> int:
-        """Rows of the regression: all orders are fitted on those of the largest."""
+        """Rows of the regression, those of earlier records too: all orders are fitted on those of the largest."""
         return self.data.n_rows
+
+    def effective_rows(self, error: FloatArray) -> float:
+        """Return how many independent rows there are, where those of the record have a prediction error."""
+        return effective_rows(error) * self.n_rows / len(error)
 
     @property
     def rows_s(self) -> FloatArray:
-        """(n_rows,) times of the rows."""
+        """Times of the rows of the record."""
         return self.signals.time_s[self.layout.first :]
 
     def problem(self, order: int) -> ProjectedRegression:
@@ -283,8 +298,9 @@ class RegressionData:
         if not {*self.atoms} & self.signals.slopes.keys():
             return None
         theta, first = np.asarray(self.layout.theta), self.layout.first
-        blocks = np.array_split(np.arange(self.n_rows), min(self.n_rows, MOST_SLOPES))
-        starts, n_outputs = np.array([block[0] for block in blocks]), self.layout.y.shape[1]
+        n_rows, n_outputs = self.layout.y.shape[0] - first, self.layout.y.shape[1]
+        blocks = np.array_split(np.arange(n_rows), min(n_rows, MOST_SLOPES))
+        starts = np.array([block[0] for block in blocks])
         rows = np.tile(np.array([float(len(block)) for block in blocks])[:, None], (1, n_outputs))
         found = {}
         for j, entry in enumerate(self.atoms):
@@ -370,7 +386,7 @@ class RegressionData:
         scale, shift = self.unit / unit, (self.center - center) / unit
         return replace(
             self,
-            layout=replace(self.layout, y=y),
+            layout=replace(self.layout, y=y, earlier=self.layout.earlier and self.layout.earlier.scaled(scale)),
             data=with_scaled_outputs(with_fault(self.data, z), scale, shift),
             center=center,
             unit=unit,
@@ -424,7 +440,9 @@ class Adding:
             step = max(1, MOST_BESIDE // n_y)
             for k in range(0, len(theta.atoms), step):
                 some = theta.of(range(k, min(k + step, len(theta.atoms))))
-                data, beside = compress_beside(self.layout.theta, some.filtered(self.fit.K), segments=segments)
+                data, beside = compress_beside(
+                    self.layout.theta, some.filtered(self.fit.K), segments=segments, earlier=self.layout.earlier
+                )
                 squeezed.append(single_additions(self.fit, unfold_factor(data, self.fit, beside)))
         else:
             step = max(1, MOST_AT_ONCE // len(self.layout.y))
@@ -469,14 +487,20 @@ def build_regression(
     else:
         u, _, _ = _standardised(signals.u, centred=centred)
         y, center, unit = _standardised(signals.y, centred=centred)
+    units = np.concatenate([_unit_of(signals.u), unit]) if signals.earlier else unit
     theta, magnitude_unit = _scaled_signals(signals.theta, atoms, unit)
     floor = ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER
     layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough)
     segments = _segments(layout, theta) if isinstance(theta, PiecewiseSignals) else None
-    if config.conditioning.variance == "running" and not as_published(config):
-        layout = replace(layout, weights=_weights(layout, segments, signals.rate_hz, floor))
+    is_even = config.conditioning.variance != "running" or as_published(config)
+    error = None if is_even else _plain_error(layout, segments, floor)
+    if error is not None:
+        layout = replace(layout, weights=_weights(error, layout.first, signals.rate_hz))
         if segments is not None and layout.weights is not None:
             segments = replace(segments, weights=layout.weights)
+    if signals.earlier:
+        earlier = [_earlier_rows(one, layout, units, floor, is_even=is_even) for one in signals.earlier]
+        layout = replace(layout, earlier=EarlierRows.together(earlier))
     return RegressionData(
         signals=replace(signals, theta=np.empty((*signals.y.shape, 0))),
         atoms=tuple(atoms),
@@ -515,7 +539,7 @@ def _scaled_signals(
 
 def _factor(layout: Layout, segments: SegmentFactors | None, report: Report = silent) -> Compressed:
     """Return the triangular factor of a record at its largest order."""
-    return compress(
+    data = compress(
         layout.u,
         layout.y,
         layout.theta,
@@ -525,6 +549,7 @@ def _factor(layout: Layout, segments: SegmentFactors | None, report: Report = si
         report=report,
         segments=segments,
     )
+    return with_earlier(data, layout.earlier)
 
 
 def _segments(layout: Layout, theta: PiecewiseSignals, known: SegmentFactors | None = None) -> SegmentFactors:
@@ -543,30 +568,66 @@ def _segments(layout: Layout, theta: PiecewiseSignals, known: SegmentFactors | N
     )
 
 
-def _weights(layout: Layout, segments: SegmentFactors | None, rate_hz: float, floor: float) -> FloatArray | None:
-    """Return (n_samples,) weights inverse to the running size of the prediction error without a fault."""
-    order = layout.first
+def _plain_error(layout: Layout, segments: SegmentFactors | None, floor: float) -> FloatArray | None:
+    """Return (n_rows, n_outputs) the prediction error without a fault, None where it is round-off."""
     theta = layout.theta.of([]) if isinstance(layout.theta, PiecewiseSignals) else np.zeros((*layout.y.shape, 0))
     plain = replace(layout, theta=theta)
     data = _factor(plain, segments)
-    fit = fit_magnitudes(project_inputs(data, order, floor=floor), ())
+    fit = fit_magnitudes(project_inputs(data, layout.first, floor=floor), ())
     if segments is None:
         error = unfold_support(plain, fit).error
     else:
         error = unfold_rows(plain, fit, unfold_factor(data, fit)).error
-    if float(np.abs(error).max()) < EXACT:  # round-off has no gusts
-        return None
+    return None if float(np.abs(error).max()) < EXACT else error  # round-off has no gusts
+
+
+def _weights(error: FloatArray, first: int, rate_hz: float) -> FloatArray | None:
+    """Return (n_samples,) weights inverse to the running size of a prediction error, None where it does not change."""
     weights = running_weights(error, round(RUNNING_S * rate_hz))
     if weights.max() < UNEQUAL * weights.min():
         return None
-    return np.concatenate([np.ones(order), weights])
+    return np.concatenate([np.ones(first), weights])
+
+
+def _earlier_rows(earlier: Signals, layout: Layout, units: FloatArray, floor: float, *, is_even: bool) -> EarlierRows:
+    """Return the lagged rows of another record in the units of a layout.
+
+    Parameters
+    ----------
+    units : (n_inputs + n_outputs,) that the layout is scaled by.
+    is_even : gusts that come and go within the record do not count.
+
+    Raises
+    ------
+    LogError : the record has no rows for the order of the layout.
+    """
+    n_inputs = layout.u.shape[1]
+    try:
+        feasible_orders(
+            earlier.path, len(earlier.time_s), [layout.first], n_inputs=n_inputs, n_outputs=layout.y.shape[1]
+        )
+    except LogError as problem:
+        raise LogError(f"--together: {problem}") from None
+    z = np.hstack([earlier.u, earlier.y])
+    z = (z - z.mean(axis=0)) / units
+    u, y = z[:, :n_inputs], z[:, n_inputs:]
+    other = Layout(u=u, y=y, theta=np.zeros((*y.shape, 0)), first=layout.first, feedthrough=layout.feedthrough)
+    error = None if is_even else _plain_error(other, None, floor)
+    weights = None if error is None else _weights(error, layout.first, earlier.rate_hz)
+    other = replace(other, weights=earlier.weight * (np.ones(len(y)) if weights is None else weights))
+    return EarlierRows.of(_factor(other, None))
+
+
+def _unit_of(x: FloatArray) -> FloatArray:
+    """Return the standard deviation of each signal, 1 for one that rests."""
+    unit = np.std(x, axis=0)
+    return np.where(unit > 0.0, unit, 1.0)
 
 
 def _standardised(x: FloatArray, *, centred: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the signals with mean 0 (if centred) and standard deviation 1, what was taken off, and the divisor."""
     center = x.mean(axis=0) if centred else np.zeros(x.shape[1])
-    unit = np.std(x, axis=0)
-    unit = np.where(unit > 0.0, unit, 1.0)
+    unit = _unit_of(x)
     scaled = x - center
     scaled /= unit
     return scaled, center, unit

@@ -14,7 +14,7 @@ from ..dictionary import Dictionary, dead_reason, no_signal
 from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
 from ..filters import Filter, response_of
-from ..flightlog import FlightLog, require_usable, resample_with
+from ..flightlog import FlightLog, require_usable, resample, resample_with
 from ..flightlog.derived import with_derived
 from ..flightlog.injection import added_by, line_signals
 from ..flightlog.quality import held_hz, is_uniform
@@ -146,7 +146,8 @@ def prepare_window(
         response = response_of(filters, part.rate_hz)
         made = replace(made, time_s=part.time_s, response=response, of_log=of_log, resampled=theta)
     _require_movement(part, config)
-    native = NativeSignals(log=part, inputs=config.inputs, outputs=config.outputs, faults=made)
+    earlier = _earlier_signals(log, part.rate_hz, config, resamples=resamples)
+    native = NativeSignals(log=part, inputs=config.inputs, outputs=config.outputs, faults=made, earlier=earlier)
     lowpass = replace(WHITE, kind=config.conditioning.filter)
     exact = is_exact(native)
     recorder_hz = min((one.edge_hz for one in filters if one.stage == "recorder"), default=None)
@@ -182,6 +183,45 @@ def prepare_window(
         exact=exact,
         orders=candidate_orders(config, decimated.rate_hz, recorder_hz, longest),
     )
+
+
+def _earlier_signals(log: FlightLog, rate_hz: float, config: Config, *, resamples: bool) -> tuple[NativeSignals, ...]:
+    """Return the signals of the earlier records of a log.
+
+    Parameters
+    ----------
+    rate_hz : of the window; resamples : it was resampled to it.
+
+    Raises
+    ------
+    LogError : a record cannot be analysed, or has another rate.
+    """
+    used, made = [*config.inputs, *config.outputs], []
+    weights = log.earlier_weights or (1.0,) * len(log.earlier)
+    for one, weight in zip(log.earlier, weights, strict=True):
+        try:
+            part = with_derived(one, used)
+            require_usable(part, used, resampling=resamples)
+            if resamples:
+                part = resample(part, rate_hz)
+                require_usable(part, used)
+        except LogError as problem:
+            raise LogError(f"--together: {problem}") from None
+        if abs(part.rate_hz / rate_hz - 1.0) > SAME_RATE:
+            raise LogError(
+                f"--together: {part.path}: recorded at {part.rate_hz:.4g} Hz, {log.path} at {rate_hz:.4g} Hz; "
+                f"give --rate {min(part.rate_hz, rate_hz):.4g} or less"
+            )
+        none = FaultSignals(
+            faults=(),
+            seen=(),
+            outputs=config.outputs,
+            time_s=part.time_s,
+            window_start_s=0.0,
+            response=response_of(part.filters or (), part.rate_hz),
+        )
+        made.append(NativeSignals(log=part, inputs=config.inputs, outputs=config.outputs, faults=none, weight=weight))
+    return tuple(made)
 
 
 def _signals_of_entries(

@@ -20,7 +20,18 @@ from bfi_cli.errors import ConfigError
 ROOT = Path(__file__).parents[2]
 CLEAN, FAULTS = ROOT / "data" / "citation_clean.h5", ROOT / "configs" / "thesis_dictionary.yaml"
 # What concerns one call and not the analysis: its files, what it prints, and what a file must not permit itself.
-OF_ONE_CALL = {"config_path", "out", "force", "append", "progress", "as_json", "series", "allow_outside", "verbose"}
+OF_ONE_CALL = {
+    "together",
+    "config_path",
+    "out",
+    "force",
+    "append",
+    "progress",
+    "as_json",
+    "series",
+    "allow_outside",
+    "verbose",
+}
 SPANNED = {"from_s": 5.0, "to_s": 21.5, "rate": 10, "order": 4, "feedthrough": False, "group": "flight"}
 VALUES = {**SPANNED, "shapes": ("bias",), "ends": True, "frequency": (0.1, 2.0), "train": (0.0, 8.0), "draws": 2}
 FILE = """

@@ -251,6 +251,15 @@ SHAPES: Mapping[str, FaultShape] = {
         tail=lambda *, frequency_hz, phase_rad: _oscillation_tail(phase_rad, frequency_hz),
         keys=OSCILLATION_KEYS,
     ),
+    "square": FaultShape(
+        signal=lambda since_s, *, frequency_hz, phase_rad: np.where(
+            (_angle(since_s, frequency_hz, phase_rad) / np.pi) % 2.0 < 1.0, 1.0, -1.0
+        ),
+        formula="The sign of sin(2 pi f (t - t0) + phase), 1 where that is 0.",
+        kind="oscillating",
+        label="square wave",
+        keys=OSCILLATION_KEYS,
+    ),
     "lagged_bias": FaultShape(
         signal=_relaxing,
         formula="1 - exp(-(t - onset) / time constant).",

@@ -25,6 +25,11 @@ FORMULAS = [
     ("sine", {"frequency_hz": 1.15, "phase_reference": "window"}, lambda t: np.sin(2 * np.pi * 1.15 * (t - 1.0))),
     ("cosine", {"frequency_hz": 0.7, "phase_rad": -1.0}, lambda t: np.cos(2 * np.pi * 0.7 * (t - 3.0) - 1.0)),
     ("cosine", {"frequency_hz": 0.7, "phase_reference": "window"}, lambda t: np.cos(2 * np.pi * 0.7 * (t - 1.0))),
+    (
+        "square",
+        {"frequency_hz": 0.7, "phase_rad": 0.4},
+        lambda t: np.where(np.sin(2 * np.pi * 0.7 * (t - 3.0) + 0.4) >= 0.0, 1.0, -1.0),
+    ),
     ("lagged_bias", {"time_constant_s": 2.0}, lambda t: 1.0 - np.exp(-(t - 3.0) / 2.0)),
     ("ramp_hold", {"duration_s": 5.0}, lambda t: np.where(t < 8.0, (t - 3.0) / 5.0, 1.0)),
     ("ramp_hold", {"duration_s": 5.0, "slope": 0.1}, lambda t: np.where(t < 8.0, 0.1 * (t - 3.0), 0.5)),

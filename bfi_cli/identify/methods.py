@@ -50,6 +50,12 @@ METHODS = {
     "mf2d": Method(
         "nuclear norm and l1 norm, re-solved on their support (mf2d)", "mf2d:identify_by_mf2d", intervals=False
     ),
+    "mfddfd": Method(
+        "group lasso on time courses whose channels nobody knows (mfddfd)",
+        "mfddfd:identify_by_mfddfd",
+        intervals=False,
+        candidates=False,
+    ),
     "dmae": Method(
         "double-model adaptive estimation (dmae)",
         "dmae:identify_by_dmae",

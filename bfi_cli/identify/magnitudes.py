@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..kernels.termination import Termination
 from ..notes import Note
 from ..preprocessing.magnitudes import MagnitudeEstimates
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
 from .result import SolverSummary
+from .selection import Selection
 
-__all__ = ["FreeOutcome", "MethodResult"]
+__all__ = ["FreeOutcome", "MethodResult", "result_of_selection"]
 
 FloatArray = NDArray[np.float64]
 
@@ -89,3 +92,32 @@ class MethodResult:
     dispersion: float = 1.0
     notes: tuple[Note, ...] = ()
     free: tuple[FreeOutcome, ...] = ()
+
+
+def result_of_selection(
+    regression: RegressionData, selection: Selection, magnitudes: MagnitudeEstimates, solver: SolverSummary, **more: Any
+) -> MethodResult:
+    """Return the result of a method that selects a support at every order and fits it.
+
+    Parameters
+    ----------
+    more : further attributes of the result.
+    """
+    fit, searches = selection.best.fit, selection.searches
+    plain = [search.of(()) for search in searches]
+    lowest = min((scored for scored in plain if scored is not None), key=lambda scored: scored.criterion)
+    several = len(searches) > 1
+    return MethodResult(
+        atoms=fit.atoms,
+        magnitudes=magnitudes,
+        error=regression.unfold(fit).error * regression.unit,
+        plain_error=regression.unfold(lowest.fit).error * regression.unit,
+        order=fit.order,
+        feedthrough=regression.layout.feedthrough,
+        condition_number=selection.unfolded.condition_number,
+        solver=solver,
+        orders=regression.orders if several else (),
+        criterion_no_fault=tuple(np.nan if one is None else one.criterion for one in plain) if several else (),
+        criterion_best=tuple(search.best.criterion for search in searches) if several else (),
+        **{"converged": fit.termination is Termination.CONVERGED, **more},
+    )

@@ -28,7 +28,6 @@ from ..kernels.model_selection import (
 )
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
-from ..kernels.termination import Termination
 from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..notes import Note
 from ..preprocessing.magnitudes import (
@@ -44,7 +43,7 @@ from ..preprocessing.magnitudes import (
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow, regression_of, with_sizes
 from ..shapes import OF_LINES, SHAPES
-from .magnitudes import MethodResult
+from .magnitudes import MethodResult, result_of_selection
 from .onset_search import Moved, move_entry, move_onsets
 from .result import SolverSummary
 from .selection import Selection
@@ -136,7 +135,7 @@ def identify_by_likelihood(
         selection = _without(regression, selection, atom)
         sizing = partial(progress, f"magnitudes, {len(declined)} declined")
         estimates = estimate_magnitudes(regression, selection.fits, penalty, dispersion, coarse, sizing)
-    several, fit = len(selection.searches) > 1, selection.best.fit
+    fit = selection.best.fit
     needed = statistic_needed(penalty, dispersion)
     likely, sized = overdispersion_if_declared(window, regression, fit, dispersion), estimates
     if np.any(likely > dispersion):
@@ -154,26 +153,16 @@ def identify_by_likelihood(
         Note.limit(f"'{names[n]}' begins {abs(s):.3g} s {'after' if s > 0 else 'before'} the onset stated")
         for n, s in shifts_s.items()
     ]
-    plain = [search.of(()) for search in selection.searches]
-    lowest = min((scored for scored in plain if scored is not None), key=lambda scored: scored.criterion)
-    return MethodResult(
-        atoms=fit.atoms,
-        magnitudes=estimates,
-        error=regression.unfold(fit).error * regression.unit,
-        plain_error=regression.unfold(lowest.fit).error * regression.unit,
-        order=fit.order,
-        feedthrough=regression.layout.feedthrough,
-        condition_number=selection.unfolded.condition_number,
-        solver=SolverSummary(
+    return result_of_selection(
+        regression,
+        selection,
+        estimates,
+        SolverSummary(
             method=config.method,
             termination=fit.termination.value,
             iterations=fit.iterations,
             condition_number=selection.unfolded.condition_number,
         ),
-        orders=regression.orders if several else (),
-        criterion_no_fault=tuple(np.nan if one is None else one.criterion for one in plain) if several else (),
-        criterion_best=tuple(search.best.criterion for search in selection.searches) if several else (),
-        converged=fit.termination is Termination.CONVERGED,
         declined=declined,
         needed=needed,
         analysed=(window, regression) if moved.shifts_s or window.sizes else None,

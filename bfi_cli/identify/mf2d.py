@@ -15,13 +15,12 @@ from ..config import Config
 from ..kernels.mf2d import largest_weight, solve_mf2d
 from ..kernels.model_selection import Penalty, Proposal, refine_supports
 from ..kernels.progress import Progress, parts, unseen
-from ..kernels.termination import Termination
 from ..kernels.variable_projection import Fit, ProjectedRegression
 from ..notes import Note
 from ..preprocessing.magnitudes import MagnitudeEstimates, magnitudes_of_fit
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
-from .magnitudes import MethodResult
+from .magnitudes import MethodResult, result_of_selection
 from .maximum_likelihood import best_of
 from .result import SolverSummary
 
@@ -58,28 +57,17 @@ def identify_by_mf2d(
     )
     selection = best_of(regression, searches, penalty)
     fit = selection.best.fit
-    plain = [search.of(()) for search in searches]
-    lowest = min((scored for scored in plain if scored is not None), key=lambda scored: scored.criterion)
     estimates = magnitudes_of_fit(regression, selection.best, penalty)
-    several = len(searches) > 1
-    return MethodResult(
-        atoms=fit.atoms,
-        magnitudes=estimates,
-        error=selection.unfolded.error * regression.unit,
-        plain_error=regression.unfold(lowest.fit).error * regression.unit,
-        order=fit.order,
-        feedthrough=regression.layout.feedthrough,
-        condition_number=selection.unfolded.condition_number,
-        solver=SolverSummary(
+    return result_of_selection(
+        regression,
+        selection,
+        estimates,
+        SolverSummary(
             method=config.method,
             termination=fit.termination.value,
             iterations=iterations,
             condition_number=selection.unfolded.condition_number,
         ),
-        orders=regression.orders if several else (),
-        criterion_no_fault=tuple(np.nan if one is None else one.criterion for one in plain) if several else (),
-        criterion_best=tuple(search.best.criterion for search in searches) if several else (),
-        converged=fit.termination is Termination.CONVERGED,
         notes=_shrinkage(window, regression, proposals, fit, estimates),
     )
 

@@ -26,7 +26,7 @@ from ..notes import Note
 from ..preprocessing.magnitudes import magnitudes_of_fit
 from ..preprocessing.regression import RegressionData, as_published, decides_by_rule, solve, stage_of, stopping_of
 from ..preprocessing.window import PreparedWindow
-from .magnitudes import MethodResult
+from .magnitudes import MethodResult, result_of_selection
 from .maximum_likelihood import best_of, select
 from .result import SolverSummary, SparsityRun, SparsitySummary
 from .supports import proposals_of, stage_runs
@@ -101,8 +101,6 @@ def _by_stage(
     )
     selection = best_of(regression, searches, penalty)
     fit = selection.best.fit
-    plain = [search.of(()) for search in searches]
-    lowest = min((scored for scored in plain if scored is not None), key=lambda scored: scored.criterion)
     (whole,) = (run.whole for run in runs if run.order == fit.order and run.whole is not None)
     before = np.flatnonzero(declared(whole, whole.z * regression.magnitude_unit, config))
     left_out = tuple(names[j] for j in before if j not in fit.atoms)
@@ -115,17 +113,12 @@ def _by_stage(
                 f"{before.size} magnitudes to zero that the published rule would declare"
             )
         )
-    several = len(searches) > 1
     alpha, r, _ = penalty_constants(stage, penalty.per_parameter + penalty.per_atom)
-    return MethodResult(
-        atoms=fit.atoms,
-        magnitudes=magnitudes_of_fit(regression, selection.best, penalty),
-        error=selection.unfolded.error * regression.unit,
-        plain_error=regression.unfold(lowest.fit).error * regression.unit,
-        order=fit.order,
-        feedthrough=regression.layout.feedthrough,
-        condition_number=selection.unfolded.condition_number,
-        solver=SolverSummary(
+    return result_of_selection(
+        regression,
+        selection,
+        magnitudes_of_fit(regression, selection.best, penalty),
+        SolverSummary(
             method=config.method,
             termination=fit.termination.value,
             iterations=whole.iterations,
@@ -149,10 +142,6 @@ def _by_stage(
                 set_to_zero=left_out,
             ),
         ),
-        orders=regression.orders if several else (),
-        criterion_no_fault=tuple(np.nan if one is None else one.criterion for one in plain) if several else (),
-        criterion_best=tuple(search.best.criterion for search in searches) if several else (),
-        converged=fit.termination is Termination.CONVERGED,
         notes=tuple(notes),
     )
 

@@ -98,7 +98,8 @@ def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent
             *hidden,
             _draw_outputs(drawn),
             _draw_fault(drawn),
-            *([_draw_magnitudes(result, units)] if result.candidates else []),
+            # Without a limit there is nothing to hold a magnitude against.
+            *([_draw_magnitudes(result, units)] if any(_ratio(one) is not None for one in result.candidates) else []),
             _draw_residuals(drawn),
             *_draw_orders(result),
         ),
@@ -330,12 +331,14 @@ def _draw_outputs(result: IdentifyResult) -> Drawing:
 
 def _draw_fault(result: IdentifyResult) -> Drawing:
     panels: list[dict[str, Any]] = []
+    has_band = all(np.isfinite(series.fault_sd).all() for series in result.outputs)
     for series in result.outputs:
         declared, injected = (
             bool(np.any(series.fault)),
             series.true_fault is not None and bool(np.any(series.true_fault)),
         )
-        curves = [_line("reconstructed, with 95 % band", result, series.fault, "dashed", series.fault_sd)]
+        label = "reconstructed, with 95 % band" if has_band else "reconstructed"
+        curves = [_line(label, result, series.fault, "dashed", series.fault_sd if has_band else None)]
         if series.true_fault is not None:
             curves.insert(0, _line("injected", result, series.true_fault, "wide"))
         # A fifth of the output's spread keeps the zero in the middle of an empty panel.
@@ -350,7 +353,9 @@ def _draw_fault(result: IdentifyResult) -> Drawing:
                 "height": 0.9,
             }
         )
-    caption = "Reconstructed fault on each output with its pointwise 95 % band (1.96 standard deviations)."
+    caption = "Reconstructed fault on each output" + (
+        " with its pointwise 95 % band (1.96 standard deviations)." if has_band else "; the method has no band."
+    )
     if result.truth is not None:
         caption += " The injected fault is known and drawn beneath."
     return Drawing(name="fault", caption=caption, panels=_over_time(result, panels))

@@ -8,9 +8,11 @@ import pytest
 from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
+from bfi_cli.display_units import SI
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.identify.identify import identify_faults
+from bfi_cli.identify.report import identify_content
 
 CONFIG = merge(Config(), {"method": "mfddfd", "outputs": ("tas", "pitch"), "conditioning.rate_hz": 10.0})
 ONSETS = (6.0, 11.0, 16.0, 21.0)
@@ -62,3 +64,11 @@ def test_not_more_are_declared_than_asked_for():
     assert {one.name for one in identify_faults(log, steps("tas"), CONFIG).faults} == {"tas_6", "tas_16"}
     (one,) = identify_faults(log, steps("tas"), merge(CONFIG, {"selection.max_active": 1})).faults
     assert one.name == "tas_16"
+
+
+def test_the_report_draws_no_band_and_no_limit_that_the_method_does_not_know():
+    result = identify_faults(faulty(), steps("tas"), CONFIG)
+    drawings = {one.name: one for one in identify_content(result, SI).drawings}
+    assert "magnitudes" not in drawings
+    (curve,) = [one for panel in drawings["fault"].panels for one in panel.curves if "reconstructed" in one.label][:1]
+    assert (curve.label, curve.low) == ("reconstructed", None)

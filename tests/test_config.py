@@ -24,6 +24,7 @@ units: {}
 group: null
 sample_rate_hz: null
 columns: []
+keep: []
 fill_s: null
 fix_units: false
 boot: null

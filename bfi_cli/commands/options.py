@@ -177,6 +177,8 @@ sample_rate_hz  --sample-rate  sample_rate_hz  HZ  positive
     Samples per second of a log that has no time axis.
 columns  --columns  columns  NAMES  kinds
     Names of the columns of a table of numbers without a header, time,elevator,tas.
+keep  --keep  keep  NAME  texts
+    Keep a channel of another number of samples, as even over the log; repeatable.
 fill_s  --fill  fill_s  S  positive
     Interpolate stretches of missing samples (NaN) up to this long.  [default: none]
 boot  --boot  boot  N  whole
@@ -307,7 +309,7 @@ def _rows() -> dict[str, Option]:
 OPTIONS = _rows()
 # The long flag of every key, for messages.
 FLAGS = {row.key: row.flags[-2].partition("/")[0] for row in OPTIONS.values() if row.key}
-CHANNELS = ("channel_map", "unit_map", "group", "sample_rate_hz", "columns", "fill_s", "boot")
+CHANNELS = ("channel_map", "unit_map", "group", "sample_rate_hz", "columns", "keep", "fill_s", "boot")
 SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate", "recorder")
 MODEL = ("order", "feedthrough")
 VERDICT = ("require", "tolerance")

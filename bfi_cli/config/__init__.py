@@ -351,6 +351,8 @@ class Config(Rules):
     """Samples per second of a log that has no time axis."""
     columns: Annotated[tuple[Text, ...], AfterValidator(_distinct)] = ()
     """Names of the columns of a table of numbers that has no header line; default those of its header."""
+    keep: Annotated[tuple[Text, ...], AfterValidator(_distinct)] = ()
+    """Channels of another number of samples than the time axis, taken as even over the same time."""
     fill_s: Positive | None = None
     """Stretches of missing samples (NaN) up to this long, s, are interpolated; default none."""
     fix_units: StrictBool = False

@@ -41,11 +41,12 @@ class Asked:
     span: Span = (None, None)
     sample_rate_hz: float | None = None
     columns: tuple[str, ...] = ()
+    keep: tuple[str, ...] = ()
 
     @property
     def sources(self) -> tuple[str, ...]:
         """The names in the file that are spoken of: such signals are read though they are no channels."""
-        return (*self.channel_map.values(), *self.unit_map)
+        return (*self.channel_map.values(), *self.unit_map, *self.keep)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -175,6 +176,7 @@ def unlike(kind: str, shape: tuple[int, ...]) -> str | None:
 def left_out(name: str, why: str) -> Note:
     """Return the note on an array that is no channel; `why` is "holds text", "is a table of 600 x 3 (2-D)"."""
     advice = "; give each column a dataset of its own" if why.startswith("is a table") else ""
+    advice = f"; keep it with --keep {name}" if "samples, the time axis" in why else advice
     return Note.method(f"'{name}' {why} and is left out{advice}")
 
 
@@ -185,7 +187,10 @@ def from_midnight(day: np.datetime64) -> Note:
 
 def different_length(path: str, name: str, n: int, n_times: int) -> LogError:
     """Return the error of a channel that does not fit the time axis."""
-    return LogError(f"{path}: '{name}' has {n} samples, the time axis {n_times}; give all one time axis")
+    return LogError(
+        f"{path}: '{name}' has {n} samples, the time axis {n_times}; give all one time axis, or spread it with "
+        f"--keep {name}"
+    )
 
 
 def require_few(path: str, count: int, what: str) -> None:

@@ -76,6 +76,7 @@ def read_log(
     to_s: float | None = None,
     sample_rate_hz: float | None = None,
     columns: Sequence[str] = (),
+    keep: Sequence[str] = (),
     fill_s: float | None = None,
     boot: int | None = None,
 ) -> FlightLog:
@@ -96,6 +97,7 @@ def read_log(
         `FlightLog.window`: samples outside are left unread only in a large HDF5 log.
     sample_rate_hz : from which time is counted in a log without a time axis, in place of the rate that its file states.
     columns : names of the columns of a table of numbers without a header line.
+    keep : channels of another number of samples than the time axis, which count as even over the same time.
     fill_s : stretches of NaN of up to this length are interpolated; by default none is.
     boot : which part of a log whose clock starts again, counted from 1; by default the one with the longest flight.
 
@@ -119,6 +121,7 @@ def read_log(
         span=(from_s, to_s),
         sample_rate_hz=sample_rate_hz,
         columns=tuple(columns),
+        keep=tuple(keep),
     )
     if os.path.isdir(name):
         log = _of_boot(name, read_folder(name, asked), asked, folder_digest(name), boot)
@@ -239,6 +242,8 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     else:
         time_s, rounded = _without_rounding(_checked_time(path, time), time.source)
         notes += rounded
+    channels, spread = _with_spread(path, channels, time_s, asked)
+    notes += spread
     others = {name: one for name, one in channels.items() if one.n_samples != time_s.size}
     for name, channel in others.items():
         if channel.source in asked.sources or 2 * len(others) > len(channels):
@@ -270,6 +275,37 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     if time is not None and not {"time", time.source} & asked.unit_map.keys():
         _check_clock(log, time.source)
     return log
+
+
+def _with_spread(
+    path: str, channels: dict[str, Channel], time_s: FloatArray, asked: Asked
+) -> tuple[dict[str, Channel], list[Note]]:
+    """Return the channels, those to keep as even samples from the first time of the log on, and notes on these.
+
+    Raises
+    ------
+    LogError : a channel to keep is not in the log.
+    """
+    notes, made = list[Note](), dict(channels)
+    for wanted in asked.keep:
+        names = [name for name, one in channels.items() if wanted in (name, one.source)]
+        if not names:
+            raise LogError(f"{path}: --keep {wanted}: no such channel; the log has: {', '.join(sorted(channels))}")
+        (name,) = names
+        n, n_times = channels[name].n_samples, time_s.size
+        if n == n_times:
+            continue
+        # Each of the n samples stands for as long as n_times / n of the others.
+        own_s = time_s[0] + np.arange(n) * (time_s[-1] - time_s[0]) / max(n_times - 1, 1) * (n_times / n)
+        values = np.interp(time_s, own_s, channels[name].values)
+        made[name] = replace(channels[name], values=frozen_array(values))
+        notes.append(
+            Note.method(
+                f"'{channels[name].source}' has {n} samples, the time axis {n_times}: they are taken as even over the "
+                "log and joined by lines, as --keep asks"
+            )
+        )
+    return made, notes
 
 
 def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[Note]]:

@@ -203,7 +203,8 @@ class FlightLog:
         has = ", ".join(sorted(self.channels))
         for note in self.notes:
             if note.text.startswith(f"'{name}' ") and "left out" in note.text:
-                raise LogError(f"{self.path}: {note.text.partition(';')[0]}; the log has: {has}")
+                what, semicolon, advice = note.text.partition("; ")
+                raise LogError(f"{self.path}: {what}; the log has: {has}{semicolon}{advice}")
         meant = meant_channel(name, self.channels)
         advice = f"map one with --channel {name}=NAME" if meant is None else f"did you mean '{meant}'?"
         raise LogError(f"{self.path}: no channel '{name}'; the log has: {has}; {advice}")

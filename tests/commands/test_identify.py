@@ -297,6 +297,7 @@ def test_no_key_of_the_example_is_forgotten():
         "group",
         "sample_rate_hz",
         "columns",
+        "keep",
         "fill_s",
         "fix_units",
         "boot",

@@ -18,6 +18,7 @@ from ..kernels.mfddfd import (
     largest_weight,
     solve_blocks,
     solve_on_support,
+    standardised,
     time_courses,
 )
 from ..kernels.model_selection import Penalty
@@ -119,9 +120,10 @@ def _chosen(regression: RegressionData, order: int, config: Config) -> _Choice:
     )
     blocks = block_regression(problem, courses)
     none = path = solve_on_support(blocks, (), penalty)
-    top, W, iterations, converged, worse = largest_weight(blocks), None, 0, True, 0
+    standard = standardised(blocks)
+    top, W, iterations, converged, worse = largest_weight(standard), None, 0, True, 0
     for share in PATH if top > 0.0 else ():
-        solved = solve_blocks(blocks, share * top, W, tolerance=TOLERANCE)
+        solved = solve_blocks(standard, share * top, W, tolerance=TOLERANCE)
         W, iterations, converged = solved.W, iterations + solved.iterations, converged and solved.converged
         if 2 * (blocks.n_free + int(np.isin(blocks.block_of, solved.support).sum())) > blocks.n_rows:
             break

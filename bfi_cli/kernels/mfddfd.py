@@ -7,7 +7,7 @@ has a block of free coefficients W_j, those of every lag, the present one among 
 
 Nothing is bilinear, and a fault that is not there has a block of zeros. With constant, inputs and past outputs
 projected out by one QR the blocks solve a group lasso, half the squared misfit + weight * sum_j ||W_j||_F (Yuan and Lin
-2006).
+2006), each block in an orthonormal basis of its columns.
 
 Noom, Soloviev and Verhaegen (Automatica 2024, "Proximal-based recursive implementation for model-free data-driven fault
 diagnosis") is the source of the data equation, of proximal splitting and of solving again on the support. This departs
@@ -140,6 +140,26 @@ def block_regression(problem: ProjectedRegression, courses: Sequence[Sequence[in
         n_rows=problem.n_rows,
         n_free=problem.n_base + problem.order * problem.n_outputs,
         floor=problem.floor,
+    )
+
+
+def standardised(blocks: BlockRegression) -> BlockRegression:
+    """Return the regression with an orthonormal basis of each block in its place.
+
+    A norm then charges what a block adds to the prediction, whatever its columns (Simon and Tibshirani 2012): the lags
+    of a step are nearly one column, and coefficients of opposite signs are no smaller a fault.
+    """
+    bases = []
+    for j in range(blocks.n_blocks):
+        U, s, _ = np.linalg.svd(blocks.A[:, blocks.block_of == j], full_matrices=False)
+        bases.append(U[:, s > RANK_TOLERANCE * max(float(s[0]), np.finfo(float).tiny)])
+    return BlockRegression(
+        A=np.hstack([np.zeros((len(blocks.A), 0)), *bases]),
+        Y=blocks.Y,
+        block_of=np.repeat(np.arange(blocks.n_blocks), [one.shape[1] for one in bases]),
+        n_rows=blocks.n_rows,
+        n_free=blocks.n_free,
+        floor=blocks.floor,
     )
 
 

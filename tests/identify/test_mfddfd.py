@@ -72,3 +72,18 @@ def test_the_report_draws_no_band_and_no_limit_that_the_method_does_not_know():
     assert "magnitudes" not in drawings
     (curve,) = [one for panel in drawings["fault"].panels for one in panel.curves if "reconstructed" in one.label][:1]
     assert (curve.label, curve.low) == ("reconstructed", None)
+
+
+def test_one_of_sixty_steps_in_five_minutes_is_found():
+    """The lags of a step are nearly one column, in which a norm of coefficients sees no step."""
+    time_s, rng = time_axis(duration_s=300.0, rate_hz=10.0), np.random.default_rng(0)
+    log = simulate(
+        find_model("citation"), manoeuvre("multisine", time_s), rng=rng, rate_hz=10.0, noise_sd={"tas": 0.02}
+    )
+    onsets = np.linspace(10.0, 290.0, 60).round(3).tolist()
+    atoms = [{"name": f"step_{j}", "shape": "bias", "onset_s": onset} for j, onset in enumerate(onsets)]
+    log = inject(log, [Fault(shape="bias", channel="tas", onset_s=onsets[20], magnitude=0.5)])
+    config = merge(Config(), {"method": "mfddfd", "model.order": 4})
+    (fault,) = identify_faults(log, load_dictionary({"channel": "tas", "atoms": atoms}), config).faults
+    assert fault.name == "step_20"
+    assert fault.magnitude == pytest.approx(0.5, rel=0.1)

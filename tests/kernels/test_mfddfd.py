@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -12,6 +14,7 @@ from bfi_cli.kernels.mfddfd import (
     largest_weight,
     solve_blocks,
     solve_on_support,
+    standardised,
     time_courses,
 )
 from bfi_cli.kernels.model_selection import Penalty
@@ -134,3 +137,17 @@ def test_the_objective_is_that_of_a_general_solver():
         cost = 0.5 * cp.sum_squares(blocks.Y - blocks.A @ W) + weight * sum(norms)
         general = cp.Problem(cp.Minimize(cost)).solve(solver="CLARABEL")
         assert solve_blocks(blocks, weight).objective == pytest.approx(general, rel=1e-4)
+
+
+def test_a_standardised_block_charges_what_it_adds_whatever_its_columns():
+    blocks, rng = blocks_of(8), np.random.default_rng(8)
+    mixed = blocks.A.copy()
+    for j in range(blocks.n_blocks):
+        own = blocks.block_of == j
+        mixed[:, own] = mixed[:, own] @ rng.standard_normal((own.sum(), own.sum())) * 10.0**j
+    other = replace(blocks, A=mixed)
+    ours, theirs = standardised(blocks), standardised(other)
+    weight = 0.1 * largest_weight(ours)
+    found, again = (solve_blocks(one, weight, tolerance=1e-10) for one in (ours, theirs))
+    assert again.support == found.support
+    np.testing.assert_allclose(theirs.A @ again.W, ours.A @ found.W, atol=1e-6 * np.abs(ours.A @ found.W).max())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -33,7 +33,8 @@ from ..report.text import quantity
 from .magnitudes import MethodResult
 from .result import SolverSummary
 
-# Weights relative to that which leaves no block; a support needs no more digits.
+# Weights relative to that which leaves no block, and digits that a support needs. Chosen on the records of
+# tests/kernels/test_mfddfd.py and tests/measurements/test_mfddfd.py, as is the end of the path.
 PATH, TOLERANCE = np.geomspace(0.7, 0.005, 12), 1e-5
 # Supports of the path in a row that are worse than the best one, after which it ends.
 PATIENCE = 2
@@ -68,6 +69,7 @@ def identify_by_mfddfd(
         _chosen(regression, order, config) for order, _ in parts(partial(progress, "every order"), regression.orders)
     ]
     best = min(choices, key=lambda one: one.fit.criterion)
+    best = _with_those_worth_it(regression, best, config)
     lowest = min(choices, key=lambda one: one.none.criterion)
     problem = regression.problem(best.order)
     of_sensors = as_sensor_faults(problem, best.courses, best.fit)
@@ -107,17 +109,35 @@ def identify_by_mfddfd(
     )
 
 
+def _with_those_worth_it(regression: RegressionData, best: _Choice, config: Config) -> _Choice:
+    """Return a choice without the blocks that are not worth it where rows of correlated errors count for less."""
+    weights = regression.layout.weights
+    error = _errors(regression, best)
+    error = error if weights is None else error * weights[regression.layout.first :, None]
+    problem = regression.problem(best.order)
+    blocks = block_regression(problem, best.courses)
+    effective = max(regression.effective_rows(error), 2.0 * blocks.n_free)
+    if effective >= regression.n_rows:
+        return best
+    penalty = replace(_penalty(regression, len(best.courses), config), n_effective=effective)
+    return replace(best, fit=best_within(blocks, best.fit.support, penalty))
+
+
+def _penalty(regression: RegressionData, n_courses: int, config: Config) -> Penalty:
+    return Penalty(
+        n_rows=regression.n_rows,
+        n_effective=float(regression.n_rows),
+        n_candidates=n_courses,
+        evidence=config.selection.evidence,
+        extended=config.selection.criterion == "ebic",
+    )
+
+
 def _chosen(regression: RegressionData, order: int, config: Config) -> _Choice:
     """Return the best support of one order: the best of the path, with the blocks dropped that are not worth it."""
     problem = regression.problem(order)
     courses = time_courses(problem, SAME)
-    penalty = Penalty(
-        n_rows=regression.n_rows,
-        n_effective=float(regression.n_rows),
-        n_candidates=len(courses),
-        evidence=config.selection.evidence,
-        extended=config.selection.criterion == "ebic",
-    )
+    penalty = _penalty(regression, len(courses), config)
     blocks = block_regression(problem, courses)
     none = path = solve_on_support(blocks, (), penalty)
     standard = standardised(blocks)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -16,17 +16,17 @@ from ..kernels.normal import TWO_SIDED_95
 from ..notes import Note, unique
 from ..provenance import Provenance
 from ..report.claims import beside_tolerance, fault_head, hidden_table
-from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Screen, Table, curve, notes_of
+from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Screen, Table, curve, shown_notes
 from ..report.text import capital, change, instant, number, with_unit
-from ..serialization import SCHEMA, to_plain
-from .result import DiagnoseResult
+from ..serialization import SCHEMA, from_plain, mapping, member, to_plain
+from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse
 
-Plain = Mapping[str, Any]
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
 # Shapes that are named behind a channel; the others are faults by themselves.
 OF_A_CHANNEL = ("bias", "drift", "sine", "offset", "frozen", "pitot_blocked", "static_blocked")
 # What a channel does that has short defects of a shape.
 SHORT = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}
+SERIES = ("time_s", "measured", "corrected", "units", "strips", "limit_courses", "courses")
 # On either side of the window that describes an event.
 AROUND_S = 60.0
 AIRSPEEDS = ("tas", "cas", "ias", "mach")
@@ -37,6 +37,7 @@ EVENT_COLUMNS = (
     *("onset_s", "onset_ci95", "offset_s", "seen_until_s", "statistic", "threshold", "p_value", "note", "repeat"),
     *("count", "times_s", "duration_s"),
 )
+LIMIT_COLUMNS = tuple(field.name for field in fields(FlightLimit))
 TIMELINE = (
     "The flight: its phases, what was measured (blue) and what it would have been without the declared faults (red), "
     "and how near each analysis came to its threshold in every window (1 is the threshold). Dashed lines are onsets "
@@ -54,8 +55,7 @@ LIMITS = (
 def diagnose_document(result: DiagnoseResult, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi diagnose --json`; numbers that are not finite are None."""
     body = to_plain(result)
-    keys = ("time_s", "measured", "corrected", "units", "strips", "limit_courses", "courses")
-    series = {key: body.pop(key) for key in keys}
+    series = {key: body.pop(key) for key in SERIES}
     body.pop("notes")
     return {
         "kind": "diagnose",
@@ -67,96 +67,99 @@ def diagnose_document(result: DiagnoseResult, provenance: Provenance) -> dict[st
     }
 
 
-def diagnose_content(document: Plain, units: Units = SI) -> ReportContent:
-    """Return what the report of a document of `bfi diagnose` holds, in `units`; its CSV files are in SI."""
-    log, events = document["log"], document["events"]
-    limits = (log["start_s"], log["stop_s"])
-    angle = document["zero_lift_rad"]
+def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
+    """Return what the report of a document of `bfi diagnose` holds, in `units`; its CSV files are in SI.
+
+    Raises
+    ------
+    ConfigError : the document, named by `where`, is damaged.
+    """
+    series = mapping(member(document, "series", where=where), where=f"{where}: series")
+    result = from_plain(DiagnoseResult, {**document, **series}, where=where)
+    log, events, angle = result.log, result.events, result.zero_lift_rad
     facts = [
-        ("Flight", f"{instant(limits[0])} to {instant(limits[1])} s"),
-        ("Samples", f"{log['n_samples']} at {number(log['rate_hz'])} Hz"),
-        ("False alarms", f"{number(100.0 * document['false_alarm'])} % of whole healthy flights wanted"),
-        ("Windows", f"{len(document['windows'])} of the parity scan"),
+        ("Flight", f"{instant(log.start_s)} to {instant(log.stop_s)} s"),
+        ("Samples", f"{log.n_samples} at {number(log.rate_hz)} Hz"),
+        ("False alarms", f"{number(100.0 * result.false_alarm)} % of whole healthy flights wanted"),
+        ("Windows", f"{len(result.windows)} of the parity scan"),
     ]
     if angle is not None:
-        facts.append(("Zero lift", f"{np.degrees(angle):.2f} deg, from {document['zero_lift_from']}"))
-    verdict, screen = _screen(document, units)
-    drawings = [_timeline(document, units)] if document["series"]["time_s"] else []
-    drawings += [_limits_figure(document, units)] if document["series"].get("limit_courses") else []
-    drawings += [_page(document, k, units) for k in range(min(len(events), MOST_PAGES))]
+        facts.append(("Zero lift", f"{np.degrees(angle):.2f} deg, from {result.zero_lift_from}"))
+    verdict, screen = _screen(result, units)
+    drawings = [_timeline(result, units)] if result.time_s.size else []
+    drawings += [_limits_figure(result, units)] if result.limit_courses else []
+    drawings += [_page(result, k, units) for k in range(min(len(events), MOST_PAGES))]
     return ReportContent(
         category="Diagnosis of a flight",
-        title=str(log["path"]),
-        heading=HEADINGS[document["decision"]],
+        title=log.path,
+        heading=HEADINGS[result.decision],
         verdict=verdict,
-        tone=document["decision"],
+        tone=result.decision,
         screen=screen,
         lead=1 if drawings else 0,
         facts=tuple(facts),
         tables=(
             *_event_tables("events", "Events", events, units),
-            *_event_tables("deviations", "Small deviations, within the tolerances", document["deviations"], units),
-            *_limit_tables(document["limits"], units),
-            *_unwatched_table(document["unwatched"]),
-            *phase_table(document["phases"]),
+            *_event_tables("deviations", "Small deviations, within the tolerances", result.deviations, units),
+            *_limit_tables(result.limits, units),
+            *_unwatched_table(result.unwatched),
+            *phase_table(result.phases),
         ),
         drawings=tuple(drawings),
         notes=(
-            *(Note.limit(f"missing: {units.sentence(sentence)}") for sentence in document["missing"]),
+            *(Note.limit(f"missing: {units.sentence(sentence)}") for sentence in result.missing),
             *(
-                Note(
-                    "method" if one["state"] == "declared" else "limit", f"{_name(one)}: {units.sentence(one['note'])}"
-                )
+                Note("method" if one.state == "declared" else "limit", f"{_name(one)}: {units.sentence(one.note)}")
                 for one in events
-                if one["note"]
+                if one.note
             ),
-            *(Note.advice(f"{_name(one)}: next time, {one['repeat']}") for one in events if one["repeat"]),
-            *notes_of(document, units),
+            *(Note.advice(f"{_name(one)}: next time, {one.repeat}") for one in events if one.repeat),
+            *shown_notes(result.notes, units),
         ),
-        zoom=_zoom(document, drawings, units),
+        zoom=_zoom(result, drawings, units),
         data={
             "events.csv": _columns(events, EVENT_COLUMNS),
-            **({"deviations.csv": _columns(document["deviations"], EVENT_COLUMNS)} if document["deviations"] else {}),
-            **({"limits.csv": _columns(document["limits"], document["limits"][0])} if document["limits"] else {}),
+            **({"deviations.csv": _columns(result.deviations, EVENT_COLUMNS)} if result.deviations else {}),
+            **({"limits.csv": _columns(result.limits, LIMIT_COLUMNS)} if result.limits else {}),
         },
     )
 
 
-def _zoom(document: Plain, drawings: Sequence[Drawing], units: Units) -> tuple[Drawing, ...]:
+def _zoom(result: DiagnoseResult, drawings: Sequence[Drawing], units: Units) -> tuple[Drawing, ...]:
     """Return the timeline with the limits and the courses of the events below it; () where no course is stored."""
-    if not document["series"]["time_s"]:
+    if not result.time_s.size:
         return ()
-    span = (float(document["log"]["start_s"]), float(document["log"]["stop_s"]))
-    bands = (*bands_of(document["phases"]), *_lines(document["events"]))
+    span = (result.log.start_s, result.log.stop_s)
+    bands = (*bands_of(result.phases), *_lines(result.events))
     panels = {one.name: one.panels for one in drawings}
     limits = (replace(one, y_label=f"limit of {one.y_label}", bands=bands) for one in panels.get("limits", ()))
-    courses = (_course_panel(document, one, span, bands, units) for one in document["series"]["courses"])
+    courses = (_course_panel(result, one, span, bands, units) for one in result.courses)
     return (replace(drawings[0], panels=(*panels["timeline"], *limits, *courses)),)
 
 
-def _columns(rows: Sequence[Plain], keys: Iterable[str]) -> dict[str, list[Any]]:
+def _columns(rows: Sequence[Event | FlightLimit], keys: Iterable[str]) -> dict[str, list[Any]]:
     """Return columns of rows."""
-    return {key: [_cell(one[key]) for one in rows] for key in keys}
+    return {key: [_cell(getattr(one, key)) for one in rows] for key in keys}
 
 
 def _cell(value: Any) -> Any:
     if isinstance(value, Mapping):
         return " ".join(f"{name}={size:.6g}" for name, size in value.items())
-    if isinstance(value, list):
+    if isinstance(value, tuple):
         return " ".join(str(one) for one in value)
     return value
 
 
-def _screen(document: Plain, units: Units) -> tuple[str, Screen]:
+def _screen(result: DiagnoseResult, units: Units) -> tuple[str, Screen]:
     """Return the answer in sentences, and what is printed first: each event, and the worst stretch of each fault."""
-    events, deviations = document["events"], document["deviations"]
+    events, deviations = result.events, result.deviations
     declared, suspected = (
-        [_sentence(one, units) for one in events if one["state"] == state] for state in ("declared", "suspected")
+        [_sentence(one, units) for one in events if one.state == state] for state in ("declared", "suspected")
     )
     small = [_sentence(one, units) for one in deviations]
-    if any(not one["fixed"] for one in document.get("plausibility", ())):
+    if any(not one.fixed for one in result.plausibility):
         suspected, small = [], []  # which may be of what the summary says
-    head, summary = fault_head(document["decision"], len(declared)), units.sentence(document["summary"])
+    head, summary = fault_head(result.decision, len(declared)), units.sentence(result.summary)
     several = "s" if len(small) > 1 else ""
     sentences = (
         f"{head}: {'; '.join(declared)}" if declared else head,
@@ -172,59 +175,57 @@ def _screen(document: Plain, units: Units) -> tuple[str, Screen]:
             *(f"within the tolerance: {one}" for one in small),
         ),
         summary=summary,
-        hidden=hidden_table(_hidden_rows(document["limits"], units)),
+        hidden=hidden_table(_hidden_rows(result.limits, units)),
     )
 
 
-def _hidden_rows(limits: Sequence[Plain], units: Units) -> list[tuple[str, ...]]:
+def _hidden_rows(limits: Sequence[FlightLimit], units: Units) -> list[tuple[str, ...]]:
     """Return what each fault could hide in its worst stretch, the largest beside its tolerance first."""
-    worst = [one for one in limits if one["bounds"] == "error" and one["holds_in"] == 1.0 and not one["grows_on"]]
+    worst = [one for one in limits if one.bounds == "error" and one.holds_in == 1.0 and not one.grows_on]
     rows: list[tuple[str, ...]] = []
-    for one in sorted(worst, key=lambda one: -beside_tolerance(one["effect"], one["tolerance"])):
-        shown = units.of(one["effect_unit"], channel=one["channel"])
+    for one in sorted(worst, key=lambda one: -beside_tolerance(one.effect, one.tolerance)):
+        shown = units.of(one.effect_unit, channel=one.channel)
         rows.append(
             (
-                f"{_name(one)} {one['shape']}",
-                str(one["channel"]),
-                "any" if one["effect"] is None else change(one["effect"], shown),
-                change(one["tolerance"], shown),
-                "excluded" if one["within_tolerance"] else "not seen",
+                f"{_name(one)} {one.shape}",
+                one.channel,
+                "any" if one.effect is None else change(one.effect, shown),
+                change(one.tolerance, shown),
+                "excluded" if one.within_tolerance else "not seen",
             )
         )
     return rows
 
 
-def _name(event: Plain) -> str:
-    return str(event["fault"]).replace("_", " ")
+def _name(event: Event | FlightLimit | LimitCourse) -> str:
+    return event.fault.replace("_", " ")
 
 
-def _sentence(event: Plain, units: Units) -> str:
+def _sentence(event: Event, units: Units) -> str:
     """Return an event in words: "pitot icing from 1432 s, 0.0025 1/s, tas -19 m/s"."""
-    if event.get("count"):
-        return f"{_name(event)} {_short(event)}, {_error(event['fault'], event['effect'][event['fault']], units)}"
-    others = [name.replace("_", " ") for name in event["among"][1:]]
+    if event.count:
+        return f"{_name(event)} {_short(event)}, {_error(event.fault, event.effect[event.fault], units)}"
+    others = [name.replace("_", " ") for name in event.among[1:]]
     name = _name(event) + (f" (or {', '.join(others)})" if others else "")
-    if event["shape"] in OF_A_CHANNEL and event["fault"] in event["effect"]:
-        name += f" {event['shape'].replace('_', ' ')}"
-    size = "" if event["magnitude"] is None else f", {_magnitude(event, units)}"
-    if event["frequency_hz"] is not None:
-        size += f" at {number(event['frequency_hz'])} Hz"
-    until = "" if event["offset_s"] is None else f" to {_time(event['offset_s'])}"
-    airspeed = next((one for one in AIRSPEEDS if one in event["effect"]), None)
-    if airspeed is not None and event["fault"] not in event["effect"]:
-        size += f", {_error(airspeed, event['effect'][airspeed], units)}"
-    return f"{name} from {_time(event['onset_s'])}{until} s{size}"
+    if event.shape in OF_A_CHANNEL and event.fault in event.effect:
+        name += f" {event.shape.replace('_', ' ')}"
+    size = "" if event.magnitude is None else f", {_magnitude(event, units)}"
+    if event.frequency_hz is not None:
+        size += f" at {number(event.frequency_hz)} Hz"
+    until = "" if event.offset_s is None else f" to {_time(event.offset_s)}"
+    airspeed = next((one for one in AIRSPEEDS if one in event.effect), None)
+    if airspeed is not None and event.fault not in event.effect:
+        size += f", {_error(airspeed, event.effect[airspeed], units)}"
+    return f"{name} from {_time(event.onset_s)}{until} s{size}"
 
 
-def _short(event: Plain) -> str:
+def _short(event: Event) -> str:
     """Return short defects in words: "drops out 5 times from 812 to 3021 s, 9.3 s in all"."""
-    what = SHORT[event["shape"]]
-    lasts = f"{number(event['duration_s'], digits=2)} s"
-    if event["count"] == 1:
-        return f"{what} at {_time(event['onset_s'])} s for {lasts}"
-    return (
-        f"{what} {event['count']} times from {_time(event['onset_s'])} to {_time(event['offset_s'])} s, {lasts} in all"
-    )
+    what = SHORT[event.shape]
+    lasts = f"{number(event.duration_s, digits=2)} s"
+    if event.count == 1:
+        return f"{what} at {_time(event.onset_s)} s for {lasts}"
+    return f"{what} {event.count} times from {_time(event.onset_s)} to {_time(event.offset_s)} s, {lasts} in all"
 
 
 def _error(channel: str, value: float, units: Units) -> str:
@@ -233,24 +234,24 @@ def _error(channel: str, value: float, units: Units) -> str:
     return f"{channel} {change(value, units.of(unit, channel=channel))}"
 
 
-def _time(time_s: float) -> str:
-    return instant(round(time_s, 1))
+def _time(time_s: float | None) -> str:
+    return "-" if time_s is None else instant(round(time_s, 1))
 
 
-def _magnitude(event: Plain, units: Units) -> str:
-    shown = units.of(event["unit"], channel=_channel(event["fault"]))
-    sd = shown.change(event["sd"])
-    value = number(shown.change(event["magnitude"]), spread=None if sd is None else TWO_SIDED_95 * sd, extra=1)
+def _magnitude(event: Event, units: Units) -> str:
+    shown = units.of(event.unit, channel=_channel(event.fault))
+    sd = shown.change(event.sd)
+    value = number(shown.change(event.magnitude), spread=None if sd is None else TWO_SIDED_95 * sd, extra=1)
     return with_unit(value, shown.unit)
 
 
-def _interval(event: Plain, units: Units) -> str:
+def _interval(event: Event, units: Units) -> str:
     """Return the 95 % interval of a magnitude in words, "" where none is known."""
-    if event["ci95"] is None:
+    if event.ci95 is None:
         return ""
-    shown = units.of(event["unit"], channel=_channel(event["fault"]))
-    spread = TWO_SIDED_95 * float(shown.change(event["sd"]) or 0.0)
-    low, high = (number(shown.change(value), spread=spread, extra=1) for value in event["ci95"])
+    shown = units.of(event.unit, channel=_channel(event.fault))
+    spread = TWO_SIDED_95 * float(shown.change(event.sd) or 0.0)
+    low, high = (number(shown.change(value), spread=spread, extra=1) for value in event.ci95)
     return f" ({low} to {high})"
 
 
@@ -259,26 +260,26 @@ def _channel(fault: str) -> str:
     return fault if fault in STANDARD else ""
 
 
-def _event_tables(name: str, title: str, events: Sequence[Plain], units: Units) -> tuple[Table, ...]:
+def _event_tables(name: str, title: str, events: Sequence[Event], units: Units) -> tuple[Table, ...]:
     rows = []
     for one in events:
-        low, high = one["onset_ci95"]
-        among = ", ".join(one["among"])
-        evidence = ", ".join(f"{name} {value:.3g}" for name, value in one["evidence"].items())
-        effect = ", ".join(_error(name, value, units) for name, value in list(one["effect"].items())[:3])
+        low, high = one.onset_ci95
+        among = ", ".join(one.among)
+        evidence = ", ".join(f"{name} {value:.3g}" for name, value in one.evidence.items())
+        effect = ", ".join(_error(name, value, units) for name, value in list(one.effect.items())[:3])
         rows.append(
             (
                 among,
-                one["state"],
-                f"{_time(one['onset_s'])} ({_time(low)} to {_time(high)})",
-                "may last" if one["offset_s"] is None else _time(one["offset_s"]),
-                f"{one['shape']} {_magnitude(one, units)}{_interval(one, units)}"
-                if one["magnitude"] is not None
-                else f"{one['shape']}, {one['count']} in all"
-                if one.get("count")
+                one.state,
+                f"{_time(one.onset_s)} ({_time(low)} to {_time(high)})",
+                "may last" if one.offset_s is None else _time(one.offset_s),
+                f"{one.shape} {_magnitude(one, units)}{_interval(one, units)}"
+                if one.magnitude is not None
+                else f"{one.shape}, {one.count} in all"
+                if one.count
                 else "held",
-                f"{effect} by {instant(round(one['window_s'][1]))} s" if effect else "-",
-                "-" if one["p_value"] is None else f"{one['p_value']:.2g}",
+                f"{effect} by {instant(round(one.window_s[1]))} s" if effect else "-",
+                "-" if one.p_value is None else f"{one.p_value:.2g}",
                 evidence or "-",
             )
         )
@@ -286,7 +287,7 @@ def _event_tables(name: str, title: str, events: Sequence[Plain], units: Units) 
     return (Table(name=name, title=title, heads=heads, rows=tuple(rows)),) if rows else ()
 
 
-def _limit_tables(limits: Sequence[Plain], units: Units) -> tuple[Table, ...]:
+def _limit_tables(limits: Sequence[FlightLimit], units: Units) -> tuple[Table, ...]:
     """Return what could be there unseen: errors, and apart from them how far channels of one sensor may disagree."""
     titles = {
         "error": "How large a fault could be there unseen, in the stretches that were watched",
@@ -295,10 +296,10 @@ def _limit_tables(limits: Sequence[Plain], units: Units) -> tuple[Table, ...]:
     heads = ("fault", "shape", "excluded above", "could hide", "stretch [s]", "in 95 %", "growing on", "tolerance")
     tables = []
     for bounds, title in titles.items():
-        by_fault: dict[tuple[str, str], list[Plain]] = {}
+        by_fault: dict[tuple[str, str], list[FlightLimit]] = {}
         for one in limits:
-            if one["bounds"] == bounds:
-                by_fault.setdefault((one["fault"], one["shape"]), []).append(one)
+            if one.bounds == bounds:
+                by_fault.setdefault((one.fault, one.shape), []).append(one)
         rows = tuple(_limit_row(of_fault, units) for of_fault in by_fault.values())
         if rows:
             name = "limits" if bounds == "error" else "agreement"
@@ -306,27 +307,27 @@ def _limit_tables(limits: Sequence[Plain], units: Units) -> tuple[Table, ...]:
     return tuple(tables)
 
 
-def _limit_row(of_fault: Sequence[Plain], units: Units) -> tuple[str, ...]:
+def _limit_row(of_fault: Sequence[FlightLimit], units: Units) -> tuple[str, ...]:
     """Return the limits of one fault and shape: the worst stretch, what holds mostly, and what grows on."""
-    worst = next(one for one in of_fault if one["holds_in"] == 1.0 and not one["grows_on"])
-    mostly = next((one for one in of_fault if one["holds_in"] < 1.0), None)
-    grown = next((one for one in of_fault if one["grows_on"]), None)
-    shown = units.of(worst["effect_unit"], channel=worst["channel"])
+    worst = next(one for one in of_fault if one.holds_in == 1.0 and not one.grows_on)
+    mostly = next((one for one in of_fault if one.holds_in < 1.0), None)
+    grown = next((one for one in of_fault if one.grows_on), None)
+    shown = units.of(worst.effect_unit, channel=worst.channel)
 
-    def hidden(one: Plain | None) -> str:
-        return "-" if one is None else "any" if one["effect"] is None else change(one["effect"], shown)
+    def hidden(one: FlightLimit | None) -> str:
+        return "-" if one is None else "any" if one.effect is None else change(one.effect, shown)
 
-    within = all(one["within_tolerance"] for one in of_fault)
+    within = all(one.within_tolerance for one in of_fault)
     return (
-        str(worst["fault"]),
-        str(worst["shape"]),
-        change(worst["excluded_above"], units.of(worst["unit"], channel=_channel(worst["fault"]))),
+        worst.fault,
+        worst.shape,
+        change(worst.excluded_above, units.of(worst.unit, channel=_channel(worst.fault))),
         hidden(worst),
-        f"{instant(round(worst['from_s']))} to {instant(round(worst['to_s']))}",
+        f"{instant(round(worst.from_s))} to {instant(round(worst.to_s))}",
         hidden(mostly),
         hidden(grown),
-        change(worst["tolerance"], shown),
-        "-" if worst["tolerance"] is None else "yes" if within else "no",
+        change(worst.tolerance, shown),
+        "-" if worst.tolerance is None else "yes" if within else "no",
     )
 
 
@@ -336,51 +337,51 @@ def _unwatched_table(unwatched: Sequence[Sequence[Any]]) -> tuple[Table, ...]:
     return (Table(name="unwatched", title=title, heads=("stretch [s]", "why"), rows=rows),) if rows else ()
 
 
-def _named(events: Sequence[Plain]) -> list[dict[str, Any]]:
+def _named(events: Sequence[Event]) -> list[dict[str, Any]]:
     """Return events as the lanes of a timeline want them."""
     return [
         {
             "name": _name(one),
             "channels": [],
-            "state": one["state"],
-            "onset_s": one["onset_s"],
-            "offset_s": one["offset_s"] if one["offset_s"] is not None else one["seen_until_s"],
-            "times_s": one.get("times_s"),
+            "state": one.state,
+            "onset_s": one.onset_s,
+            "offset_s": one.offset_s if one.offset_s is not None else one.seen_until_s,
+            "times_s": one.times_s,
         }
         for one in events
     ]
 
 
-def _lines(events: Sequence[Plain]) -> list[Block]:
+def _lines(events: Sequence[Event]) -> list[Block]:
     return [
         Block(
             label="",
             low=edge,
             high=edge,
-            shade="fault" if one["state"] == "declared" else "suspect",
+            shade="fault" if one.state == "declared" else "suspect",
         )
         for one in events
-        for edge in one.get("times_s") or (one["onset_s"], one["offset_s"])
+        for edge in one.times_s or (one.onset_s, one.offset_s)
         if edge is not None
     ]
 
 
-def _timeline(document: Plain, units: Units) -> Drawing:
-    log, series, events = document["log"], document["series"], document["events"]
-    limits = (float(log["start_s"]), float(log["stop_s"]))
-    lanes = lanes_of(document["phases"], (), (), _named(events), limits=limits)
-    bands = (*bands_of(document["phases"]), *_lines(events))
+def _timeline(result: DiagnoseResult, units: Units) -> Drawing:
+    log, events = result.log, result.events
+    limits = (log.start_s, log.stop_s)
+    lanes = lanes_of(result.phases, (), (), _named(events), limits=limits)
+    bands = (*bands_of(result.phases), *_lines(events))
     panels = [lane_panel(lanes, limits)] if lanes else []
-    wrong = [name for one in events for name in one["channels"]]
-    airspeeds = [name for name in ("tas", "cas", "ias") if name in series["measured"]]
-    shown = [name for name in (*airspeeds[:1], "altitude") if name in series["measured"]]
-    shown += [name for name in dict.fromkeys(wrong) if name in series["measured"] and name not in shown][:3]
+    wrong = [name for one in events for name in one.channels]
+    airspeeds = [name for name in ("tas", "cas", "ias") if name in result.measured]
+    shown = [name for name in (*airspeeds[:1], "altitude") if name in result.measured]
+    shown += [name for name in dict.fromkeys(wrong) if name in result.measured and name not in shown][:3]
     for name in shown:
-        panels.append(_channel_panel(series, name, limits, bands, units))
+        panels.append(_channel_panel(result, name, limits, bands, units))
     groups: dict[str, list[Curve]] = {"parity": [], "relations": []}
-    for strip in series["strips"]:
-        group = "parity" if strip["name"].startswith("parity") else "relations"
-        groups[group].append(curve(strip["name"], strip["time_s"], _floats(strip["share"])))
+    for strip in result.strips:
+        group = "parity" if strip.name.startswith("parity") else "relations"
+        groups[group].append(curve(strip.name, strip.time_s, strip.share))
     for group, curves in groups.items():
         if curves:
             panels.append(
@@ -397,25 +398,25 @@ def _timeline(document: Plain, units: Units) -> Drawing:
     return Drawing(name="timeline", caption=TIMELINE, panels=tuple(panels), shared_x=True)
 
 
-def _limits_figure(document: Plain, units: Units) -> Drawing:
+def _limits_figure(result: DiagnoseResult, units: Units) -> Drawing:
     """Return the limits of drifts over the flight, what 95 % of it exclude, and the worst."""
-    limits = (float(document["log"]["start_s"]), float(document["log"]["stop_s"]))
+    limits = (result.log.start_s, result.log.stop_s)
     panels = []
-    for one in document["series"]["limit_courses"]:
-        shown = units.of(one["unit"], channel=_channel(one["fault"]))
-        slopes = shown.changes(_floats(one["excluded_above"]))
+    for one in result.limit_courses:
+        shown = units.of(one.unit, channel=_channel(one.fault))
+        slopes = shown.changes(one.excluded_above)
         levels = (
-            ("95 %", float(shown.change(one["mostly"]) or 0.0)),
-            ("worst", float(shown.change(one["worst"]) or 0.0)),
+            ("95 %", float(shown.change(one.mostly) or 0.0)),
+            ("worst", float(shown.change(one.worst) or 0.0)),
         )
         panels.append(
             Panel(
                 x_label="onset [s]",
                 y_label=f"{_name(one)}\n[{shown.unit}]",
-                curves=(curve("", _floats(one["time_s"]), slopes),),
+                curves=(curve("", one.time_s, slopes),),
                 levels=levels,
                 log_y=True,
-                bands=tuple(bands_of(document["phases"])),
+                bands=tuple(bands_of(result.phases)),
                 x_limits=limits,
                 height=0.7,
             )
@@ -423,23 +424,19 @@ def _limits_figure(document: Plain, units: Units) -> Drawing:
     return Drawing(name="limits", caption=LIMITS, panels=tuple(panels), shared_x=True)
 
 
-def _floats(values: Sequence[float | None]) -> np.ndarray[Any, np.dtype[np.float64]]:
-    return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
-
-
 def _channel_panel(
-    series: Plain,
+    result: DiagnoseResult,
     name: str,
     limits: tuple[float, float],
     bands: tuple[Block, ...],
     units: Units,
     height: float = 0.8,
 ) -> Panel:
-    time_s, shown = _floats(series["time_s"]), units.of(series["units"][name], channel=name)
+    time_s, shown = result.time_s, units.of(result.units[name], channel=name)
     inside = (time_s >= limits[0]) & (time_s <= limits[1])
-    curves = [curve("measured", time_s[inside], shown.readings(_floats(series["measured"][name])[inside]))]
-    if name in series["corrected"]:
-        values = shown.readings(_floats(series["corrected"][name])[inside])
+    curves = [curve("measured", time_s[inside], shown.readings(result.measured[name][inside]))]
+    if name in result.corrected:
+        values = shown.readings(result.corrected[name][inside])
         if np.isfinite(values).any():
             curves.append(curve("without the fault", time_s[inside], values))
     return Panel(
@@ -452,51 +449,51 @@ def _channel_panel(
     )
 
 
-def _course_label(course: Plain, shown: Shown) -> str:
-    if course["channel"] == "pitot_icing":
+def _course_label(course: Course, shown: Shown) -> str:
+    if course.channel == "pitot_icing":
         return "loss of\nq_impact [1]"
-    return f"error of\n{course['channel']} [{shown.unit}]"
+    return f"error of\n{course.channel} [{shown.unit}]"
 
 
 def _course_panel(
-    document: Plain, course: Plain, limits: tuple[float, float], bands: tuple[Block, ...], units: Units
+    result: DiagnoseResult, course: Course, limits: tuple[float, float], bands: tuple[Block, ...], units: Units
 ) -> Panel:
     """Return the course of an event beside its named shape."""
-    shown = units.of(course["unit"], channel=_channel(course["channel"]))
-    time_s, named = _floats(course["time_s"]), document["events"][course["event"]]["shape"]
-    low, high = (shown.changes(_floats(course[end])) for end in ("low", "high"))
-    free = shown.changes(_floats(course["free"]))
+    shown = units.of(course.unit, channel=_channel(course.channel))
+    time_s, named = course.time_s, result.events[course.event].shape
+    low, high = (shown.changes(getattr(course, end)) for end in ("low", "high"))
+    free = shown.changes(course.free)
     return Panel(
         x_label="time [s]",
         y_label=_course_label(course, shown),
         curves=(
             curve("of any shape, 95 % band", time_s, free, low=low, high=high),
-            curve(f"as a {named}", time_s, shown.changes(_floats(course["named"])), style="dashed"),
+            curve(f"as a {named}", time_s, shown.changes(course.named), style="dashed"),
         ),
         bands=bands,
         x_limits=limits,
     )
 
 
-def _page(document: Plain, k: int, units: Units) -> Drawing:
+def _page(result: DiagnoseResult, k: int, units: Units) -> Drawing:
     """Return the figure of an event: its channels, its course beside the named shape, its evidence by residual."""
-    event, series = document["events"][k], document["series"]
-    low = max(float(document["log"]["start_s"]), float(event["window_s"][0]) - AROUND_S)
-    high = min(float(document["log"]["stop_s"]), float(event["window_s"][1]) + AROUND_S)
-    bands = (*bands_of(document["phases"]), *_lines([event]))
+    event = result.events[k]
+    low = max(result.log.start_s, event.window_s[0] - AROUND_S)
+    high = min(result.log.stop_s, event.window_s[1] + AROUND_S)
+    bands = (*bands_of(result.phases), *_lines([event]))
     inside = tuple(one for one in bands if one.high >= low and one.low <= high)
-    names = [name for name in event["channels"] if name in series["measured"]][:3]
-    panels = [_channel_panel(series, name, (low, high), inside, units) for name in names]
-    for course in series["courses"]:
-        if course["event"] != k:
+    names = [name for name in event.channels if name in result.measured][:3]
+    panels = [_channel_panel(result, name, (low, high), inside, units) for name in names]
+    for course in result.courses:
+        if course.event != k:
             continue
-        panels.append(_course_panel(document, course, (low, high), inside, units))
+        panels.append(_course_panel(result, course, (low, high), inside, units))
     # The panels above each other have one time axis; its name stands below the last.
     panels[:-1] = [replace(panel, x_label="") for panel in panels[:-1]]
     # A line is held where its pressure scatters least: no bar shows that.
-    told = bool(event["evidence"]) and event["stages"][0] != "holds"
+    told = bool(event.evidence) and event.stages[0] != "holds"
     if told:
-        sizes = list(event["evidence"].items())
+        sizes = list(event.evidence.items())
         panels.append(
             Panel(
                 x_label="evidence [as in the caption]",
@@ -506,7 +503,7 @@ def _page(document: Plain, k: int, units: Units) -> Drawing:
                 height=0.25 + 0.15 * len(sizes),
             )
         )
-    caption = f"{capital(_sentence(event, units))}; {event['state']}."
+    caption = f"{capital(_sentence(event, units))}; {event.state}."
     if told:
         caption += (
             " Evidence by residual: what each says for the fault, twice the log-likelihood ratio, of other analyses "

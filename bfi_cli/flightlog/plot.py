@@ -24,7 +24,17 @@ from .phases import phases_of
 from .quality import ranked_windows
 from .record import Channel, FlightLog, FloatArray
 from .report import lane_panel
-from .timeline import STATES, bands_of, event_table, lanes_of, phase_columns, phase_table, shows, window_table
+from .timeline import (
+    STATES,
+    bands_of,
+    event_table,
+    happenings,
+    lanes_of,
+    phase_columns,
+    phase_table,
+    shows,
+    window_table,
+)
 
 Plain = Mapping[str, Any]
 
@@ -195,7 +205,6 @@ def plot_document(
     if shift_s:
         said.append(Note.method(f"times of {logs[1].path} are moved by {shift_s:.4g} s, to those of {first.path}"))
     changes = [(name, *difference(parts[0], parts[1], name)) for name in chosen] if diff else []
-    happens = {"phases": to_plain(phases), "windows": to_plain(ranked_windows(first, phases))}
     document: dict[str, Any] = to_plain(
         {
             "kind": "plot",
@@ -212,7 +221,8 @@ def plot_document(
             "from_s": low,
             "to_s": high,
             "channels": [{"name": name, "unit": whole[0].channels[name].unit} for name in chosen],
-            **{key: [one for one in ones if shows(one, (low, high))] for key, ones in happens.items()},
+            "phases": [one for one in phases if shows(one, (low, high))],
+            "windows": [one for one in ranked_windows(first, phases) if shows(one, (low, high))],
             "events": events,
             "differences": [
                 _difference(name, whole[0].channels[name].unit, time_s, values) for name, time_s, values in changes
@@ -275,6 +285,7 @@ def _series(log: int | None, channel: Channel, time_s: FloatArray, values: Float
 
 def plot_content(document: Plain, units: Units = SI) -> ReportContent:
     """Return what the report of a document of `bfi plot` holds, in `units`."""
+    document = {**document, **happenings(document)}
     logs, names, events = document["logs"], [one["name"] for one in document["channels"]], document["events"]
     limits = (document["from_s"], document["to_s"])
     paths = ", ".join(str(log["path"]) for log in logs)

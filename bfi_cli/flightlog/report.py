@@ -17,7 +17,7 @@ from ..shapes import SHAPES
 from .defects import Defect, sentence_of_defect
 from .quality import UNEVEN, LogReport
 from .record import FlightLog
-from .timeline import lanes_of, phase_columns, phase_table, window_table
+from .timeline import happenings, lanes_of, phase_columns, phase_table, window_table
 
 Plain = Mapping[str, Any]
 
@@ -69,7 +69,8 @@ def info_document(
 
 def info_content(document: Plain, units: Units = SI) -> ReportContent:
     """Return what the report of a document of `bfi info` holds, in `units`; in SI angles are in rad, as in a file."""
-    log, phases = document["log"], document.get("phases", ())
+    document = {**document, **happenings(document)}
+    log, phases = document["log"], document["phases"]
     gaps = [(gap["start_s"], gap["stop_s"]) for gap in document["gaps"]]
     if document["uniform"]:
         step = "uniform"
@@ -161,11 +162,11 @@ def _tables(document: Plain, units: Units) -> Iterator[Table]:
         for one in document["excitation"]
     ]
     segments = {"label": "label", "from [s]": "start_s", "to [s]": "stop_s", "note": "note"}
-    named = [{head: one[key] for head, key in segments.items()} for one in document["segments"]]
+    named = [{head: getattr(one, key) for head, key in segments.items()} for one in document["segments"]]
     yield from _table("channels", "Channels", channels)
     if any(row["lacks"] == "nothing" for row in derived):
         yield from _table("derived", "Channels that can be derived, for --input and --output", derived)
-    yield from phase_table(document.get("phases", ()))
+    yield from phase_table(document["phases"])
     yield from _table("excitation", "Inputs, in flight", moving)
     yield from window_table(document["windows"])
     yield from _table("segments", "Segments named in the file", named)

@@ -1,7 +1,4 @@
-"""What happens when in a flight, as lanes of a figure and rows of a table: phases, windows, segments and events.
-
-Made from documents alone, so that a stored answer is drawn as it was.
-"""
+"""What happens when in a flight, as lanes of a figure and rows of a table: phases, windows, segments and events."""
 
 from __future__ import annotations
 
@@ -10,7 +7,10 @@ from typing import Any
 
 from ..report.content import Block, Lane, Shade, Table
 from ..report.text import instant
-from .phases import MANOEUVRES, NO_AIRSPEED, PARTS
+from ..serialization import from_plain
+from .phases import MANOEUVRES, NO_AIRSPEED, PARTS, Phase
+from .quality import ExcitedWindow
+from .record import Segment
 
 Plain = Mapping[str, Any]
 
@@ -34,10 +34,20 @@ MOST_LANES = 6
 MOST_EVENTS = 8
 
 
+def happenings(document: Plain) -> dict[str, Any]:
+    """Return the phases, windows and segments of a document, none where it states none."""
+    kinds: dict[str, Any] = {
+        "phases": tuple[Phase, ...],
+        "windows": tuple[ExcitedWindow, ...],
+        "segments": tuple[Segment, ...],
+    }
+    return {key: from_plain(kind, document.get(key, []), where=key) for key, kind in kinds.items()}
+
+
 def lanes_of(
-    phases: Sequence[Plain],
-    windows: Sequence[Plain],
-    segments: Sequence[Plain],
+    phases: Sequence[Phase],
+    windows: Sequence[ExcitedWindow],
+    segments: Sequence[Segment],
     events: Sequence[Plain],
     *,
     limits: tuple[float, float],
@@ -48,13 +58,13 @@ def lanes_of(
     ----------
     limits : of the time that is shown, s; what lies outside takes no room.
     """
-    phases, windows, segments = ([one for one in kind if shows(one, limits)] for kind in (phases, windows, segments))
+    phases = [one for one in phases if shows(one, limits)]
     events = [one for one in events if one["onset_s"] <= limits[1] and (one["offset_s"] or limits[1]) >= limits[0]]
     rows: list[tuple[str, list[Block]]] = [("phase", bands_of(phases))]
-    rows += [(kind, [_block("", one, "black") for one in phases if one["phase"] == kind]) for kind in MANOEUVRES]
+    rows += [(kind, [_block("", one, "black") for one in phases if one.phase == kind]) for kind in MANOEUVRES]
     letter_s = LETTER * (limits[1] - limits[0])
-    framed = [_block(str(one["rank"]), one, "outline") for one in windows if one.get("rank")]
-    named = [_block(str(one["label"]), one, "outline") for one in segments]
+    framed = [_block(str(one.rank), one, "outline") for one in windows if shows(one, limits)]
+    named = [_block(one.label, one, "outline") for one in segments if shows(one, limits)]
     rows += [("window", blocks) for blocks in _apart(framed, letter_s)]
     rows += [("segment", blocks) for blocks in _apart(named, letter_s)[:MOST_LANES]]
     rows += [("event", _event(one)) for one in events[:MOST_EVENTS]]
@@ -64,23 +74,22 @@ def lanes_of(
     return tuple(Lane(label=label, blocks=tuple(one)) for label, (_, one) in zip(named_once, filled, strict=True))
 
 
-def bands_of(phases: Sequence[Plain]) -> list[Block]:
+def bands_of(phases: Sequence[Phase]) -> list[Block]:
     """Return the parts of the flight as blocks that do not overlap."""
-    return [_block(one["phase"], one, SHADES[one["phase"]]) for one in phases if one["phase"] in SHADES]
+    return [_block(one.phase, one, SHADES[one.phase]) for one in phases if one.phase in SHADES]
 
 
-def _ends(one: Plain) -> tuple[float, float]:
-    return (one["from_s"], one["to_s"]) if "from_s" in one else (one["start_s"], one["stop_s"])
+def _ends(one: Phase | ExcitedWindow | Segment) -> tuple[float, float]:
+    return (one.from_s, one.to_s) if isinstance(one, Phase) else (one.start_s, one.stop_s)
 
 
-def shows(one: Plain, limits: tuple[float, float]) -> bool:
+def shows(one: Phase | ExcitedWindow | Segment, limits: tuple[float, float]) -> bool:
     """Say whether a phase or window shares time with the limits."""
     low, high = _ends(one)
     return low < limits[1] and high > limits[0]
 
 
-def _block(label: str, one: Plain, shade: Shade) -> Block:
-    """Return a block of what has `from_s` and `to_s`, or `start_s` and `stop_s`."""
+def _block(label: str, one: Phase | ExcitedWindow | Segment, shade: Shade) -> Block:
     low, high = _ends(one)
     return Block(label=label, low=low, high=high, shade=shade)
 
@@ -111,30 +120,29 @@ def _event(one: Plain) -> list[Block]:
     return [Block(label=label, low=one["onset_s"], high=one["onset_s"] if end_s is None else end_s, shade=shade)]
 
 
-def phase_table(phases: Sequence[Plain]) -> list[Table]:
+def phase_table(phases: Sequence[Phase]) -> list[Table]:
     """Return the table of the kinds of phases that there are: how often, how long in all; [] without phases."""
     rows = []
     for kind in (*PARTS, *MANOEUVRES):
-        found = [one for one in phases if one["phase"] == kind]
+        found = [one for one in phases if one.phase == kind]
         if found:
-            total = sum(one["to_s"] - one["from_s"] for one in found)
-            ends = (instant(found[0]["from_s"]), instant(found[-1]["to_s"]))
+            total = sum(one.to_s - one.from_s for one in found)
+            ends = (instant(found[0].from_s), instant(found[-1].to_s))
             rows.append((kind, str(len(found)), f"{total:.0f}", *ends))
     heads = ("phase", "times", "in all [s]", "first from [s]", "last to [s]")
     return [Table(name="phases", title="Phases of the flight", heads=heads, rows=tuple(rows))] if rows else []
 
 
-def phase_columns(phases: Sequence[Plain]) -> dict[str, list[Any]]:
+def phase_columns(phases: Sequence[Phase]) -> dict[str, list[Any]]:
     """Return the columns of the CSV file of phases, a row each."""
-    return {key: [one[key] for one in phases] for key in ("phase", "from_s", "to_s")}
+    return {key: [getattr(one, key) for one in phases] for key in ("phase", "from_s", "to_s")}
 
 
-def window_table(windows: Sequence[Plain]) -> list[Table]:
+def window_table(windows: Sequence[ExcitedWindow]) -> list[Table]:
     """Return the table of the windows to analyse, in order of their rank; [] without windows."""
-    ranked = sorted(windows, key=lambda one: one.get("rank", 1))
     rows = tuple(
-        (str(one.get("rank", "")), instant(one["start_s"]), instant(one["stop_s"]), one["channel"], str(one["moves"]))
-        for one in ranked
+        (str(one.rank), instant(one.start_s), instant(one.stop_s), one.channel, str(one.moves))
+        for one in sorted(windows, key=lambda one: one.rank)
     )
     heads = ("rank", "--from", "--to", "input", "moves")
     return [Table(name="windows", title="Windows to analyse", heads=heads, rows=rows)] if rows else []

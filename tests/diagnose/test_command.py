@@ -57,7 +57,8 @@ def test_a_healthy_flight_has_no_event(diagnoses: Diagnoses):
 
 @pytest.mark.parametrize("fault", ["", ICING])
 def test_a_healthy_and_a_faulty_flight_are_one_screen(diagnoses: Diagnoses, fault: str):
-    series = {"time_s": [], "measured": {}, "courses": []}  # of figures alone
+    lists, by_name = ("time_s", "strips", "limit_courses", "courses"), ("measured", "corrected", "units")
+    series = {**{key: [] for key in lists}, **{key: {} for key in by_name}}  # of figures alone
     content = diagnose_content({**diagnoses.of(fault), "series": series})
     check_screen(screen(content), content)
 

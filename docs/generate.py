@@ -20,6 +20,7 @@ import shlex
 import subprocess
 import sys
 import tempfile
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,7 @@ sys.path.insert(0, str(ROOT))
 
 COLUMNS = 100  # width of the terminal in the guide: what a page shows without scrolling
 LAST_DIGITS = 2.0  # a number agrees within so many units of its last digit: other machines round otherwise
+COMMON = 3  # commands that have an option alike: it is explained once
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", re.IGNORECASE)
 
 
@@ -173,15 +175,27 @@ def commands_page() -> str:
     context = click.Context(cli, info_name="bfi")
     names = cli.list_commands(context)
     lines += [f"- [`bfi {name}`](#bfi-{name})" for name in names]
-    for name in names:
-        command = cli.get_command(context, name)
+    commands = {name: cli.get_command(context, name) for name in names}
+    rows = {
+        name: [option_row(one) for one in command.params if isinstance(one, click.Option) and not one.hidden]
+        for name, command in commands.items()
+        if command is not None
+    }
+    times = Counter(row for of_command in rows.values() for row in of_command)
+    common = [row for row in times if times[row] >= COMMON]
+    lines += ["", "## Common options", "", "The same in several commands; each command names those that it has."]
+    lines += ["", table(("option", "what it does", "default"), common)]
+    for name, command in commands.items():
         assert command is not None
         arguments = [one.metavar or one.name.upper() for one in command.params if isinstance(one, click.Argument)]
         help_text = re.sub(r"\n\n\s*\n?", "\n\n", (command.help or "").replace("\b", "")).strip()
         lines += ["", f"## bfi {name}", "", "```text", " ".join(["bfi", name, *arguments, "[OPTIONS]"]), "```", ""]
         lines += [help_text, ""]
-        rows = [option_row(one) for one in command.params if isinstance(one, click.Option) and not one.hidden]
-        lines += [table(("option", "what it does", "default"), rows)]
+        shared = [f"`{row[0].strip('`').split()[0].rstrip(',')}`" for row in rows[name] if row in common]
+        own = [row for row in rows[name] if row not in common]
+        if shared:
+            lines += [f"[Common options](#common-options): {' '.join(shared)}", ""]
+        lines += [table(("option", "what it does", "default"), own)] if own else []
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -214,8 +228,9 @@ def api_page() -> str:
     lines = [
         "# Public names",
         "",
-        "Made by `docs/generate.py` from the source. What is not here may change without notice. Conventions (symbols,"
-        " units, signs) are those of the package's own docstring:",
+        "Made by `docs/generate.py` from the source. What is not here may change without notice. Parameters with"
+        " shapes, units, errors and sources are in the docstring of each name (`help(NAME)`), conventions in the"
+        " package's:",
         "",
         "```text",
         package.docstring.value.strip(),
@@ -234,7 +249,7 @@ def api_page() -> str:
             lines += [module.docstring.value.strip().split("\n\n")[0], ""]
         for name, target in sorted(fresh, key=lambda pair: (pair[1].kind.value, pair[0])):
             lines += [f"### {module.path}.{name}", "", *described(name, target), ""]
-    return "\n".join(lines).rstrip() + "\n"
+    return re.sub(r"\n{3,}", "\n\n", "\n".join(lines).rstrip()) + "\n"
 
 
 def packages_below(package: Any) -> Iterator[Any]:
@@ -261,7 +276,7 @@ def resolved(module: Any, name: str) -> Any:
 
 
 def described(name: str, target: Any) -> Iterator[str]:
-    """Yield signature and docstring of a public object, with the public methods of a class."""
+    """Yield signature and first paragraph of a public object, with the public methods of a class."""
     if target.is_function:
         yield from ("```python", signature(name, target), "```")
     elif target.is_class:
@@ -280,8 +295,7 @@ def described(name: str, target: Any) -> Iterator[str]:
     else:
         value = str(target.value)
         yield from ("```python", f"{name} = {value if len(value) < 100 else '...'}", "```")
-    yield ""
-    yield from docstring(target)
+    yield from ("", summary(target), "")
     if target.is_class:
         for member in target.members.values():
             if not member.name.startswith("_") and (member.is_function or "property" in member.labels):
@@ -307,23 +321,10 @@ def signature(name: str, function: Any) -> str:
     return line if len(line) <= 100 else f"def {name}(\n    " + ",\n    ".join(words) + f",\n){answer}"
 
 
-def docstring(target: Any) -> Iterator[str]:
-    """Yield a numpydoc docstring as Markdown: a section becomes a bold word, its entries a list."""
-    lines = target.docstring.value.strip().splitlines() if target.docstring else []
-    listed = False
-    for i, line in enumerate(lines):
-        under = lines[i + 1] if i + 1 < len(lines) else ""
-        if line and re.fullmatch(r"-{3,}", under.strip()):
-            listed = line.strip() in ("Parameters", "Attributes", "Raises", "Returns", "Yields")
-            yield from (f"**{line.strip()}**", "")
-        elif re.fullmatch(r"-{3,}", line.strip()):
-            continue
-        elif listed and line and not line.startswith(" "):
-            name, colon, text = line.partition(" : ")
-            yield f"- `{name}`: {text}" if colon else f"- {line}"
-        else:
-            yield f"  {line.strip()}".rstrip() if listed else line
-    yield ""
+def summary(target: Any) -> str:
+    """Return the first paragraph of a docstring, on one line."""
+    text = target.docstring.value.strip() if target.docstring else ""
+    return " ".join(text.split("\n\n")[0].split())
 
 
 # Outputs of the guide's commands

@@ -97,22 +97,21 @@ def sparsity_page(content: dict[str, Any]) -> str:
     points, rules = (list(dict.fromkeys(row[i] for row in cells)) for i in (0, 1))
     facts = dict(content["facts"])
 
-    def grid(column: int) -> list[str]:
-        value = {(row[0], row[1]): row[column] for row in cells}
-        lines = [["atoms, noise", *rules], ["---"] * (len(rules) + 1)]
-        lines += [[point, *(value[point, rule] for rule in rules)] for point in points]
-        return ["| " + " | ".join(line) + " |" for line in lines]
+    isolated = {(row[0], row[1]): row[2] for row in cells}
+    lines = [["atoms, noise", *rules], ["---"] * (len(rules) + 1)]
+    lines += [[point, *(isolated[point, rule] for rule in rules)] for point in points]
 
-    def shown(title: str, picture: str, drawing: dict[str, Any], lines: list[str]) -> list[str]:
-        return [f"## {title}", f"![{title}]({PICTURES.name}/{picture}.png)", drawing["caption"], "\n".join(lines)]
+    def shown(title: str, picture: str, drawing: dict[str, Any]) -> list[str]:
+        return [f"## {title}", f"![{title}]({PICTURES.name}/{picture}.png)", drawing["caption"]]
 
     said = [f"- **{name}**: {facts[name]}." for name in rules]
     settings = [f"- {name}: {text}." for name, text in facts.items() if name not in (*rules, "Points")]
     parts = [
         f"# {content['title']}",
         content["verdict"],
-        *shown("Isolated [%], 95 % Wilson intervals", "sparsity", content["drawings"][0], grid(2)),
-        *shown("Processor time [ms], median", "sparsity_time", content["drawings"][1], grid(3)),
+        *shown("Isolated [%], 95 % Wilson intervals", "sparsity", content["drawings"][0]),
+        "\n".join("| " + " | ".join(line) + " |" for line in lines),
+        *shown("Processor time [ms], median", "sparsity_time", content["drawings"][1]),
         "## The rules",
         "\n".join(said),
         "## The trials",

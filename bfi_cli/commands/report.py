@@ -44,7 +44,7 @@ KINDS = {
 }
 STORED = {"montecarlo": "summary.json"}
 # These documents are read back into what they were made from, which says itself where one is damaged.
-READ_BACK = ("calibration", "compare", "detect", "diagnose", "identify", "reproduce")
+READ_BACK = ("calibration", "compare", "detect", "diagnose", "identify", "reproduce", "start-time")
 # Shares, counts and published numbers, which have no units to choose.
 WITHOUT_UNITS = ("calibration", "montecarlo", "reproduce")
 
@@ -93,8 +93,7 @@ def _content(document: object, where: str, units: Units) -> ReportContent:
         raise ConfigError(f"{where}: kind is '{kind}', known: {', '.join(KINDS)}; {GIVE}")
     module, function = KINDS[kind]
     check_schema(document, where=where)
-    if kind not in READ_BACK:
-        member(document, "provenance", where=where)
+    member(document, "provenance", where=where)
     make = getattr(importlib.import_module(f"...{module}", __name__), function)
     try:
         shown = () if kind in WITHOUT_UNITS else (units,)

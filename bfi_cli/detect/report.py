@@ -13,7 +13,7 @@ from ..notes import Note, unique
 from ..printable import shortened
 from ..provenance import Provenance
 from ..report.claims import (
-    CANDIDATE_COLUMNS,
+    candidate_columns,
     candidate_tables,
     hidden_drawing,
     screen_of,
@@ -96,7 +96,7 @@ def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str
         drawings=(*hidden, Drawing(name="detection", caption=CAPTION, panels=tuple(panels), across=2)),
         notes=(*shown_notes(result.notes, units), *(Note.advice(f"next: {command}") for command in result.commands)),
         data={
-            "candidates.csv": {key: [getattr(one, key) for one in candidates] for key in CANDIDATE_COLUMNS},
+            "candidates.csv": candidate_columns(candidates),
             **_files(result),
         },
     )

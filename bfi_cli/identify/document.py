@@ -9,11 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConfigError
-from ..faults import Fault, FaultEstimate
 from ..notes import Note, unique
 from ..provenance import Provenance
+from ..report.faults import fault_entry, plain_estimate
 from ..serialization import SCHEMA, check_schema, from_plain, mapping, member, to_plain
-from ..shapes import SHAPES
 from .result import IdentifyResult
 
 __all__ = ["identify_document", "identify_from_document"]
@@ -24,10 +23,6 @@ GIVE = "give the result.json of bfi identify --out"
 # Series of an output that the document has beside those it is made of.
 DERIVED = ("corrected", "predicted")
 ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
-ESTIMATE_KEYS = ("onset_ci95", "statistic", "p_value", "effect", "beyond_tolerance", "among", "source", "evidence")
-FAULT_KEYS = tuple(
-    field.name for field in fields(Fault) if field.name not in ("name", "magnitude", "onset_range_s", "parameter_range")
-)
 
 
 def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[str, Any]:
@@ -54,7 +49,7 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
         "summary": whole["summary"],
         "plausibility": whole["plausibility"],
         "scan": whole["scan"],
-        "faults": [_fault_entry(estimate) for estimate in result.faults],
+        "faults": [fault_entry(estimate) for estimate in result.faults],
         "candidates": whole["candidates"],
         "model": whole["model"],
         "vaf": {"output": whole["vaf_output"], "fault": vaf_fault},
@@ -88,19 +83,6 @@ def _thinned(result: IdentifyResult) -> IdentifyResult:
     )
 
 
-def _fault_entry(estimate: FaultEstimate) -> dict[str, Any]:
-    plain = to_plain(estimate)
-    fault = plain["fault"]
-    entry = {key: plain[key] for key in ("name", "magnitude", "unit", "sd", "ci95", *ESTIMATE_KEYS)}
-    if None in entry["ci95"]:
-        entry["ci95"] = None
-    entry["physical"] = {"value": plain["physical_value"], "unit": plain["physical_unit"]}
-    entry |= {key: fault[key] for key in FAULT_KEYS}
-    if SHAPES[fault["shape"]].kind != "oscillating":
-        entry["phase_rad"] = entry["phase_reference"] = None
-    return entry
-
-
 def identify_from_document(document: object, *, where: str = "result") -> tuple[IdentifyResult, Provenance]:
     """Return the result a document was made from: the inverse of `identify_document`.
 
@@ -124,7 +106,7 @@ def identify_from_document(document: object, *, where: str = "result") -> tuple[
     flat = {
         **whole,
         **series,
-        "faults": [_fault_from(entry, f"{where}: faults[{i}]") for i, entry in enumerate(faults)],
+        "faults": [plain_estimate(entry, where=f"{where}: faults[{i}]") for i, entry in enumerate(faults)],
         "model": {**_mapping_at(whole, "model", where), **_mapping_at(whole, "order_selection", where)},
         "vaf_output": member(whole, "vaf.output", where=where),
         "truth": _truth_from(whole, where),
@@ -151,17 +133,6 @@ def _truth_from(document: Mapping[str, Any], where: str) -> dict[str, Any] | Non
     if member(document, "truth", where=where) is None:
         return None
     return {**_mapping_at(document, "truth", where), "vaf_fault": member(document, "vaf.fault", where=where)}
-
-
-def _fault_from(entry: object, where: str) -> dict[str, Any]:
-    plain = mapping(entry, where=where)
-    fault = {key: plain[key] for key in FAULT_KEYS if plain.get(key) is not None}
-    return {
-        **plain,
-        "fault": {**fault, "name": member(plain, "name", where=where)},
-        "physical_value": member(plain, "physical.value", where=where),
-        "physical_unit": member(plain, "physical.unit", where=where),
-    }
 
 
 def _check_lengths(result: IdentifyResult, where: str) -> None:

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..decision import Candidate
-from ..display_units import SI, Shown, Units
-from ..faults import FaultEstimate
+from ..display_units import SI, Units
 from ..kernels.normal import TWO_SIDED_95
 from ..printable import shortened
 from ..report.claims import (
-    CANDIDATE_COLUMNS,
+    candidate_columns,
     candidate_tables,
     hidden_drawing,
     screen_of,
@@ -38,13 +37,13 @@ from ..report.content import (
     shown_notes,
     thinned,
 )
+from ..report.faults import describe, fault_columns, meaning
 from ..report.text import HEADINGS, axis_label, change, counted, instant, interval, number, quantity, with_unit
-from ..shapes import SHAPES
 from .document import DERIVED, identify_from_document
 from .methods import METHODS
 from .result import IdentifyResult, OutputSeries, ResidualSummary
 
-__all__ = ["DRAWINGS", "TABLES", "content_of_document", "describe", "identify_content", "shown_candidates"]
+__all__ = ["DRAWINGS", "TABLES", "content_of_document", "identify_content", "shown_candidates"]
 
 FloatArray = NDArray[np.float64]
 
@@ -57,6 +56,10 @@ WHITE_ABOVE = 0.01
 # The criterion is drawn linearly up to this difference, which is decisive evidence by any of the criteria.
 LINEAR_CRITERION = 10.0
 NAME_LETTERS, NAMED_LETTERS = 40, 24  # in a table, and in the line of a fault
+FAULT_COLUMNS = (
+    *("name", "shape", "channel", "magnitude", "unit", "sd", "ci95_low", "ci95_high", "physical_value"),
+    *("physical_unit", "onset_s", "offset_s", "frequency_hz"),
+)
 FAULT_HEADS = ("fault", "channel", "from", "magnitude", "95 % interval", "until", "shape", "sd", "multiplier")
 RESIDUAL_HEADS = ("output", "noise sd", "VAF", "whiteness", "5 σ without faults", "samples beyond 5 σ")
 READINGS = ("measured", *DERIVED)
@@ -137,33 +140,6 @@ def _in_units(result: IdentifyResult, units: Units) -> IdentifyResult:
     )
 
 
-def describe(estimate: FaultEstimate, units: Units = SI, *, own: str = "") -> str:
-    """Return one fault in words: "a bias of 4.00 m/s (95 % interval 3.99 to 4.02) on tas from 13.8 s".
-
-    Parameters
-    ----------
-    own : unit of its channel, where that is no standard one.
-    """
-    fault, shape = estimate.fault, SHAPES[estimate.fault.shape].label
-    if fault.frequency_hz is not None:
-        shape = f"{fault.frequency_hz:.4g} Hz {shape}"
-    article = "an" if shape[0] in "aeiou" else "a"
-    scale, physical = _meaning(estimate, units, own)
-    low, high = sorted(scale * bound for bound in estimate.ci95)
-    unit = "" if physical.unit == "1" else f" {physical.unit}".rstrip()
-    value = number(physical.change(estimate.physical_value), spread=0.5 * (high - low))
-    within = f" (95 % interval {interval((low, high))})" if math.isfinite(high - low) else " (interval unknown)"
-    until = "" if fault.offset_s is None else f" to {instant(fault.offset_s)} s"
-    where = f"on {shortened(fault.channel, 40)} from {instant(fault.onset_s)} s{until}"
-    return f"{article} {shape} of {value}{unit}{within} {where}"
-
-
-def _meaning(estimate: FaultEstimate, units: Units, own: str) -> tuple[float, Shown]:
-    """Return what a magnitude of 1 means, in the unit that is shown, and that unit."""
-    shown = units.of(estimate.physical_unit, channel=estimate.fault.channel, own=own)
-    return (estimate.physical_value / estimate.magnitude if estimate.magnitude else 1.0) / shown.factor, shown
-
-
 def shown_candidates(result: IdentifyResult) -> tuple[Candidate, ...]:
     """Return the dictionary entries the figure has room for, in the order of the dictionary.
 
@@ -212,7 +188,7 @@ def _tables(result: IdentifyResult, units: Units) -> Iterator[Table]:
     faults, own = [], {series.channel: series.unit for series in result.outputs}
     for estimate in result.faults:
         fault = estimate.fault
-        scale, shown = _meaning(estimate, units, own.get(fault.channel, ""))
+        scale, shown = meaning(estimate, units, own.get(fault.channel, ""))
         sd, ends = abs(scale) * estimate.sd, sorted(scale * bound for bound in estimate.ci95)
         multiplier = number(estimate.magnitude, spread=TWO_SIDED_95 * estimate.sd, extra=1)
         faults.append(
@@ -492,7 +468,7 @@ def _draw_orders(result: IdentifyResult) -> tuple[Drawing, ...]:
 
 
 def _data(result: IdentifyResult) -> dict[str, dict[str, Any] | Callable[[], dict[str, Any]]]:
-    faults, model = result.faults, result.model
+    model = result.model
     own = {one.channel: one.unit for one in result.outputs}
     residuals = {
         "output": [one.channel for one in result.residuals],
@@ -505,16 +481,8 @@ def _data(result: IdentifyResult) -> dict[str, dict[str, Any] | Callable[[], dic
     }
     return {
         **({"residuals.csv": residuals} if result.residuals else {}),
-        "faults.csv": {
-            "name": [one.name for one in faults],
-            **{key: [getattr(one.fault, key) for one in faults] for key in ("shape", "channel")},
-            **{key: [getattr(one, key) for one in faults] for key in ("magnitude", "unit", "sd")},
-            "ci95_low": [one.ci95[0] for one in faults],
-            "ci95_high": [one.ci95[1] for one in faults],
-            **{key: [getattr(one, key) for one in faults] for key in ("physical_value", "physical_unit")},
-            **{key: [getattr(one.fault, key) for one in faults] for key in ("onset_s", "offset_s", "frequency_hz")},
-        },
-        "candidates.csv": {key: [getattr(one, key) for one in result.candidates] for key in CANDIDATE_COLUMNS},
+        "faults.csv": fault_columns(result.faults, FAULT_COLUMNS),
+        "candidates.csv": candidate_columns(result.candidates),
         "orders.csv": {
             "order": model.orders,
             "criterion_no_fault": model.criterion_no_fault,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 from ..decision import Candidate, shown_limit, summarise
 from ..display_units import SI, Shown, Units
@@ -123,6 +124,11 @@ def candidate_tables(candidates: Sequence[Candidate], units: Units = SI) -> tupl
         )
     title = "What was looked for, declared first"
     return (Table(name="candidates", title=title, heads=CANDIDATE_HEADS, rows=tuple(rows)),) if rows else ()
+
+
+def candidate_columns(candidates: Sequence[Candidate]) -> dict[str, list[Any]]:
+    """Return the columns of the CSV file of what was looked for."""
+    return {key: [getattr(one, key) for one in candidates] for key in CANDIDATE_COLUMNS}
 
 
 def hidden_drawing(candidates: Sequence[Candidate], units: Units = SI) -> tuple[Drawing, ...]:

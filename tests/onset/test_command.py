@@ -104,7 +104,7 @@ def test_a_stored_result_is_drawn_again(bfi, calibrated: Path, tmp_path: Path):
     (tmp_path / "damaged.json").write_text(json.dumps(document))
     damaged = bfi("report", tmp_path / "damaged.json")
     assert (damaged.code, damaged.stderr.count("\n")) == (2, 1)
-    assert "damaged.json: damaged" in damaged.stderr
+    assert "damaged.json: no key 'series'; the file is damaged" in damaged.stderr
 
 
 def test_the_terminal(bfi, calibrated: Path, monkeypatch: pytest.MonkeyPatch):

@@ -1,0 +1,112 @@
+"""Declared faults as a document holds them and back, in a sentence, and as columns of a file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import fields
+from typing import Any
+
+from ..display_units import SI, Shown, Units
+from ..faults import Fault, FaultEstimate
+from ..printable import shortened
+from ..serialization import mapping, member, to_plain
+from ..shapes import SHAPES
+from .text import instant, interval, number
+
+# Of the fault itself: its name and magnitude are those of the estimate.
+FAULT_KEYS = tuple(
+    field.name for field in fields(Fault) if field.name not in ("name", "magnitude", "onset_range_s", "parameter_range")
+)
+ENDS = {"ci95": ("ci95_low", "ci95_high"), "onset_ci95": ("onset_low_s", "onset_high_s")}
+
+
+def fault_entry(estimate: FaultEstimate, keys: Sequence[str] = FAULT_KEYS) -> dict[str, Any]:
+    """Return the entry of a document; `keys` are those of the fault, an interval without both ends is None."""
+    entry = to_plain(estimate)
+    fault = entry.pop("fault")
+    if SHAPES[fault["shape"]].kind != "oscillating":
+        fault["phase_rad"] = fault["phase_reference"] = None
+    for key in ENDS:
+        if entry[key] is not None and None in entry[key]:
+            entry[key] = None
+    physical = {key: entry.pop(f"physical_{key}") for key in ("value", "unit")}
+    return {**entry, "physical": physical, **{key: fault[key] for key in keys}}
+
+
+def plain_estimate(entry: object, *, where: str) -> dict[str, Any]:
+    """Return the plain `FaultEstimate` of an entry of a document, the inverse of `fault_entry`.
+
+    Raises
+    ------
+    ConfigError : a key is missing.
+    """
+    plain = mapping(entry, where=where)
+    fault = {key: plain[key] for key in FAULT_KEYS if plain.get(key) is not None}
+    return {
+        **plain,
+        "fault": {**fault, "name": member(plain, "name", where=where)},
+        "ci95": member(plain, "ci95", where=where) or [None, None],
+        "physical_value": member(plain, "physical.value", where=where),
+        "physical_unit": member(plain, "physical.unit", where=where),
+    }
+
+
+def meaning(estimate: FaultEstimate, units: Units, own: str) -> tuple[float, Shown]:
+    """Return what a magnitude of 1 means, in the unit that is shown, and that unit."""
+    shown = units.of(estimate.physical_unit, channel=estimate.fault.channel, own=own)
+    return (estimate.physical_value / estimate.magnitude if estimate.magnitude else 1.0) / shown.factor, shown
+
+
+def kind_in_words(shape: str, frequency_hz: float | None) -> str:
+    """Return "2.25 Hz sine"."""
+    label = SHAPES[shape].label
+    return label if frequency_hz is None else f"{number(frequency_hz)} Hz {label}"
+
+
+def until(fault: Fault) -> str:
+    """Return " to 20 s", "" of a fault that lasts."""
+    return "" if fault.offset_s is None else f" to {instant(fault.offset_s)} s"
+
+
+def half(ends: tuple[float, float] | None) -> float:
+    """Return half the width of an interval, NaN where it is not known."""
+    return math.nan if ends is None else 0.5 * (ends[1] - ends[0])
+
+
+def describe(estimate: FaultEstimate, units: Units = SI, *, own: str = "") -> str:
+    """Return "a bias of 4.00 m/s (95 % interval 3.99 to 4.02) on tas from 13.80 s (13.79 to 13.81 s)".
+
+    Parameters
+    ----------
+    own : unit of its channel, where that is no standard one.
+    """
+    fault, when = estimate.fault, estimate.onset_ci95
+    kind = kind_in_words(fault.shape, fault.frequency_hz)
+    article = "an" if kind[0] in "aeiou" else "a"
+    scale, shown = meaning(estimate, units, own)
+    low, high = sorted(scale * bound for bound in estimate.ci95)
+    unit = "" if shown.unit == "1" else f" {shown.unit}".rstrip()
+    value = number(shown.change(estimate.physical_value), spread=half((low, high)))
+    within = f" (95 % interval {interval((low, high))})" if math.isfinite(high - low) else " (interval unknown)"
+    onset, between = instant(fault.onset_s), ""
+    if when is not None and math.isfinite(half(when)):
+        onset, between = number(fault.onset_s, spread=half(when)), f" ({interval(when)} s)"
+    return (
+        f"{article} {kind} of {value}{unit}{within} on {shortened(fault.channel, 40)} from {onset} s{between}"
+        f"{until(fault)}"
+    )
+
+
+def fault_columns(faults: Sequence[FaultEstimate], names: Sequence[str]) -> dict[str, list[Any]]:
+    """Return columns of estimates, of their faults and of the ends of their intervals, by name."""
+    ends = {end: (key, i) for key, pair in ENDS.items() for i, end in enumerate(pair)}
+
+    def cell(one: FaultEstimate, name: str) -> Any:
+        if name not in ends:
+            return getattr(one if hasattr(one, name) else one.fault, name)
+        key, i = ends[name]
+        both = getattr(one, key)
+        return None if both is None else both[i]
+
+    return {name: [cell(one, name) for one in faults] for name in names}

@@ -250,7 +250,7 @@ def channels_of(
 
 
 def fault_distribution(
-    channel: Literal["p_static", "p_total", "q_impact", "cas", "mach", "tas", "sat", "altitude"],
+    channel: str,
     p_static: ArrayLike,
     p_total: ArrayLike,
     tat: ArrayLike,
@@ -261,7 +261,7 @@ def fault_distribution(
 
     Parameters
     ----------
-    channel : by its standard name.
+    channel : one of `DEPENDS_ON`, but for the rates.
     p_static, p_total : where it is linearised, Pa.
     tat : total temperature there, K.
     held : the temperature that stays as it is while the pressures err. An air-data computer measures the total one;
@@ -287,7 +287,7 @@ def fault_distribution(
         slopes = {"p_static": (one, zero), "p_total": (zero, one), "q_impact": (-one, one)}[channel]
     elif channel == "altitude":
         slopes = (-GAS_CONSTANT * isa_temperature(altitude_of(p_static)) / (G * p_static), zero)
-    elif channel == "cas":
+    elif channel in ("cas", "ias"):
         speed = calibrated_airspeed(q_impact) / SEA_LEVEL_SPEED_OF_SOUND
         slope = by_ratio(1.0 + q_impact / SEA_LEVEL_PRESSURE, speed) * SEA_LEVEL_SPEED_OF_SOUND / SEA_LEVEL_PRESSURE
         slopes = (-slope, slope)

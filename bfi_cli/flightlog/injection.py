@@ -8,7 +8,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..airdata import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, air_data_of, channels_of, pressure_at
+from ..airdata import (
+    DEPENDS_ON,
+    IMPACT_SOURCES,
+    STATIC_SOURCES,
+    AirData,
+    air_data_of,
+    channels_of,
+    fault_distribution,
+    pressure_at,
+)
 from ..errors import DictionaryError, LogError
 from ..faults import Fault, active_samples, course, has_channel
 from ..filters import recorded_signal, response_of
@@ -25,7 +34,6 @@ SMALL = 1e-4
 # much is what the stage of holds calls leaking (`bfi_cli.parity.holds`).
 LEAST_LEFT = 0.15
 RATES = ("altitude_rate", "tas_rate")  # of channels that follow from a pressure; they change with its rate as well
-ELSEWHERE_M = 20_000.0  # the highest that the equations hold for, far from any cabin
 
 
 def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response | None = None) -> FlightLog:
@@ -175,12 +183,12 @@ def _changes(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) -> d
     return {channel: bridged(change) for channel, change in changes.items()}
 
 
-def _differences(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) -> dict[str, FloatArray]:
-    """Return by channel what a fault of a pressure line changes in a part of the log, as if it acted throughout.
+def _under(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) -> tuple[AirData, FloatArray, FloatArray]:
+    """Return the air data of a part of the log, and the static and total pressure that the lines hold under a fault.
 
     Parameters
     ----------
-    amount : (samples of the part,) magnitude x signal.
+    amount : (samples of the part,) magnitude x signal, as if it acted throughout.
     """
     shape, place = SHAPES[fault.shape], _place(log, fault)
     moved = shape.acts_on
@@ -214,6 +222,13 @@ def _differences(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) 
     except ValueError as error:
         raise DictionaryError(f"{place}: cabin_altitude_m: {error}; give one of air") from None
     p_static, p_total = shape.lines(air.p_static, air.p_total, first=(static, total), cabin=cabin, amount=amount)
+    return air, p_static, p_total
+
+
+def _differences(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) -> dict[str, FloatArray]:
+    """Return by channel what a fault of a pressure line changes in a part of the log, see `_under`."""
+    air, p_static, p_total = _under(log, fault, amount, part)
+    place, moved, time_s = _place(log, fault), SHAPES[fault.shape].acts_on, log.time_s[part]
     pairs = ((p_static, air.p_static), (p_total, air.p_total))
     if max(np.nanmax(np.abs(one / other - 1.0)) for one, other in pairs) <= ROUNDING:
         return {}
@@ -231,6 +246,28 @@ def _differences(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) 
     if not has:
         raise LogError(f"{place}: no channel of the log follows from {moved}; it needs one of {', '.join(follow)}")
     return {channel: new[channel] - old[channel] for channel in has}
+
+
+def _growth(
+    log: FlightLog, fault: Fault, amount: FloatArray, part: slice, names: Sequence[str]
+) -> dict[str, FloatArray]:
+    """Return by how much what a loss changes in a channel grows with the channel itself, (samples of the part,).
+
+    The channel changes as the flight changes it: one of airspeed with the total pressure, one of altitude with the
+    static one. By the chain rule, from the derivatives with the fault and without; 0 at rest, where there are none.
+    """
+    shape, (air, p_static, p_total) = SHAPES[fault.shape], _under(log, fault, amount, part)
+    moving = (air.q_impact > 0.0) & (p_total > p_static)
+    kept = 1.0 - (shape.loss or 0.0) * amount[moving]  # of a change of the pressure outside, what its line still shows
+    pairs = [(one[moving], other[moving]) for one, other in ((air.p_static, air.p_total), (p_static, p_total))]
+    growth = {}
+    for name in names:
+        pressure = "p_total" if "p_total" in DEPENDS_ON[name] else "p_static"
+        by_total = int(pressure == "p_total")
+        outside, shown = (fault_distribution(name, *pair, air.tat[moving])[:, by_total] for pair in pairs)
+        growth[name] = np.zeros(amount.shape)
+        growth[name][moving] = (kept if shape.acts_on == pressure else 1.0) * shown / outside - 1.0
+    return growth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -302,22 +339,10 @@ def line_signals(
 
     values = per_size([_stored(log, fault, one, active, part, through) for one in amounts])
     slopes: dict[str, FloatArray] = {name: np.zeros(log.n_samples) for name in values}
-    # By how much the signal of a part changes with a channel that changes as the flight would change it: one of
-    # airspeed with the impact pressure, one of altitude with the static pressure.
-    lines = ("pitot_leak", "static_leak") if shape.acts_on == "p_static" else ("pitot_leak",)
-    here = per_size([_changes(log, fault, one, part) for one in amounts]) if with_slopes else {}
-    for line in lines if with_slopes else ():
-        follow = {name for name, pressures in DEPENDS_ON.items() if ("p_total" in pressures) == (line == "pitot_leak")}
-        wanted = (follow & here.keys() & values.keys()) - {*RATES}
-        if not wanted:
-            continue
-        little = replace(fault, shape=line, cabin_altitude_m=ELSEWHERE_M)
-        moved = _changes(log, little, np.full(lost.shape, SMALL), part)
-        other = _moved(log, moved, part)
-        there = per_size([_changes(other, fault, one, part) for one in amounts])
-        for channel in wanted & there.keys() & moved.keys():
-            change = np.where(moved[channel] == 0.0, np.inf, moved[channel])
-            slopes[channel][part] = np.where(on, np.nan_to_num((there[channel] - here[channel]) / change), 0.0)
+    if with_slopes:
+        names = [name for name in values if name not in RATES]
+        for name, slope in per_size([_growth(log, fault, one, part, names) for one in amounts]).items():
+            slopes[name][part] = np.where(on, slope, 0.0)
     return {
         name: LineSignal(values=frozen_array(own), slopes=frozen_array(slopes[name])) for name, own in values.items()
     }

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from .channels import STANDARD
 from .errors import DictionaryError, LogError
-from .kernels.piecewise import Tail
+from .kernels.atom_signals import Tail
 from .printable import shortened
 from .shapes import KEY_RULES, SHAPES, Shape
 from .units import change_in_si

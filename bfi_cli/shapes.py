@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import DictionaryError
-from .kernels.piecewise import Tail
+from .kernels.atom_signals import Tail
 from .units import per_second
 
 FloatArray = NDArray[np.float64]

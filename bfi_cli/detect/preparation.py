@@ -17,6 +17,7 @@ from ..flightlog.derived import with_derived
 from ..flightlog.phases import APART_S, flight_stretches, phases_of
 from ..flightlog.recorder import recorder_filters
 from ..kernels import FloatArray
+from ..kernels.atom_signals import AtomSignals
 from ..kernels.decimation import WHITE, decimate, lost_samples, lowpass_taps
 from ..kernels.input_directions import STILL, directions, independent, moments
 from ..notes import Note
@@ -282,7 +283,7 @@ def _input_signals(part: FlightLog, inputs: Sequence[str], bank: tuple[str, ...]
 
 def _record(part: FlightLog, u: FloatArray, y: FloatArray, *, until: int) -> Signals:
     """Return the first samples of the signals, without a dictionary."""
-    theta = np.zeros((until, y.shape[1], 0))
+    theta = AtomSignals.none(until, y.shape[1])
     time_s = part.time_s[:until]
     return Signals(path=part.path, rate_hz=part.rate_hz, factor=1, time_s=time_s, u=u[:until], y=y[:until], theta=theta)
 

@@ -14,9 +14,8 @@ import numpy as np
 
 from ..decision import UNTESTED, Candidate, State, finite, kind_of, state_of
 from ..faults import magnitude_unit, meaning
-from ..kernels.lagged import signals_factor
+from ..kernels.lagged import constants_and_signals
 from ..kernels.normal import ONE_SIDED_95
-from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.variable_projection import fit_magnitudes, without_signal
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.tolerance import is_any
@@ -189,11 +188,9 @@ def _onset_is_covered(window: PreparedWindow, order: int, onset_s: float) -> boo
 
 def _twins(window: PreparedWindow) -> dict[int, int]:
     """Return, for entries left out because they are another's signal, that other entry."""
-    theta = window.signals.theta
-    if isinstance(theta, PiecewiseSignals):
-        flat = signals_factor(theta)[:, theta.n_outputs :] if window.reasons else np.zeros((0, len(window.faults)))
-    else:
-        flat = theta.reshape(-1, len(window.faults))
+    if not window.reasons:
+        return {}
+    _, flat = constants_and_signals(window.signals.theta)
     norms = np.linalg.norm(flat, axis=0)
     twins = {}
     for entry in window.reasons:

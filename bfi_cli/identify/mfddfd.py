@@ -22,7 +22,6 @@ from ..kernels.mfddfd import (
     time_courses,
 )
 from ..kernels.model_selection import Penalty
-from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.variable_projection import fit_magnitudes
 from ..notes import Note
@@ -160,9 +159,8 @@ def _errors(regression: RegressionData, best: _Choice) -> FloatArray:
     """Return (n_rows, n_outputs) the prediction error with the declared blocks, row by row of the record, scaled."""
     layout, order, first = regression.layout, best.order, regression.layout.first
     atoms = [best.courses[j][0] for j in best.fit.support]
-    own = layout.theta.of(atoms) if isinstance(layout.theta, PiecewiseSignals) else layout.theta[:, :, atoms]
     u, y = np.asarray(layout.u), np.asarray(layout.y)
-    lags = lagged(np.asarray(own).reshape(len(y), -1), range(order + 1), first=first)
+    lags = lagged(np.asarray(layout.theta.of(atoms)).reshape(len(y), -1), range(order + 1), first=first)
     inputs = lagged(u, range(0 if layout.feedthrough else 1, order + 1), first=first)
     X = np.hstack([np.ones((len(y) - first, 1)), inputs, lagged(y, range(1, order + 1), first=first), lags])
     weights = np.ones(len(X)) if layout.weights is None else layout.weights[first:]

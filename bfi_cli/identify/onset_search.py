@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..config import Config
-from ..kernels import FloatArray
-from ..kernels.lagged import compress, restrict, with_earlier
+from ..kernels.atom_signals import AtomSignals
+from ..kernels.covariance import Adding, adding_to
+from ..kernels.lagged import restrict
 from ..kernels.model_selection import Penalty
-from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..preprocessing.magnitudes import searched
-from ..preprocessing.regression import Adding, RegressionData
+from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow, shifted_signals, shifts_within, with_onsets
 from .selection import Selection
 
@@ -145,9 +145,8 @@ def _best_move(
         if n in now.shifts_s or not shifts.size or only not in (None, n):
             continue
         price = searched(penalty, shifts.size).evidence - penalty.evidence
-        theta = now.regression.over_unit(shifted_signals(window, entry, shifts.tolist())[0])
-        unit = float(now.regression.magnitude_unit[n])
-        theta = theta.scaled(np.full(len(shifts), unit)) if isinstance(theta, PiecewiseSignals) else theta * unit
+        shifted, unit = shifted_signals(window, entry, shifts.tolist())[0], float(now.regression.magnitude_unit[n])
+        theta = shifted.over(now.regression.unit).scaled(np.full(len(shifts), unit))
         atoms = best.fit.atoms
         # An entry that is declared moves; another is added, or takes the place of a declared one.
         bases = [tuple(a for a in atoms if a != n)]
@@ -166,13 +165,13 @@ def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> Add
     """Return the fit of a support at the order of another fit, to which signals are added."""
     known = dict(zip(fit.atoms, fit.z, strict=True))
     without = fit_magnitudes(regression.problem(fit.order), base, np.array([known.get(atom, 0.0) for atom in base]))
-    return regression.adding_to(without)
+    return adding_to(regression.layout, without)
 
 
 def _hopeful_fits(
     regression: RegressionData,
     support: Adding,
-    theta: FloatArray | PiecewiseSignals,
+    theta: AtomSignals,
     penalty: Penalty,
     price: float,
 ) -> list[tuple[int, Fit]]:
@@ -191,17 +190,8 @@ def _hopeful_fits(
         return []
 
     def fit_of(k: int) -> Fit:
-        layout = support.with_signals(theta.of([k]) if isinstance(theta, PiecewiseSignals) else theta[:, :, [k]])
-        data = compress(
-            layout.u,
-            layout.y,
-            layout.theta,
-            order=layout.first,
-            feedthrough=layout.feedthrough,
-            weights=layout.weights,
-            segments=regression.segments,
-        )
-        data = with_earlier(data, layout.earlier)
+        layout = support.with_signals(theta.of([k]))
+        data = layout.factor()
         if without.order < layout.first:
             data = restrict(data, order=without.order)
         problem = project_inputs(data, without.order, floor=regression.floor)

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from ..faults import Fault, active_samples, unit_signal
 from ..flightlog.record import frozen_array
 from ..kernels.decimation import decimate
-from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
 from ..preprocessing.window import PreparedWindow
 from ..shapes import ADDITIVE
@@ -45,10 +44,7 @@ def output_series(
     fault, variance = np.zeros(y.shape), np.zeros(y.shape)
     for start in range(0, len(y) if atoms else 0, AT_ONCE):
         rows = slice(start, min(start + AT_ONCE, len(y)))
-        if isinstance(every, PiecewiseSignals):
-            theta = every.of(entries).between(rows.start, rows.stop)
-        else:
-            theta = every[rows][:, :, entries]
+        theta = every.of(entries).between(rows.start, rows.stop)
         fault[rows] = theta @ outcome.magnitudes.value[atoms]
         variance[rows] = np.einsum("koi,ij,koj->ko", theta, outcome.magnitudes.covariance, theta)
     for one in outcome.free:

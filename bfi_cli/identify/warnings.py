@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from ..dictionary import dead_reason, dead_sentences
-from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.whiteness import exceedances
 from ..notes import Note
 from ..preprocessing.magnitudes import MagnitudeEstimates
@@ -36,13 +35,9 @@ BLIND_NOTE = "only a fault larger than the output's whole movement would be seen
 def hidden_atoms(window: PreparedWindow, magnitudes: MagnitudeEstimates) -> tuple[bool, ...]:
     """Say for each live atom whether only a fault far larger than the output's whole movement could be seen."""
     hidden, theta, moved = [], window.signals.theta, np.ptp(window.signals.y, axis=0)
-    if isinstance(theta, PiecewiseSignals):
-        peaks, outputs = theta.of(window.live).peaks(), [theta.outputs[j] for j in window.live]
-    else:
-        largest = [np.max(np.abs(theta[:, :, j]), axis=0) for j in window.live]
-        peaks, outputs = np.array([np.max(one) for one in largest]), [int(np.argmax(one)) for one in largest]
-    for peak, output, detectable in zip(peaks, outputs, magnitudes.minimal_detectable, strict=True):
-        smallest, movement = detectable * float(peak), float(moved[output])
+    peaks = theta.of(window.live).peaks()
+    for peak, detectable in zip(peaks.T, magnitudes.minimal_detectable, strict=True):
+        smallest, movement = detectable * float(peak.max()), float(moved[np.argmax(peak)])
         hidden.append(not np.isfinite(smallest) or smallest > BLIND * movement)
     return tuple(hidden)
 

@@ -14,9 +14,19 @@ import numpy as np
 from scipy.linalg import lapack
 
 from . import FloatArray
+from .atom_signals import AtomSignals, ScaledSignals
 from .coherence import whiten
-from .lagged import Compressed, EarlierRows, lagged
-from .piecewise import PiecewiseSignals, ScaledSignals
+from .lagged import (
+    Compressed,
+    EarlierRows,
+    SegmentFactors,
+    compress,
+    compress_beside,
+    exponents_of,
+    lagged,
+    with_earlier,
+)
+from .progress import Report, silent
 from .variable_projection import Fit
 
 # An atom whose power the regressors absorb but for less than this share is not seen: the rest is round-off.
@@ -25,6 +35,8 @@ BLIND = 1e-10
 RANK_TOLERANCE = 1e-12
 # Of the signatures that are evaluated at once, 8 MB: less than any window has that is not a flight of hours.
 MOST_VALUES = 10**6
+# Signals that are added to a fit of a long record at once: the columns of its factor beside its own.
+MOST_BESIDE = 256
 # Columns that LAPACK treats together, and rows that are rotated together: the speed only.
 PANEL, ROWS = 32, 65_536
 
@@ -36,20 +48,59 @@ class Layout:
     Attributes
     ----------
     u : (n_samples, n_inputs), y : (n_samples, n_outputs), theta : (n_samples, n_outputs, n_atoms), all scaled. The
-        signals of a long record are piecewise.
+        signals of a long record are in stretches.
     first : sample of the first row, the largest of the orders that are compared.
     feedthrough : inputs act in the same sample too.
     weights : (n_samples,) of the rows, None for 1.
     earlier : of other records with the same model, at lag `first`; None where there are none.
+    segments : factors that are kept of a record whose signals are in stretches, see `compress`.
     """
 
     u: FloatArray | ScaledSignals
     y: FloatArray | ScaledSignals
-    theta: FloatArray | PiecewiseSignals
+    theta: AtomSignals
     first: int
     feedthrough: bool
     weights: FloatArray | None = None
     earlier: EarlierRows | None = None
+    segments: SegmentFactors | None = None
+
+    def with_segments(self) -> Layout:
+        """Return the record with a store for the factors of its segments, where its signals are in stretches."""
+        if not self.theta.in_stretches:
+            return self
+        segments = SegmentFactors(
+            u=self.u,
+            y=self.y,
+            weights=self.weights,
+            order=self.first,
+            feedthrough=self.feedthrough,
+            step_s=self.theta.step_s,
+            exponents=exponents_of(self.theta),
+        )
+        return replace(self, segments=segments)
+
+    def with_signals(self, theta: AtomSignals) -> Layout:
+        """Return the record with other signals."""
+        return replace(self, theta=theta, segments=self.segments and self.segments.with_exponents_of(theta))
+
+    def with_weights(self, weights: FloatArray | None) -> Layout:
+        """Return the record with other weights (n_samples,) of its rows."""
+        return replace(self, weights=weights, segments=self.segments and replace(self.segments, weights=weights))
+
+    def factor(self, report: Report = silent) -> Compressed:
+        """Return the triangular factor at lag `first`, of the earlier records too."""
+        data = compress(
+            self.u,
+            self.y,
+            self.theta,
+            order=self.first,
+            feedthrough=self.feedthrough,
+            weights=self.weights,
+            report=report,
+            segments=self.segments,
+        )
+        return with_earlier(data, self.earlier)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -224,7 +275,7 @@ def unfold_factor(data: Compressed, fit: Fit, beside: FloatArray | None = None) 
     ----------
     data : of the order of the fit or a higher one, with its atoms.
     beside : (n, n_beside * n_outputs) on the rows of R, filtered signatures of others: what the first leaves on every
-        output, then the second, ... (`PiecewiseSignals.filtered`).
+        output, then the second, ... (`AtomSignals.filtered`).
 
     Returns
     -------
@@ -252,11 +303,18 @@ def _on_factor(data: Compressed, fit: Fit) -> tuple[Regressors, FloatArray]:
     return _orthogonalised(X, corrected[:, 0], np.ones(len(R))), g
 
 
-def unfold_support(layout: Layout, fit: Fit) -> FitRows:
-    """Evaluate a fit on the rows of its record, with the signatures of its own support alone."""
-    atoms, theta = list(fit.atoms), layout.theta
-    own = theta.of(atoms) if isinstance(theta, PiecewiseSignals) else theta[:, :, atoms]
-    return unfold(replace(layout, theta=own), replace(fit, atoms=tuple(range(len(atoms)))))
+def unfold_own(layout: Layout, fit: Fit, data: Compressed) -> FitRows:
+    """Evaluate a fit on the rows of its record, with the signatures of its own support alone.
+
+    Of a record with signals in stretches these are left out.
+
+    Parameters
+    ----------
+    data : the triangular factor of the record, of any order from that of the fit on.
+    """
+    if layout.theta.in_stretches:
+        return unfold_rows(layout, fit, unfold_factor(data, fit))
+    return unfold(replace(layout, theta=layout.theta.of(fit.atoms)), replace(fit, atoms=tuple(range(len(fit.atoms)))))
 
 
 def unfold_rows(layout: Layout, fit: Fit, on_factor: FitRows) -> FitRows:
@@ -264,7 +322,7 @@ def unfold_rows(layout: Layout, fit: Fit, on_factor: FitRows) -> FitRows:
 
     Parameters
     ----------
-    layout : with piecewise signals.
+    layout : with signals in stretches.
     on_factor : the fit on the triangular factor of this record, see `unfold_factor`.
     """
     error = np.concatenate([error for _, _, error in _in_parts(layout, fit, on_factor.coefficients)])
@@ -279,7 +337,6 @@ def _in_parts(layout: Layout, fit: Fit, coefficients: FloatArray) -> Iterator[tu
     ----------
     coefficients : (n_regressors, n_outputs).
     """
-    assert isinstance(layout.theta, PiecewiseSignals)
     theta, n = layout.theta.of(fit.atoms), len(layout.y)
     for start in range(layout.first, n, ROWS):
         begin, stop = start - fit.order, min(start + ROWS, n)
@@ -335,7 +392,7 @@ def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:
 
 
 def covariance_of_rows(layout: Layout, fit: Fit, on_factor: FitRows, data: Compressed) -> FloatArray:
-    """Return `covariance` of a record with piecewise signals, some rows at a time.
+    """Return `covariance` of a record with signals in stretches, some rows at a time.
 
     The sum over lags with Bartlett's weights is that of the squared sums of scores over as many rows, divided by them.
 
@@ -345,7 +402,6 @@ def covariance_of_rows(layout: Layout, fit: Fit, on_factor: FitRows, data: Compr
     """
     if not fit.atoms:
         return np.zeros((0, 0))
-    assert isinstance(layout.theta, PiecewiseSignals)
     n, n_y, active = len(layout.y), layout.y.shape[1], list(fit.atoms)
     G, scale = _unit_signatures(fit, on_factor)
     # Signatures off the regressors: what the regressors make of them is taken off.
@@ -407,15 +463,65 @@ def single_additions(fit: Fit, unfolded: FitRows) -> SingleAdditions:
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Adding:
+    """A fit, to which signals are added that are no atoms of its regression.
+
+    Attributes
+    ----------
+    layout : with the signals of the fit's support alone; fit : of them.
+    regressors : of the fit on the rows of its record; None where its signals are in stretches.
+    """
+
+    layout: Layout
+    fit: Fit
+    regressors: Regressors | None
+
+    @property
+    def n_bytes(self) -> int:
+        """What the regressors take in memory."""
+        return 0 if self.regressors is None else self.regressors.Q.nbytes
+
+    def with_signals(self, theta: AtomSignals) -> Layout:
+        """Return the record with the fit's own signals and others after them."""
+        return self.layout.with_signals(self.layout.theta.joined(theta))
+
+    def each_of(self, theta: AtomSignals) -> SingleAdditions:
+        """Return magnitude and variance of each signal, scaled, added alone."""
+        n_y, n_own, every = theta.n_outputs, self.layout.theta.n_atoms, list[SingleAdditions]()
+        segments = self.layout.segments and self.layout.segments.with_exponents_of(theta.joined(self.layout.theta))
+        step = max(1, MOST_VALUES // theta.n_samples if segments is None else MOST_BESIDE // n_y)
+        for k in range(0, theta.n_atoms, step):
+            some = theta.of(range(k, min(k + step, theta.n_atoms)))
+            if segments is None:
+                unfolded = unfold(self.with_signals(some), self.fit, self.regressors)
+            else:
+                data, beside = compress_beside(
+                    self.layout.theta, some.filtered(self.fit.K), segments=segments, earlier=self.layout.earlier
+                )
+                unfolded = unfold_factor(data, self.fit, beside)
+            every.append(single_additions(self.fit, unfolded))
+        return SingleAdditions(
+            magnitude=np.concatenate([one.magnitude[n_own:] for one in every]),
+            variance=np.concatenate([one.variance[n_own:] for one in every]),
+        )
+
+
+def adding_to(layout: Layout, fit: Fit) -> Adding:
+    """Return what adds signals to a fit of atoms of a record."""
+    own, same = layout.with_signals(layout.theta.of(fit.atoms)), replace(fit, atoms=tuple(range(len(fit.atoms))))
+    return Adding(layout=own, fit=same, regressors=None if own.theta.in_stretches else regressors_of(own, same))
+
+
 def additions_and_covariance(layout: Layout, fit: Fit, data: Compressed) -> tuple[SingleAdditions, FloatArray]:
     """Return `single_additions` of all atoms and `covariance`.
 
     Parameters
     ----------
-    data : the triangular factor of the record, of any order from that of the fit on; used where its signals are
-        piecewise.
+    data : the triangular factor of the record, of any order from that of the fit on; used where its signals are in
+        stretches.
     """
-    if isinstance(layout.theta, PiecewiseSignals):
+    if layout.theta.in_stretches:
         on_factor = unfold_factor(data, fit)
         return single_additions(fit, on_factor), covariance_of_rows(layout, fit, on_factor, data)
     unfolded = unfold(layout, fit)

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from . import FloatArray
-from .piecewise import PiecewiseSignals, ScaledSignals, Stretch, Stretches, Tail, regular_runs
+from .atom_signals import AtomSignals, ScaledSignals, Stretch, Stretches, Tail, regular_runs
 from .progress import Report, parts, silent
 
 # Columns that LAPACK's blocked QR treats together; it changes the speed only.
@@ -224,6 +224,11 @@ class SegmentFactors:
     rows: int = SEGMENT
     _known: dict[tuple[int, int], FloatArray] = field(init=False, repr=False, default_factory=dict)
 
+    def with_exponents_of(self, theta: AtomSignals) -> SegmentFactors:
+        """Return these factors, or, where they lack an exponent of the signals, those of their exponents."""
+        exponents = exponents_of(theta)
+        return self if set(exponents) <= set(self.exponents) else replace(self, exponents=exponents)
+
     @property
     def n_functions(self) -> int:
         """Columns of the line's slope and of the exponentials."""
@@ -337,7 +342,7 @@ class SegmentFactors:
         return R
 
 
-def exponents_of(theta: PiecewiseSignals) -> tuple[complex, ...]:
+def exponents_of(theta: AtomSignals) -> tuple[complex, ...]:
     """Return the exponents of all tails of a dictionary, each once."""
     tails = (stretch.made for stretches in theta.atoms for stretch in stretches if isinstance(stretch.made, Tail))
     known = {complex(tail.exponent) for tail in tails if tail.amplitude != 0.0}
@@ -347,7 +352,7 @@ def exponents_of(theta: PiecewiseSignals) -> tuple[complex, ...]:
 def compress(
     u: FloatArray | ScaledSignals,
     y: FloatArray | ScaledSignals,
-    theta: FloatArray | PiecewiseSignals,
+    theta: FloatArray | AtomSignals,
     *,
     order: int,
     feedthrough: bool = False,
@@ -372,13 +377,11 @@ def compress(
     ------
     ValueError : shapes disagree, no row remains, or a value is not finite.
     """
-    if not isinstance(theta, PiecewiseSignals):
-        theta = np.asarray(theta, dtype=np.float64)
-        if theta.ndim != 3:
-            raise ValueError(f"u, y, theta must have 2, 2, 3 dimensions, got {np.ndim(u)}, {np.ndim(y)}, {theta.ndim}")
-    u, y = (x if isinstance(x, ScaledSignals) else np.asarray(x, dtype=np.float64) for x in (u, y))
-    if len(u.shape) != 2 or len(y.shape) != 2:
-        raise ValueError(f"u, y, theta must have 2, 2, 3 dimensions, got {len(u.shape)}, {len(y.shape)}, 3")
+    dimensions = tuple(len(x.shape) for x in (u, y, theta))
+    if dimensions != (2, 2, 3):
+        raise ValueError(f"u, y, theta must have 2, 2, 3 dimensions, got {', '.join(map(str, dimensions))}")
+    if isinstance(theta, np.ndarray):
+        theta = AtomSignals.sampled(theta)
     if len(u) != len(y) or theta.shape[:2] != y.shape:
         raise ValueError(f"shapes disagree: u {u.shape}, y {y.shape}, theta {theta.shape}")
     if not 1 <= order < len(y):
@@ -387,13 +390,13 @@ def compress(
         order=order,
         n_inputs=u.shape[1],
         n_outputs=y.shape[1],
-        n_atoms=theta.shape[2],
-        signals=_signals_of(theta),
+        n_atoms=theta.n_atoms,
+        signals=theta.acting(),
         feedthrough=feedthrough,
     )
     n_rows = len(y) - order
     wide = n_rows <= columns.size
-    if isinstance(theta, PiecewiseSignals) and not wide:
+    if theta.in_stretches and not wide:
         segments = segments or SegmentFactors(
             u=u,
             y=y,
@@ -422,8 +425,8 @@ def with_earlier(data: Compressed, earlier: EarlierRows | None) -> Compressed:
 
 
 def compress_beside(
-    theta: PiecewiseSignals,
-    beside: PiecewiseSignals,
+    theta: AtomSignals,
+    beside: AtomSignals,
     *,
     segments: SegmentFactors,
     earlier: EarlierRows | None = None,
@@ -441,7 +444,7 @@ def compress_beside(
     -------
     The factor of the record with `theta`, whose R has more rows than columns, and (rows of R, n_beside).
     """
-    columns = replace(segments.record_columns, n_atoms=theta.shape[2], signals=_signals_of(theta))
+    columns = replace(segments.record_columns, n_atoms=theta.n_atoms, signals=theta.acting())
     R, n_rows = _piecewise_factor(theta, columns, beside, segments), len(segments.y) - segments.order
     if earlier is not None:
         n_beside = R.shape[1] - columns.size
@@ -453,12 +456,16 @@ def compress_beside(
     return data, R[:, columns.size :]
 
 
-def signals_factor(theta: PiecewiseSignals) -> FloatArray:
-    """Return (n, n_outputs + n_atoms) rows with the inner products of the constant of every output and of all signals.
+def constants_and_signals(theta: AtomSignals) -> tuple[FloatArray, FloatArray]:
+    """Return (n, n_outputs) and (n, n_atoms) with the inner products of every output's constant and of all signals.
 
-    Samples of all outputs count as rows, each signal being zero on the others.
+    Samples of all outputs count as rows, a constant being zero on the other outputs. Of signals in stretches the rows
+    are those of a triangular factor for every output.
     """
     n_y, parts_of = theta.n_outputs, list[FloatArray]()
+    if not theta.in_stretches:
+        constants = np.kron(np.ones((theta.n_samples, 1)), np.eye(n_y))
+        return np.asarray(constants, dtype=np.float64), np.asarray(theta).reshape(-1, theta.n_atoms)
     nothing = np.empty((theta.n_samples, 0))
     segments = SegmentFactors(
         u=nothing,
@@ -472,18 +479,11 @@ def signals_factor(theta: PiecewiseSignals) -> FloatArray:
     for output in range(n_y):
         own = [j for j, of in enumerate(theta.outputs) if of == output]
         R = _piecewise_factor(theta.of([]), segments.record_columns, theta.of(own), segments)
-        rows = np.zeros((len(R), n_y + theta.shape[2]))
+        rows = np.zeros((len(R), n_y + theta.n_atoms))
         rows[:, [output, *(n_y + j for j in own)]] = R
         parts_of.append(rows)
-    return np.concatenate(parts_of)
-
-
-def _signals_of(theta: FloatArray | PiecewiseSignals) -> tuple[tuple[int, int], ...]:
-    """Return (output, atom) of the signals that are not zero everywhere."""
-    if not isinstance(theta, PiecewiseSignals):
-        return tuple((int(i), int(j)) for i, j in np.argwhere(np.any(theta, axis=0)))
-    seen = enumerate(zip(theta.outputs, theta.are_zero(), strict=True))
-    return tuple(sorted((output, j) for j, (output, is_zero) in seen if not is_zero))
+    rows = np.concatenate(parts_of)
+    return rows[:, :n_y], rows[:, n_y:]
 
 
 def _blocks(
@@ -512,9 +512,9 @@ def _blocks(
 
 
 def _piecewise_factor(
-    theta: PiecewiseSignals,
+    theta: AtomSignals,
     columns: Columns,
-    beside: PiecewiseSignals | None,
+    beside: AtomSignals | None,
     segments: SegmentFactors,
     report: Report = silent,
 ) -> FloatArray:

@@ -15,6 +15,7 @@ from ..errors import ConfigError, LogError
 from ..faults import Fault
 from ..flightlog import FlightLog
 from ..kernels import BoolArray, FloatArray, IntArray
+from ..kernels.atom_signals import AtomSignals
 from ..kernels.covariance import FitRows, Layout, unfold
 from ..kernels.lagged import compress
 from ..kernels.onset.scan import ENDING, FLOOR, STARTING, Scan
@@ -91,10 +92,10 @@ class ScanRecord:
 
     def without_fault(self, y: FloatArray, order: int) -> FitRows:
         """Return the fault-free model of scaled outputs y (n_samples, n_outputs), evaluated on its rows."""
-        theta = np.zeros((*y.shape, 0))
-        fit = Likelihood(record=self, y=y, order=order).fit(theta)
+        none = AtomSignals.none(*y.shape)
+        fit = Likelihood(record=self, y=y, order=order).fit(np.asarray(none))
         return unfold(
-            Layout(u=self.u, y=y, theta=theta, first=order, feedthrough=self.feedthrough, weights=self.weights), fit
+            Layout(u=self.u, y=y, theta=none, first=order, feedthrough=self.feedthrough, weights=self.weights), fit
         )
 
 

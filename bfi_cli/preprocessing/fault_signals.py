@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ..dictionary import signals
 from ..faults import Fault, tail_of
 from ..filters import recorded_signal
+from ..kernels.atom_signals import LONGEST_REACH, AtomSignals, Stretch, Stretches, signal_of
 from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ..kernels.low_pass import Response
-from ..kernels.piecewise import LONGEST_REACH, PiecewiseSignals, Stretch, Stretches, signal_of
 
 FloatArray = NDArray[np.float64]
 
@@ -132,12 +132,12 @@ class FaultSignals:
 
     def decimated(
         self, factor: int, lowpass: Lowpass, *, in_stretches: bool | None = None
-    ) -> tuple[FloatArray | PiecewiseSignals, FloatArray]:
+    ) -> tuple[AtomSignals, FloatArray]:
         """Return (n_rows, n_outputs, n_faults), filtered and decimated, and (n_faults,) the largest native values.
 
         Parameters
         ----------
-        in_stretches : whether they are `PiecewiseSignals`; None where these would be many numbers otherwise.
+        in_stretches : whether they are held in them; None where they would be many numbers otherwise.
 
         Raises
         ------
@@ -148,7 +148,8 @@ class FaultSignals:
             # A fault of a pressure line acts on several outputs, and has no stretches that are known from a formula.
             in_stretches = n_rows * max(n_faults, FEWEST) > PIECEWISE and not self.slopes
         if self.resampled is not None and not in_stretches:
-            return decimate(self.resampled, factor, lowpass), np.abs(self.resampled).max(axis=(0, 1), initial=0.0)
+            largest = np.abs(self.resampled).max(axis=(0, 1), initial=0.0)
+            return AtomSignals.sampled(decimate(self.resampled, factor, lowpass)), largest
         theta, largest = np.zeros((n_rows, len(self.outputs), 0 if in_stretches else n_faults)), np.zeros(n_faults)
         atoms, outputs = [Stretches()] * n_faults, [0] * n_faults
         for j in self.seen:
@@ -168,9 +169,9 @@ class FaultSignals:
             else:
                 theta[:, own, j], largest[j] = self.signal_of(fault, factor, lowpass)
         if not in_stretches:
-            return theta, largest
+            return AtomSignals.sampled(theta), largest
         step_s, n_outputs = factor * self.step_s, len(self.outputs)
-        pieces = PiecewiseSignals(
+        pieces = AtomSignals(
             n_samples=n_rows, n_outputs=n_outputs, step_s=step_s, outputs=tuple(outputs), atoms=tuple(atoms)
         )
         return pieces, largest
@@ -197,7 +198,7 @@ class FaultSignals:
             return self._in_blocks(fault, self.time_s, factor, lowpass)
         stretches, largest = self.stretches_of(fault, factor, lowpass)
         n_rows, step_s = self.n_rows(factor, lowpass), factor * self.step_s
-        signal = PiecewiseSignals(n_samples=n_rows, n_outputs=1, step_s=step_s, outputs=(0,), atoms=(stretches,))
+        signal = AtomSignals(n_samples=n_rows, n_outputs=1, step_s=step_s, outputs=(0,), atoms=(stretches,))
         return signal.between(0, n_rows)[:, 0, 0], largest
 
     def stretches_of(self, fault: Fault, factor: int, lowpass: Lowpass) -> tuple[Stretches, float]:

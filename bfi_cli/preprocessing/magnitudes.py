@@ -19,14 +19,13 @@ from scipy import special
 from ..config import Config
 from ..errors import LogError
 from ..faults import Fault
-from ..kernels.covariance import additions_and_covariance
+from ..kernels.covariance import Adding, adding_to, additions_and_covariance
 from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.normal import ONE_SIDED_90
-from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes, with_unit_root, without_signal
 from .fault_free_model import fault_free_fits
-from .regression import Adding, RegressionData, build_regression, decimate_native
+from .regression import RegressionData, build_regression, decimate_native
 from .window import PreparedWindow, regression_of, shifts_within, signals_of_faults, slopes_at, with_onsets
 
 FloatArray = NDArray[np.float64]
@@ -378,7 +377,7 @@ def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit,
     report : receives the progress.
     """
     known = dict[Fault, float]()
-    adding = regression.adding_to(fit)
+    adding = adding_to(regression.layout, fit)
     factors = np.ones(len(window.live))
     for (n, entry), _ in parts(report, list(enumerate(window.live))):
         family = _family(window.faults[entry])
@@ -406,7 +405,7 @@ def overdispersion_if_declared(
     for n in (n for n in range(len(window.live)) if n not in fit.atoms):
         declared = fit_magnitudes(problem, (*fit.atoms, n), np.append(fit.z, 0.0))
         family = _family(window.faults[window.live[n]])
-        factors[n] = max(factors[n], _factor(window, regression, regression.adding_to(declared), family))
+        factors[n] = max(factors[n], _factor(window, regression, adding_to(regression.layout, declared), family))
     return factors
 
 
@@ -420,8 +419,8 @@ def _factor(window: PreparedWindow, regression: RegressionData, adding: Adding, 
     """Return the mean over onsets of z^2 / var(z) of a shape that is added to a fit, at least 1."""
     time_s = window.native.time_s
     onsets = time_s[0] + np.linspace(*INSIDE, N_ONSETS) * (time_s[-1] - time_s[0])
-    is_piecewise = isinstance(window.signals.theta, PiecewiseSignals)
-    n_parts = 1 if is_piecewise else min(N_ONSETS, -(-N_ONSETS * len(window.signals.y) // MOST_VALUES))
+    in_stretches, n_values = window.signals.theta.in_stretches, N_ONSETS * len(window.signals.y)
+    n_parts = 1 if in_stretches else min(N_ONSETS, -(-n_values // MOST_VALUES))
     lasting, squares = family.offset_s, np.empty(0)
     # Each shifted signal is added alone to the fit.
     for some in np.array_split(onsets, n_parts):
@@ -429,7 +428,7 @@ def _factor(window: PreparedWindow, regression: RegressionData, adding: Adding, 
             replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
             for onset in some.tolist()
         ]
-        added = adding.each_of(regression.over_unit(signals_of_faults(window, shifted)[0]))
+        added = adding.each_of(signals_of_faults(window, shifted)[0].over(regression.unit))
         squares = np.append(squares, added.magnitude**2 / added.variance)
     seen = squares[np.isfinite(squares)]
     return max(1.0, float(np.mean(seen))) if seen.size else 1.0

@@ -11,32 +11,10 @@ from numpy.typing import NDArray
 from ..config import Config
 from ..errors import LogError
 from ..flightlog import Channel, FlightLog
-from ..kernels.covariance import (
-    FitRows,
-    Layout,
-    Regressors,
-    SingleAdditions,
-    regressors_of,
-    single_additions,
-    unfold,
-    unfold_factor,
-    unfold_rows,
-    unfold_support,
-)
+from ..kernels.atom_signals import AtomSignals, ScaledSignals, standardised
+from ..kernels.covariance import FitRows, Layout, unfold_own
 from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
-from ..kernels.lagged import (
-    Compressed,
-    EarlierRows,
-    SegmentFactors,
-    compress,
-    compress_beside,
-    exponents_of,
-    restrict,
-    with_earlier,
-    with_fault,
-    with_scaled_outputs,
-)
-from ..kernels.piecewise import PiecewiseSignals, ScaledSignals, standardised
+from ..kernels.lagged import Compressed, EarlierRows, restrict, with_fault, with_scaled_outputs
 from ..kernels.progress import Report, silent
 from ..kernels.risro_varx import VarxSolution, risro_varx
 from ..kernels.running import running_weights
@@ -56,8 +34,6 @@ ROUND_OFF = 1e-10
 DECIMATION_REMAINDER = 1e-4
 # Prediction error over the output's range: double precision leaves 1e-10 and less, single precision 1e-7 and more.
 EXACT = 1e-8
-# Signals that are added to a fit of a long record at once: the columns of its factor beside its own.
-MOST_BESIDE = 256
 # Seconds on each side over which the size of the prediction error is taken: gusts last tens of seconds. A window whose
 # running deviation spreads by less than this factor, as white noise's does, is left unweighted.
 RUNNING_S, UNEQUAL = 10.0, 2.0
@@ -76,7 +52,7 @@ class Signals:
     path : of the log, for messages.
     factor : by which they were decimated, 1 at the log's own rate.
     time_s : (n_samples,), u : (n_samples, n_inputs), y : (n_samples, n_outputs),
-    theta : (n_samples, n_outputs, n_atoms), every entry of the dictionary; piecewise where these are many numbers.
+    theta : (n_samples, n_outputs, n_atoms), every entry of the dictionary; in stretches where these are many numbers.
     scaling : entries whose signal is the output itself.
     slopes : by entry whose signal changes with the outputs otherwise, by how much, (n_samples, n_outputs).
     earlier : of other records of the aircraft without a fault, which have the same model but for its constant.
@@ -89,7 +65,7 @@ class Signals:
     time_s: FloatArray
     u: FloatArray
     y: FloatArray
-    theta: FloatArray | PiecewiseSignals
+    theta: AtomSignals
     scaling: tuple[int, ...] = ()
     slopes: Mapping[int, FloatArray] = field(default_factory=dict)
     earlier: tuple[Signals, ...] = ()
@@ -148,7 +124,7 @@ class NativeSignals:
             time_s=self.time_s[rows],
             u=np.column_stack([self.log.channel(name).between(rows) for name in self.inputs]),
             y=np.column_stack([self.log.channel(name).between(rows) for name in self.outputs]),
-            theta=self.faults.between(rows),
+            theta=AtomSignals.sampled(self.faults.between(rows)),
             scaling=self.faults.scaling,
             slopes={j: slopes[rows] for j, slopes in self.faults.slopes.items()},
         )
@@ -175,7 +151,7 @@ def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE
         time_s=native.time_s,
         u=u,
         y=y,
-        theta=np.empty((*y.shape, 0)),
+        theta=AtomSignals.none(*y.shape),
         scaling=native.faults.scaling,
         slopes=native.faults.slopes,
     )
@@ -211,7 +187,7 @@ def decimate_signals(signals: Signals, factor: int, lowpass: Lowpass = WHITE) ->
     if factor == 1:
         return signals
     try:
-        u, y, theta = (decimate(x, factor, lowpass) for x in (signals.u, signals.y, np.asarray(signals.theta)))
+        u, y, theta = (decimate(np.asarray(x), factor, lowpass) for x in (signals.u, signals.y, signals.theta))
     except ValueError as problem:
         raise LogError(f"{signals.path}: {problem}; give a higher --rate or a longer window") from None
     start = lost_samples(factor, lowpass)[0]
@@ -219,7 +195,16 @@ def decimate_signals(signals: Signals, factor: int, lowpass: Lowpass = WHITE) ->
     # They change slowly: of each sample of the analysis that in its middle counts.
     slopes = {j: one[start::factor][: len(y)] for j, one in signals.slopes.items()}
     rate_hz, factor = signals.rate_hz / factor, signals.factor * factor
-    return replace(signals, rate_hz=rate_hz, factor=factor, time_s=time_s, u=u, y=y, theta=theta, slopes=slopes)
+    return replace(
+        signals,
+        rate_hz=rate_hz,
+        factor=factor,
+        time_s=time_s,
+        u=u,
+        y=y,
+        theta=AtomSignals.sampled(theta),
+        slopes=slopes,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -236,7 +221,6 @@ class RegressionData:
     orders : to choose from.
     floor : smallest standard deviation a prediction error can have, scaled.
     centred : whether the mean of the signals is taken off.
-    segments : of a long record, whose signals are piecewise; None else.
     """
 
     signals: Signals
@@ -249,7 +233,6 @@ class RegressionData:
     orders: tuple[int, ...]
     floor: float
     centred: bool
-    segments: SegmentFactors | None = None
     _problems: dict[int, ProjectedRegression] = field(init=False, repr=False, default_factory=dict)
 
     @property
@@ -276,19 +259,15 @@ class RegressionData:
     @property
     def scaling(self) -> dict[int, tuple[int, float]]:
         """Of the atoms whose signal is the output itself, see `ProjectedRegression.scaling`."""
-        theta, first = self.layout.theta, self.layout.first
         atoms = [j for j, entry in enumerate(self.atoms) if entry in self.signals.scaling]
-        if isinstance(theta, PiecewiseSignals):
-            rows = theta.of(atoms).active_rows(first)
-        else:
-            rows = tuple(np.count_nonzero(theta[first:, :, atoms], axis=(0, 1)).tolist())
+        rows = self.layout.theta.of(atoms).active_rows(self.layout.first)
         return {j: (n, float(self.magnitude_unit[j])) for j, n in zip(atoms, rows, strict=True)}
 
     def without_record(self) -> RegressionData:
         """Return the regression without what is only there to be computed with, where the record is long."""
-        if not isinstance(self.layout.theta, PiecewiseSignals):
+        if not self.layout.theta.in_stretches:
             return self
-        left = replace(self, layout=replace(self.layout, weights=None), segments=None)
+        left = replace(self, layout=replace(self.layout, weights=None, segments=None))
         left._problems.update(self._problems)
         return left
 
@@ -320,27 +299,11 @@ class RegressionData:
 
     def unfold(self, fit: Fit) -> FitRows:
         """Return a fit row by row, with the signatures of its support; of a long record without them."""
-        if isinstance(self.layout.theta, PiecewiseSignals):
-            return unfold_rows(self.layout, fit, unfold_factor(self.data, fit))
-        return unfold_support(self.layout, fit)
-
-    def adding_to(self, fit: Fit) -> Adding:
-        """Return what adds signals to a fit of atoms of this regression."""
-        atoms, theta = list(fit.atoms), self.layout.theta
-        own = theta.of(atoms) if isinstance(theta, PiecewiseSignals) else theta[:, :, atoms]
-        layout, same = replace(self.layout, theta=own), replace(fit, atoms=tuple(range(len(atoms))))
-        made = None if isinstance(own, PiecewiseSignals) else regressors_of(layout, same)
-        return Adding(layout=layout, fit=same, regressors=made, segments=self.segments)
-
-    def over_unit(self, theta: FloatArray | PiecewiseSignals) -> FloatArray | PiecewiseSignals:
-        """Return signals (n_samples, n_outputs, n_signals) in SI units over the unit of their output."""
-        if isinstance(theta, PiecewiseSignals):
-            return theta.scaled(1.0 / self.unit[list(theta.outputs)])
-        return np.asarray(theta / self.unit[:, None])
+        return unfold_own(self.layout, fit, self.data)
 
     def with_dictionary(
         self,
-        theta: FloatArray | PiecewiseSignals,
+        theta: AtomSignals,
         atoms: Sequence[int],
         report: Report = silent,
         *,
@@ -354,18 +317,15 @@ class RegressionData:
         report : receives the progress.
         slopes : of the signals, see `Signals.slopes`.
         """
-        theta, magnitude_unit = _scaled_signals(theta, atoms, self.unit)
-        layout, segments = replace(self.layout, theta=theta), self.segments
-        if isinstance(theta, PiecewiseSignals):
-            segments = _segments(layout, theta, segments)
+        scaled, magnitude_unit = _scaled_signals(theta, atoms, self.unit)
+        layout = self.layout.with_signals(scaled)
         return replace(
             self,
             signals=replace(self.signals, slopes=slopes),
             atoms=tuple(atoms),
             layout=layout,
-            data=_factor(layout, segments, report),
+            data=layout.factor(report),
             magnitude_unit=magnitude_unit,
-            segments=segments,
         )
 
     def with_fault(self, magnitudes: FloatArray) -> RegressionData:
@@ -378,80 +338,19 @@ class RegressionData:
         ----------
         magnitudes : (n_atoms,) in SI units; each atom acts on one output.
         """
-        z = magnitudes / self.magnitude_unit
-        theta = np.asarray(self.layout.theta)
-        faulty = np.asarray(self.layout.y) + (theta.reshape(-1, z.size) @ z).reshape(self.layout.y.shape)
+        z, earlier = magnitudes / self.magnitude_unit, self.layout.earlier
+        faulty = np.asarray(self.layout.y) + self.layout.theta.combined(z, 0, len(self.layout.y))
         y, center, unit = _standardised(self.center + self.unit * faulty, centred=self.centred)
-        outputs = np.argmax(np.any(theta, axis=0), axis=0)
+        outputs = np.zeros(len(z), dtype=np.intp)
+        outputs[[atom for _, atom in self.data.columns.signals]] = [output for output, _ in self.data.columns.signals]
         scale, shift = self.unit / unit, (self.center - center) / unit
         return replace(
             self,
-            layout=replace(self.layout, y=y, earlier=self.layout.earlier and self.layout.earlier.scaled(scale)),
+            layout=replace(self.layout, y=y, earlier=earlier and earlier.scaled(scale), segments=None),
             data=with_scaled_outputs(with_fault(self.data, z), scale, shift),
             center=center,
             unit=unit,
             magnitude_unit=self.magnitude_unit / scale[outputs],
-            segments=None,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Adding:
-    """A fit, to which signals are added that are no atoms of its regression.
-
-    Attributes
-    ----------
-    layout : with the signals of the fit's support alone; fit : of them.
-    regressors : of the fit on the rows of its record; None where its signals are piecewise.
-    segments : see `RegressionData`.
-    """
-
-    layout: Layout
-    fit: Fit
-    regressors: Regressors | None
-    segments: SegmentFactors | None
-
-    @property
-    def n_bytes(self) -> int:
-        """What the regressors take in memory."""
-        return 0 if self.regressors is None else self.regressors.Q.nbytes
-
-    def with_signals(self, theta: FloatArray | PiecewiseSignals) -> Layout:
-        """Return the record with the fit's own signals and others after them."""
-        own = self.layout.theta
-        if isinstance(own, PiecewiseSignals):
-            assert isinstance(theta, PiecewiseSignals)
-            return replace(self.layout, theta=own.joined(theta))
-        return replace(self.layout, theta=np.concatenate([own, np.asarray(theta)], axis=2))
-
-    def each_of(self, theta: FloatArray | PiecewiseSignals) -> SingleAdditions:
-        """Return magnitude and variance of each signal, added alone.
-
-        Parameters
-        ----------
-        theta : (n_samples, n_outputs, n_signals), scaled.
-        """
-        n_own, n_y = len(self.fit.atoms), self.layout.y.shape[1]
-        squeezed = []
-        if isinstance(theta, PiecewiseSignals):
-            assert self.segments is not None
-            assert isinstance(self.layout.theta, PiecewiseSignals)
-            segments = _segments(self.layout, theta.joined(self.layout.theta), self.segments)
-            step = max(1, MOST_BESIDE // n_y)
-            for k in range(0, len(theta.atoms), step):
-                some = theta.of(range(k, min(k + step, len(theta.atoms))))
-                data, beside = compress_beside(
-                    self.layout.theta, some.filtered(self.fit.K), segments=segments, earlier=self.layout.earlier
-                )
-                squeezed.append(single_additions(self.fit, unfold_factor(data, self.fit, beside)))
-        else:
-            step = max(1, MOST_AT_ONCE // len(self.layout.y))
-            for k in range(0, theta.shape[2], step):
-                layout = self.with_signals(theta[:, :, k : k + step])
-                squeezed.append(single_additions(self.fit, unfold(layout, self.fit, self.regressors)))
-        return SingleAdditions(
-            magnitude=np.concatenate([one.magnitude[n_own:] for one in squeezed]),
-            variance=np.concatenate([one.variance[n_own:] for one in squeezed]),
         )
 
 
@@ -481,7 +380,7 @@ def build_regression(
     centred = config.conditioning.detrend == "constant"
     u: FloatArray | ScaledSignals
     y: FloatArray | ScaledSignals
-    if isinstance(signals.theta, PiecewiseSignals):
+    if signals.theta.in_stretches:
         u, y = (standardised(x, centred=centred) for x in (signals.u, signals.y))
         center, unit = y.center, y.unit
     else:
@@ -490,103 +389,50 @@ def build_regression(
     units = np.concatenate([_unit_of(signals.u), unit]) if signals.earlier else unit
     theta, magnitude_unit = _scaled_signals(signals.theta, atoms, unit)
     floor = ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER
-    layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough)
-    segments = _segments(layout, theta) if isinstance(theta, PiecewiseSignals) else None
+    layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough).with_segments()
     is_even = config.conditioning.variance != "running" or as_published(config)
-    error = None if is_even else _plain_error(layout, segments, floor)
-    if error is not None:
-        layout = replace(layout, weights=_weights(error, layout.first, signals.rate_hz))
-        if segments is not None and layout.weights is not None:
-            segments = replace(segments, weights=layout.weights)
+    if not is_even:
+        layout = _evened(layout, floor, signals.rate_hz)
     if signals.earlier:
         earlier = [_earlier_rows(one, layout, units, floor, is_even=is_even) for one in signals.earlier]
         layout = replace(layout, earlier=EarlierRows.together(earlier))
     return RegressionData(
-        signals=replace(signals, theta=np.empty((*signals.y.shape, 0))),
+        signals=replace(signals, theta=AtomSignals.none(*signals.y.shape)),
         atoms=tuple(atoms),
         layout=layout,
-        data=_factor(layout, segments, report),
+        data=layout.factor(report),
         center=center,
         unit=unit,
         magnitude_unit=magnitude_unit,
         orders=orders,
         floor=floor,
         centred=centred,
-        segments=segments,
     )
 
 
-def _scaled_signals(
-    theta: FloatArray | PiecewiseSignals, atoms: Sequence[int], unit: FloatArray
-) -> tuple[FloatArray | PiecewiseSignals, FloatArray]:
+def _scaled_signals(theta: AtomSignals, atoms: Sequence[int], unit: FloatArray) -> tuple[AtomSignals, FloatArray]:
     """Return the signals of some entries over the unit of their output, of unit power, and the divisor's inverse."""
-    if isinstance(theta, PiecewiseSignals):
-        theta = theta.of(atoms)
-        scaled = theta.scaled(1.0 / unit[list(theta.outputs)])
-        power = scaled.powers()
-        magnitude_unit = 1.0 / np.where(power > 0.0, power, 1.0)
-        return scaled.scaled(magnitude_unit), magnitude_unit
-    theta = theta[:, :, list(atoms)]
-    theta /= unit[:, None]
-    if len(theta) <= MOST_AT_ONCE // 10:
-        power = np.sqrt(np.mean(np.sum(theta**2, axis=1), axis=0))
-    else:  # one by one, for memory
-        power = np.array([np.sqrt(np.mean(np.sum(theta[:, :, j] ** 2, axis=1))) for j in range(len(atoms))])
+    scaled = theta.of(atoms).over(unit)
+    power = scaled.powers()
     magnitude_unit = 1.0 / np.where(power > 0.0, power, 1.0)
-    theta *= magnitude_unit
-    return theta, magnitude_unit
+    return scaled.scaled(magnitude_unit), magnitude_unit
 
 
-def _factor(layout: Layout, segments: SegmentFactors | None, report: Report = silent) -> Compressed:
-    """Return the triangular factor of a record at its largest order."""
-    data = compress(
-        layout.u,
-        layout.y,
-        layout.theta,
-        order=layout.first,
-        feedthrough=layout.feedthrough,
-        weights=layout.weights,
-        report=report,
-        segments=segments,
-    )
-    return with_earlier(data, layout.earlier)
+def _evened(layout: Layout, floor: float, rate_hz: float) -> Layout:
+    """Return the record with rows weighted inversely to the running size of their prediction error without a fault.
 
-
-def _segments(layout: Layout, theta: PiecewiseSignals, known: SegmentFactors | None = None) -> SegmentFactors:
-    """Return the factors of segments of a record, the known ones where they have all exponents of the signals."""
-    exponents = exponents_of(theta)
-    if known is not None and set(exponents) <= set(known.exponents):
-        return known
-    return SegmentFactors(
-        u=layout.u,
-        y=layout.y,
-        weights=layout.weights,
-        order=layout.first,
-        feedthrough=layout.feedthrough,
-        step_s=theta.step_s,
-        exponents=exponents,
-    )
-
-
-def _plain_error(layout: Layout, segments: SegmentFactors | None, floor: float) -> FloatArray | None:
-    """Return (n_rows, n_outputs) the prediction error without a fault, None where it is round-off."""
-    theta = layout.theta.of([]) if isinstance(layout.theta, PiecewiseSignals) else np.zeros((*layout.y.shape, 0))
-    plain = replace(layout, theta=theta)
-    data = _factor(plain, segments)
+    It is left as it is where that size does not change, and where the error is round-off, which has no gusts.
+    """
+    plain = layout.with_signals(layout.theta.of([]))
+    data = plain.factor()
     fit = fit_magnitudes(project_inputs(data, layout.first, floor=floor), ())
-    if segments is None:
-        error = unfold_support(plain, fit).error
-    else:
-        error = unfold_rows(plain, fit, unfold_factor(data, fit)).error
-    return None if float(np.abs(error).max()) < EXACT else error  # round-off has no gusts
-
-
-def _weights(error: FloatArray, first: int, rate_hz: float) -> FloatArray | None:
-    """Return (n_samples,) weights inverse to the running size of a prediction error, None where it does not change."""
+    error = unfold_own(plain, fit, data).error
+    if float(np.abs(error).max()) < EXACT:
+        return layout
     weights = running_weights(error, round(RUNNING_S * rate_hz))
     if weights.max() < UNEQUAL * weights.min():
-        return None
-    return np.concatenate([np.ones(first), weights])
+        return layout
+    return layout.with_weights(np.concatenate([np.ones(layout.first), weights]))
 
 
 def _earlier_rows(earlier: Signals, layout: Layout, units: FloatArray, floor: float, *, is_even: bool) -> EarlierRows:
@@ -611,11 +457,12 @@ def _earlier_rows(earlier: Signals, layout: Layout, units: FloatArray, floor: fl
     z = np.hstack([earlier.u, earlier.y])
     z = (z - z.mean(axis=0)) / units
     u, y = z[:, :n_inputs], z[:, n_inputs:]
-    other = Layout(u=u, y=y, theta=np.zeros((*y.shape, 0)), first=layout.first, feedthrough=layout.feedthrough)
-    error = None if is_even else _plain_error(other, None, floor)
-    weights = None if error is None else _weights(error, layout.first, earlier.rate_hz)
-    other = replace(other, weights=earlier.weight * (np.ones(len(y)) if weights is None else weights))
-    return EarlierRows.of(_factor(other, None))
+    other = Layout(u=u, y=y, theta=AtomSignals.none(*y.shape), first=layout.first, feedthrough=layout.feedthrough)
+    if not is_even:
+        other = _evened(other, floor, earlier.rate_hz)
+    weights = np.ones(len(y)) if other.weights is None else other.weights
+    other = other.with_weights(earlier.weight * weights)
+    return EarlierRows.of(other.factor())
 
 
 def _unit_of(x: FloatArray) -> FloatArray:

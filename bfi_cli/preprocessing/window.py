@@ -19,10 +19,10 @@ from ..flightlog.derived import with_derived
 from ..flightlog.injection import added_by, line_signals
 from ..flightlog.quality import held_hz, is_uniform
 from ..flightlog.recorder import recorder_filters
+from ..kernels.atom_signals import AtomSignals
 from ..kernels.decimation import WHITE, Lowpass
-from ..kernels.lagged import signals_factor
+from ..kernels.lagged import constants_and_signals
 from ..kernels.low_pass import Response
-from ..kernels.piecewise import PiecewiseSignals
 from ..kernels.progress import Report, parts, silent
 from ..shapes import SHAPES
 from .fault_signals import FaultSignals, LogSignal
@@ -313,9 +313,7 @@ def shifts_within(window: PreparedWindow, entry: int, tolerance_s: float) -> Flo
     return np.asarray(shifts[(onset_s + shifts > start_s) & (onset_s + shifts < stop_s)])
 
 
-def shifted_signals(
-    window: PreparedWindow, entry: int, shifts_s: Sequence[float]
-) -> tuple[FloatArray | PiecewiseSignals, FloatArray]:
+def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float]) -> tuple[AtomSignals, FloatArray]:
     """Return the signal of an entry that begins and ends later by some times.
 
     Parameters
@@ -324,7 +322,7 @@ def shifted_signals(
 
     Returns
     -------
-    (n_samples, n_outputs, n_shifts) filtered and decimated as the window is, piecewise where the window's are, and
+    (n_samples, n_outputs, n_shifts) filtered and decimated as the window is, in stretches where the window's are, and
     (n_shifts,) the largest native values.
     """
     fault, size = window.faults[entry], window.sizes.get(entry, 0.0)
@@ -333,7 +331,7 @@ def shifted_signals(
 
 def signals_of_faults(
     window: PreparedWindow, faults: Sequence[Fault], sizes: Sequence[float] = ()
-) -> tuple[FloatArray | PiecewiseSignals, FloatArray]:
+) -> tuple[AtomSignals, FloatArray]:
     """Return (n_samples, n_outputs, n_faults) the signals of faults, as those of the window, and the largest values.
 
     That of a fault of a pressure line whose signal the log cannot tell is 0.
@@ -349,8 +347,7 @@ def signals_of_faults(
             with contextlib.suppress(DictionaryError, LogError):
                 of_log[i] = _of_log(window.log, fault, window.response, window.outputs, size=size, with_slopes=False)
     made = window.native.faults.of_others(faults, (*told, *of_log), of_log)
-    in_stretches = isinstance(window.signals.theta, PiecewiseSignals)
-    return made.decimated(window.rate.factor, window.lowpass, in_stretches=in_stretches)
+    return made.decimated(window.rate.factor, window.lowpass, in_stretches=window.signals.theta.in_stretches)
 
 
 def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> PreparedWindow:
@@ -385,21 +382,15 @@ def _with_entries(window: PreparedWindow, faults: Mapping[int, Fault], sizes: Ma
         for entry, fault in faults.items()
         if SHAPES[fault.shape].acts_on != "channel"
     }
-    theta, largest, entries = window.signals.theta, window.largest.copy(), list(faults)
+    largest, entries = window.largest.copy(), list(faults)
     own, largest[entries] = signals_of_faults(window, list(faults.values()), [sizes.get(one, 0.0) for one in entries])
-    if isinstance(theta, PiecewiseSignals):
-        assert isinstance(own, PiecewiseSignals)
-        theta = theta.replaced(entries, own)
-    else:
-        theta = theta.copy()
-        theta[:, :, entries] = own
     made = window.native.faults.with_others(faults, of_log)
     slopes = slopes_at(window.signals.time_s, made, window.native.rate_hz)
     return replace(
         window,
         faults=tuple(faults.get(entry, fault) for entry, fault in enumerate(window.faults)),
         native=replace(window.native, faults=made),
-        signals=replace(window.signals, theta=theta, slopes=slopes),
+        signals=replace(window.signals, theta=window.signals.theta.replaced(entries, own), slopes=slopes),
         largest=largest,
         sizes=dict(sizes),
     )
@@ -507,7 +498,7 @@ def _require_movement(log: FlightLog, config: Config) -> None:
 
 
 def unusable_atoms(
-    theta: FloatArray | PiecewiseSignals, names: Sequence[str], indices: Sequence[int], report: Report = silent
+    theta: AtomSignals, names: Sequence[str], indices: Sequence[int], report: Report = silent
 ) -> dict[int, str]:
     """Return why an atom cannot be identified, by index: it is zero, a constant, or a combination of earlier atoms.
 
@@ -518,18 +509,8 @@ def unusable_atoms(
     report : receives the progress.
     """
     reasons: dict[int, str] = {}
-    n, n_y, n_atoms = theta.shape
-    travels, peaks = np.zeros(n_atoms), np.zeros(n_atoms)
-    if isinstance(theta, PiecewiseSignals):
-        R = signals_factor(theta)
-        constants, flat = R[:, :n_y], R[:, n_y:]
-        travels[:], peaks[:] = theta.travels(), theta.peaks()
-    else:
-        constants, flat = (
-            np.asarray(np.kron(np.ones((n, 1)), np.eye(n_y)), dtype=np.float64),
-            theta.reshape(n * n_y, n_atoms),
-        )
-        travels[:], peaks[:] = np.ptp(theta, axis=0).max(axis=0), np.abs(theta).max(axis=(0, 1))
+    constants, flat = constants_and_signals(theta)
+    travels, peaks = theta.travels().max(axis=0), theta.peaks().max(axis=0)
     first = constants.shape[1]
     bases = np.empty((len(flat), first + len(indices)), order="F")
     bases[:, :first] = constants / np.linalg.norm(constants, axis=0)

@@ -64,11 +64,11 @@ def test_a_shifted_entry_has_the_signal_of_its_fault(flight, thesis):
     window = prepare_window(flight(1), thesis, Config())
     entry = window.names.index("bias_13.8")
     theta, largest = shifted_signals(window, entry, [0.0, 0.5])
-    np.testing.assert_array_equal(theta[:, :, 0], window.signals.theta[:, :, entry])
+    np.testing.assert_array_equal(np.asarray(theta)[:, :, 0], np.asarray(window.signals.theta)[:, :, entry])
     moved = with_onsets(window, {entry: 0.5})
-    np.testing.assert_array_equal(theta[:, :, 1], moved.signals.theta[:, :, entry])
+    np.testing.assert_array_equal(np.asarray(theta)[:, :, 1], np.asarray(moved.signals.theta)[:, :, entry])
     assert moved.faults[entry].onset_s == pytest.approx(14.3)
-    native = moved.native.between(slice(None)).theta[:, 0, entry]
+    native = moved.native.faults.between(slice(None))[:, 0, entry]
     assert largest[1] == moved.largest[entry] == np.abs(native).max()
     first = int(np.flatnonzero(native)[0])
     assert window.native.time_s[first] == pytest.approx(14.3)
@@ -81,7 +81,7 @@ def test_a_share_of_the_reading_stays_one_when_it_begins_later(flight, shift_s, 
     config = merge(Config(), {"conditioning.rate_hz": rate})
     window = prepare_window(flight(1), entries, config)
     moved = with_onsets(window, {0: shift_s})
-    native = moved.native.between(slice(None)).theta[:, 0, 0]
+    native = moved.native.faults.between(slice(None))[:, 0, 0]
     since_s = moved.native.time_s - moved.faults[0].onset_s + 1e-9
     wanted = np.where(since_s >= 0.0, window.log.channel("tas").values, 0.0)
     clear = np.abs(since_s) > (0.0 if rate != 7.0 else 2.0)  # of the filter that resampling needs

@@ -10,6 +10,7 @@ from made_varx import dictionary, explicit_error, made, wave
 from scipy import signal, stats
 
 from bfi_cli.kernels import covariance as covariance_module
+from bfi_cli.kernels.atom_signals import AtomSignals, signal_of
 from bfi_cli.kernels.covariance import (
     Layout,
     additions_and_covariance,
@@ -17,11 +18,10 @@ from bfi_cli.kernels.covariance import (
     single_additions,
     unfold,
     unfold_factor,
+    unfold_own,
     unfold_rows,
-    unfold_support,
 )
 from bfi_cli.kernels.lagged import compress
-from bfi_cli.kernels.piecewise import PiecewiseSignals, signal_of
 from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs
 
 ORDER = 2
@@ -33,7 +33,7 @@ def fitted(u, y, theta, atoms, *, order: int = ORDER, first: int | None = None, 
     first = order if first is None else first
     data = compress(u, y, theta, order=first, feedthrough=feedthrough)
     fit = fit_magnitudes(project_inputs(data, order, floor=FLOOR), atoms)
-    return Layout(u=u, y=y, theta=theta, first=first, feedthrough=feedthrough), fit
+    return Layout(u=u, y=y, theta=AtomSignals.sampled(theta), first=first, feedthrough=feedthrough), fit
 
 
 def record(seed: int, z, *, n: int = 400, n_y: int = 1, noise_sd: object = 0.1):
@@ -253,7 +253,7 @@ def test_regressors_factorised_in_place_are_those_at_once(
     layout = replace(layout, weights=1.0 + np.random.default_rng(0).uniform(size=400))
     whole = unfold(layout, fit)
     monkeypatch.setattr(covariance_module, "MOST_VALUES", 900)
-    parts, own = unfold(layout, fit), unfold_support(layout, fit)
+    parts, own = unfold(layout, fit), unfold_own(layout, fit, layout.factor())
     for name in ("error", "weighted_error", "signatures", "raw_norm", "coefficients", "condition_number"):
         np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=1e-10, atol=1e-11)
     np.testing.assert_allclose(own.error, whole.error, rtol=1e-10, atol=1e-11)
@@ -277,7 +277,7 @@ def test_a_long_record_in_parts_is_the_one_at_once(
     whole = unfold(layout, fit)
     single, cov = single_additions(fit, whole), covariance(fit, whole)
     monkeypatch.setattr(covariance_module, "ROWS", rows)
-    signals = PiecewiseSignals(
+    signals = AtomSignals(
         n_samples=400,
         n_outputs=n_y,
         step_s=0.1,

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.covariance import Layout, additions_and_covariance, single_additions, unfold, unfold_factor
 from bfi_cli.kernels.lagged import EarlierRows, compress, lagged, restrict, with_earlier
 from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs
@@ -35,7 +36,10 @@ def layout_of(n: int = 80) -> tuple[Layout, list[tuple[np.ndarray, np.ndarray]]]
     theta[n // 2 :, 0, 0] = 1.0
     theta[n // 3 :, 0, 1] = np.linspace(0.0, 1.0, n - n // 3)
     y = y + theta[:, :, 0] * 0.7
-    return Layout(u=u, y=y, theta=theta, first=ORDER, feedthrough=True), [flown(1, 60, 5.0), flown(2, 40, -3.0)]
+    return Layout(u=u, y=y, theta=AtomSignals.sampled(theta), first=ORDER, feedthrough=True), [
+        flown(1, 60, 5.0),
+        flown(2, 40, -3.0),
+    ]
 
 
 @pytest.mark.parametrize("n", [12, 80])
@@ -58,7 +62,7 @@ def test_the_factor_is_that_of_all_rows_with_a_constant_for_each_record(n: int):
             ]
         )
 
-    own = stacked(layout.u, layout.y, layout.theta)
+    own = stacked(layout.u, layout.y, np.asarray(layout.theta))
     further = [stacked(u, y, np.zeros((len(y), 2, 2))) for u, y in others]
     whole = np.hstack([np.ones((len(own), 1)), own])
     for one in further:

@@ -43,7 +43,7 @@ def test_a_fault_added_to_the_factor_is_a_fault_added_to_the_record(log, detrend
     window = prepare_window(log, load_dictionary(dictionary), config)
     z = np.random.default_rng(0).standard_normal(len(window.live)) * window.signals.y.std(axis=0).min()
     recombined = regression_of(window, config).with_fault(z)
-    faulty = replace(window.signals, y=window.signals.y + window.signals.theta @ z)
+    faulty = replace(window.signals, y=window.signals.y + np.asarray(window.signals.theta) @ z)
     direct = build_regression(faulty, window.live, config)
     np.testing.assert_allclose(recombined.layout.y, direct.layout.y, atol=1e-12)
     for name in ("center", "unit", "magnitude_unit"):
@@ -91,7 +91,7 @@ def test_the_response_of_a_window_makes_the_dictionary_at_its_native_rate(log, r
     window = prepare_window(replace(log, filters=(recorder,)), load_dictionary(step), config)
     made = recorded_signal(window.faults[0], window.native.time_s, window.response, window_start_s=0.0)
     # A step that begins between two samples is known to half a sample, in which this one rises by 1.6 per second.
-    own = window.native.between(slice(None)).theta[:, 0, 0]
+    own = window.native.faults.between(slice(None))[:, 0, 0]
     np.testing.assert_allclose(made, own, atol=0.05 + 0.8 / window.native.rate_hz)
 
 

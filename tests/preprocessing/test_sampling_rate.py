@@ -12,6 +12,7 @@ from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
 from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, unit_signal
+from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.decimation import WHITE, Lowpass
 from bfi_cli.preprocessing.regression import Signals, decimate_signals
 from bfi_cli.preprocessing.sampling_rate import SAMPLES_PER_EDGE, candidate_orders, choose_rate, is_exact
@@ -39,13 +40,18 @@ def record(*, seconds: float = 30.0, rate_hz: float = 100.0, noise_sd: float = 0
         time_s=time_s,
         u=log.signals(["elevator"]),
         y=log.signals(["tas"]),
-        theta=theta[:, None, :],
+        theta=AtomSignals.sampled(theta[:, None, :]),
     )
 
 
 def recorder(x: np.ndarray, cutoff_hz: float, rate_hz: float) -> np.ndarray:
     """Low-pass as a recorder does, without transient at the start."""
     return signal.sosfiltfilt(signal.butter(6, cutoff_hz, fs=rate_hz, output="sos"), x, axis=0)
+
+
+def sampled(log: Signals, rows: slice) -> AtomSignals:
+    """Return some samples of the signals of a dictionary."""
+    return AtomSignals.sampled(np.asarray(log.theta)[rows])
 
 
 @pytest.mark.parametrize(
@@ -72,7 +78,7 @@ def test_a_log_low_passed_by_its_recorder_runs_near_its_bandwidth():
     """1.3 Hz, then 10 Hz: about 2 Hz, for the rest of the band is empty."""
     fast = record(seconds=120.0, noise_sd=0.05)
     slow = {name: recorder(getattr(fast, name), 1.3, 100.0)[::10] for name in ("u", "y")}
-    log = replace(fast, rate_hz=10.0, time_s=fast.time_s[::10], theta=fast.theta[::10], **slow)
+    log = replace(fast, rate_hz=10.0, time_s=fast.time_s[::10], theta=sampled(fast, slice(None, None, 10)), **slow)
     choice = choose_rate(log, (BIAS,), exact=False)
     assert 1.5 <= log.rate_hz / choice.factor <= 3.4
     assert "low-passed" in choice.reason
@@ -81,8 +87,8 @@ def test_a_log_low_passed_by_its_recorder_runs_near_its_bandwidth():
 @pytest.mark.parametrize(("purpose", "rate_hz", "order"), [("estimate", 10.0 / 3.0, 8), ("scan", 2.0, 6)])
 def test_a_known_recorder_fixes_rate_and_order(purpose, rate_hz, order):
     fast = record(seconds=120.0, noise_sd=0.05)
-    slow = {name: getattr(fast, name)[::10] for name in ("u", "y", "theta", "time_s")}
-    log = replace(fast, rate_hz=10.0, **slow)
+    slow = {name: getattr(fast, name)[::10] for name in ("u", "y", "time_s")}
+    log = replace(fast, rate_hz=10.0, theta=sampled(fast, slice(None, None, 10)), **slow)
     choice = choose_rate(log, (BIAS,), exact=False, recorder_hz=0.75, purpose=purpose)
     assert log.rate_hz / choice.factor == pytest.approx(rate_hz)
     assert candidate_orders(Config(), rate_hz, 0.75) == (order,)
@@ -116,23 +122,23 @@ def test_a_simulation_is_exact_and_the_smallest_noise_is_not():
 @pytest.mark.parametrize("magnitude", [0.1, 50.0])
 def test_a_fault_of_the_dictionary_leaves_a_record_exact_and_another_does_not(magnitude):
     log = record(noise_sd=0.0)
-    faulty = replace(log, y=log.y + magnitude * log.theta[:, :, 0])
+    faulty = replace(log, y=log.y + magnitude * np.asarray(log.theta)[:, :, 0])
     assert is_exact(faulty)
-    assert not is_exact(replace(faulty, theta=np.roll(faulty.theta, 7, axis=0)))
+    assert not is_exact(replace(faulty, theta=AtomSignals.sampled(np.roll(faulty.theta, 7, axis=0))))
 
 
 def test_exactness_does_not_depend_on_units_or_level():
     log = record(noise_sd=0.0)
-    assert is_exact(replace(log, u=57.3 * log.u + 3.0, y=1.944 * log.y, theta=1.944 * log.theta))
+    assert is_exact(replace(log, u=57.3 * log.u + 3.0, y=1.944 * log.y, theta=log.theta.scaled(np.array([1.944]))))
     noisy = record(noise_sd=1e-4)
-    assert not is_exact(replace(noisy, y=1e-6 * noisy.y, theta=1e-6 * noisy.theta))
+    assert not is_exact(replace(noisy, y=1e-6 * noisy.y, theta=noisy.theta.scaled(np.array([1e-6]))))
 
 
 @pytest.mark.parametrize(
     "change",
     [
         lambda log: replace(log, y=np.full_like(log.y, 3.0)),
-        lambda log: replace(log, y=log.y[:60], u=log.u[:60], theta=log.theta[:60], time_s=log.time_s[:60]),
+        lambda log: replace(log, y=log.y[:60], u=log.u[:60], theta=sampled(log, slice(60)), time_s=log.time_s[:60]),
     ],
     ids=["still", "short"],
 )
@@ -151,7 +157,7 @@ def test_a_dictionary_as_large_as_the_record_does_not_make_it_exact():
         time_s=np.arange(n) / 10.0,
         u=rng.standard_normal((n, 1)),
         y=rng.standard_normal((n, 1)),
-        theta=theta,
+        theta=AtomSignals.sampled(theta),
     )
     assert not is_exact(log)
 
@@ -167,10 +173,10 @@ def test_every_signal_goes_through_the_same_filter(kind, factor):
     """So a fault subtracted before is a fault subtracted after, at the same times."""
     log = record()
     lowpass = Lowpass(half_width=WHITE.half_width, cutoff=WHITE.cutoff, kind=kind)
-    faulty = decimate_signals(replace(log, y=log.y + 4.0 * log.theta[:, :, 0]), factor, lowpass)
+    faulty = decimate_signals(replace(log, y=log.y + 4.0 * np.asarray(log.theta)[:, :, 0]), factor, lowpass)
     clean = decimate_signals(log, factor, lowpass)
-    np.testing.assert_allclose(faulty.y - 4.0 * faulty.theta[:, :, 0], clean.y, atol=1e-10)
-    lengths = {len(x) for x in (clean.time_s, clean.u, clean.y, clean.theta)}
+    np.testing.assert_allclose(faulty.y - 4.0 * np.asarray(faulty.theta)[:, :, 0], clean.y, atol=1e-10)
+    lengths = {len(x) for x in (clean.time_s, clean.u, clean.y, np.asarray(clean.theta))}
     assert len(lengths) == 1
     assert clean.rate_hz * factor == log.rate_hz
     np.testing.assert_allclose(np.diff(clean.time_s), factor / log.rate_hz, rtol=1e-9)

@@ -1,4 +1,4 @@
-"""Signals in stretches are the same signals sample by sample, and so is every factor that is made of them."""
+"""Signals in stretches and in an array answer as their samples do, and so does every factor that is made of them."""
 
 from __future__ import annotations
 
@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bfi_cli.kernels import piecewise as module
-from bfi_cli.kernels.lagged import SegmentFactors, compress, compress_beside, exponents_of, signals_factor
-from bfi_cli.kernels.piecewise import PiecewiseSignals, Stretch, Tail, signal_of
+from bfi_cli.kernels import atom_signals as module
+from bfi_cli.kernels.atom_signals import AtomSignals, Stretch, Tail, signal_of
+from bfi_cli.kernels.lagged import SegmentFactors, compress, compress_beside, constants_and_signals, exponents_of
 
 N, STEP_S, ORDER = 1500, 0.01, 5
 WAVE = 2j * np.pi * 0.5
 
 
-def made(n_outputs: int = 2) -> PiecewiseSignals:
+def made(n_outputs: int = 2) -> AtomSignals:
     """Return signals of every form: steps, lines, waves, exponentials, sharp parts, ends, and one that is zero."""
     rng = np.random.default_rng(1)
 
@@ -39,7 +39,10 @@ def made(n_outputs: int = 2) -> PiecewiseSignals:
         lasting(50, Tail()),
     )
     outputs = tuple(j % n_outputs for j in range(len(atoms)))
-    return PiecewiseSignals(n_samples=N, n_outputs=n_outputs, step_s=STEP_S, outputs=outputs, atoms=atoms)
+    return AtomSignals(n_samples=N, n_outputs=n_outputs, step_s=STEP_S, outputs=outputs, atoms=atoms)
+
+
+HELD = pytest.mark.parametrize("held", [lambda one: one, lambda one: AtomSignals.sampled(np.asarray(one))])
 
 
 def record(n_outputs: int = 2) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -54,28 +57,33 @@ def alike(R: np.ndarray, others: np.ndarray) -> None:
     np.testing.assert_allclose((R / norms).T @ (R / norms), (others / norms).T @ (others / norms), rtol=0, atol=1e-12)
 
 
-def test_a_part_a_sum_a_multiple_and_a_replacement_are_those_of_the_samples():
-    signals = made()
+@HELD
+def test_a_part_a_sum_a_multiple_and_a_replacement_are_those_of_the_samples(held):
+    signals = held(made())
     whole, z = np.asarray(signals), np.arange(1.0, 11.0)
     assert signals.shape == whole.shape
     np.testing.assert_array_equal(signals.between(333, 777), whole[333:777])
     np.testing.assert_allclose(signals.combined(z, 90, 1234), (whole @ z)[90:1234], atol=1e-12)
     np.testing.assert_allclose(np.asarray(signals.scaled(z)), whole * z, atol=1e-12)
+    np.testing.assert_allclose(np.asarray(signals.over(np.array([2.0, 0.5]))), whole / [[2.0], [0.5]], atol=1e-12)
     np.testing.assert_array_equal(np.asarray(signals.of([3, 1]).joined(signals.of([6]))), whole[:, :, [3, 1, 6]])
+    np.testing.assert_array_equal(np.asarray(signals.of(range(2, 5))), whole[:, :, 2:5])
     # An atom keeps its own output, so that it takes that of the one it replaces.
     replaced = np.asarray(signals.replaced([0, 1], signals.of([2, 3])))
     np.testing.assert_array_equal(replaced[:, :, :2], whole[:, :, 2:4])
     np.testing.assert_array_equal(replaced[:, :, 2:], whole[:, :, 2:])
 
 
+@HELD
 @pytest.mark.parametrize("at_once", [64, 262_144])
-def test_extremes_and_powers_are_those_of_the_samples(monkeypatch: pytest.MonkeyPatch, at_once: int):
+def test_extremes_and_powers_are_those_of_the_samples(monkeypatch: pytest.MonkeyPatch, at_once: int, held):
     monkeypatch.setattr(module, "AT_ONCE", at_once)
-    signals, whole = made(), np.asarray(made())
-    np.testing.assert_allclose(signals.peaks(), np.abs(whole).max(axis=(0, 1)), rtol=1e-14)
-    np.testing.assert_allclose(signals.travels(), np.ptp(whole, axis=0).max(axis=0), rtol=1e-14)
+    monkeypatch.setattr(module, "SQUARED", at_once)
+    signals, whole = held(made()), np.asarray(made())
+    np.testing.assert_allclose(signals.peaks(), np.abs(whole).max(axis=0), rtol=1e-14)
+    np.testing.assert_allclose(signals.travels(), np.ptp(whole, axis=0), rtol=1e-14)
     np.testing.assert_allclose(signals.powers(), np.sqrt((whole**2).sum(axis=1).mean(axis=0)), rtol=1e-12)
-    assert signals.are_zero() == tuple(~np.any(whole, axis=(0, 1)))
+    assert signals.acting() == tuple(map(tuple, np.argwhere(np.any(whole, axis=0)).tolist()))
     assert signals.active_rows(600) == tuple(np.count_nonzero(whole[600:], axis=(0, 1)))
 
 
@@ -133,11 +141,12 @@ def test_segments_taken_together_are_the_rows_at_once(start: int, stop: int):
     alike(together, SegmentFactors(exponents=exponents, rows=4096, **given).factor(start, stop))
 
 
+@HELD
 @pytest.mark.parametrize("n_outputs", [1, 2])
-def test_the_factor_of_signals_holds_their_inner_products(n_outputs: int):
-    signals = made(n_outputs)
+def test_the_factor_of_signals_holds_their_inner_products(n_outputs: int, held):
+    signals = held(made(n_outputs))
     whole = np.asarray(signals).reshape(N * n_outputs, -1)
-    alike(signals_factor(signals), np.hstack([np.kron(np.ones((N, 1)), np.eye(n_outputs)), whole]))
+    alike(np.hstack(constants_and_signals(signals)), np.hstack([np.kron(np.ones((N, 1)), np.eye(n_outputs)), whole]))
 
 
 def test_signals_beside_a_record_have_their_inner_products_with_it():

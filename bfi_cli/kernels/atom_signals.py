@@ -1,9 +1,9 @@
-"""Signals that are zero, given sample by sample or an exponential tail, stretch by stretch.
+"""The signals of the atoms of a dictionary, sample by sample or stretch by stretch.
 
 A fault is sharp at its onset, its bends and its end; between them it is ``level + rate t + Re(amplitude exp(exponent
-t))``. So the signals of a dictionary over a day take no more memory than over a minute, and lagged or filtered copies
-of tails with the same exponents span a space of a few dimensions (`kernels.lagged` makes use of both). The channels of
-such a record are held once, and are centred and scaled as they are asked for (`ScaledSignals`).
+t))``. So the signals of a dictionary over a day take, in stretches, no more memory than over a minute, and lagged or
+filtered copies of tails with the same exponents span a space of a few dimensions (`kernels.lagged` makes use of both).
+The channels of such a record are held once, and are centred and scaled as they are asked for (`ScaledSignals`).
 """
 
 from __future__ import annotations
@@ -22,6 +22,8 @@ from . import FloatArray
 LONGEST_REACH = 50.0
 # Samples of a signal that are evaluated at once, for memory.
 AT_ONCE = 262_144
+# Samples up to which the signals of all atoms are squared at once, likewise.
+SQUARED = 100_000
 # Samples of which means are taken at once, likewise.
 MEAN_OF = 65_536
 
@@ -127,26 +129,48 @@ Stretches = tuple[Stretch, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PiecewiseSignals:
-    """The signals of a dictionary on one record, each on one output; as an array (n_samples, n_outputs, n_atoms).
+class AtomSignals:
+    """The signals of the atoms of a dictionary on one record; as an array (n_samples, n_outputs, n_atoms).
+
+    They are held in that array, or, of a long record, in stretches: then each atom acts on one output.
 
     Attributes
     ----------
-    step_s : from sample to sample.
-    outputs : (n_atoms,) on which each acts.
-    atoms : (n_atoms,) stretches of each.
+    array : (n_samples, n_outputs, n_atoms), None where they are held in stretches; then
+    step_s : from sample to sample; outputs : (n_atoms,) on which each acts; atoms : (n_atoms,) stretches of each.
     """
 
     n_samples: int
     n_outputs: int
-    step_s: float
-    outputs: tuple[int, ...]
-    atoms: tuple[Stretches, ...]
+    array: FloatArray | None = None
+    step_s: float = 0.0
+    outputs: tuple[int, ...] = ()
+    atoms: tuple[Stretches, ...] = ()
+
+    @classmethod
+    def sampled(cls, array: FloatArray) -> AtomSignals:
+        """Return signals that are given sample by sample."""
+        return cls(n_samples=array.shape[0], n_outputs=array.shape[1], array=array)
+
+    @classmethod
+    def none(cls, n_samples: int, n_outputs: int) -> AtomSignals:
+        """Return no signals."""
+        return cls.sampled(np.empty((n_samples, n_outputs, 0)))
+
+    @property
+    def in_stretches(self) -> bool:
+        """Whether they are held in stretches, from which the kernels compute otherwise than from samples."""
+        return self.array is None
+
+    @property
+    def n_atoms(self) -> int:
+        """How many there are."""
+        return len(self.atoms) if self.array is None else self.array.shape[2]
 
     @property
     def shape(self) -> tuple[int, int, int]:
         """(n_samples, n_outputs, n_atoms)."""
-        return self.n_samples, self.n_outputs, len(self.atoms)
+        return self.n_samples, self.n_outputs, self.n_atoms
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> FloatArray:
         """Return (n_samples, n_outputs, n_atoms), which a short record has the memory for."""
@@ -154,18 +178,25 @@ class PiecewiseSignals:
 
     def between(self, start: int, stop: int) -> FloatArray:
         """Return (stop - start, n_outputs, n_atoms) of these samples."""
+        if self.array is not None:
+            return self.array[start:stop]
         theta = np.zeros((stop - start, self.n_outputs, len(self.atoms)))
         for j, (output, stretches) in enumerate(zip(self.outputs, self.atoms, strict=True)):
             for first, last, values in _within(stretches, start, stop, self.step_s):
                 theta[first - start : last - start, output, j] = values
         return theta
 
-    def of(self, atoms: Sequence[int]) -> PiecewiseSignals:
-        """Return some of the signals."""
+    def of(self, atoms: Sequence[int]) -> AtomSignals:
+        """Return some of the signals; those of a range of step 1 without a copy."""
+        if self.array is not None:
+            some = slice(atoms.start, atoms.stop) if isinstance(atoms, range) else list(atoms)
+            return replace(self, array=self.array[:, :, some])
         return replace(self, outputs=tuple(self.outputs[j] for j in atoms), atoms=tuple(self.atoms[j] for j in atoms))
 
-    def scaled(self, factors: FloatArray) -> PiecewiseSignals:
+    def scaled(self, factors: FloatArray) -> AtomSignals:
         """Return multiples of the signals by (n_atoms,) factors."""
+        if self.array is not None:
+            return replace(self, array=self.array * factors)
         return replace(
             self,
             atoms=tuple(
@@ -174,12 +205,24 @@ class PiecewiseSignals:
             ),
         )
 
-    def joined(self, other: PiecewiseSignals) -> PiecewiseSignals:
-        """Return these signals and others of the same record after them."""
+    def over(self, unit: FloatArray) -> AtomSignals:
+        """Return the signals over (n_outputs,) the unit of their output."""
+        if self.array is not None:
+            return replace(self, array=self.array / unit[:, None])
+        return self.scaled(1.0 / unit[list(self.outputs)])
+
+    def joined(self, other: AtomSignals) -> AtomSignals:
+        """Return these signals and others of the same record, held alike, after them."""
+        if self.array is not None:
+            return replace(self, array=np.concatenate([self.array, np.asarray(other)], axis=2))
         return replace(self, outputs=self.outputs + other.outputs, atoms=self.atoms + other.atoms)
 
-    def replaced(self, atoms: Sequence[int], others: PiecewiseSignals) -> PiecewiseSignals:
-        """Return the signals with others in place of some."""
+    def replaced(self, atoms: Sequence[int], others: AtomSignals) -> AtomSignals:
+        """Return the signals with others, held alike, in place of some."""
+        if self.array is not None:
+            array = self.array.copy()
+            array[:, :, list(atoms)] = np.asarray(others)
+            return replace(self, array=array)
         outputs, stretches = list(self.outputs), list(self.atoms)
         for n, j in enumerate(atoms):
             outputs[j], stretches[j] = others.outputs[n], others.atoms[n]
@@ -187,14 +230,16 @@ class PiecewiseSignals:
 
     def combined(self, z: FloatArray, start: int, stop: int) -> FloatArray:
         """Return (stop - start, n_outputs) the sum of the signals times (n_atoms,) magnitudes."""
+        if self.array is not None:
+            return np.asarray((self.array[start:stop].reshape(-1, z.size) @ z).reshape(stop - start, -1))
         total = np.zeros((stop - start, self.n_outputs))
         for output, stretches, size in zip(self.outputs, self.atoms, z.tolist(), strict=True):
             for first, last, values in _within(stretches, start, stop, self.step_s):
                 total[first - start : last - start, output] += size * values
         return total
 
-    def filtered(self, K: FloatArray) -> PiecewiseSignals:
-        """Return the signals filtered by a predictor, theta(k) - sum K_i theta(k - i), from sample `order` on.
+    def filtered(self, K: FloatArray) -> AtomSignals:
+        """Return signals in stretches filtered by a predictor, theta(k) - sum K_i theta(k - i), from sample `order` on.
 
         Parameters
         ----------
@@ -213,15 +258,43 @@ class PiecewiseSignals:
         return replace(self, outputs=tuple(outputs), atoms=tuple(atoms))
 
     def peaks(self) -> FloatArray:
-        """Return (n_atoms,) the largest absolute value of each signal."""
-        return np.array([max(abs(low), abs(high)) for low, high in self._extremes()])
+        """Return (n_outputs, n_atoms) the largest absolute value of each signal."""
+        low, high = self._extremes()
+        return np.maximum(high, -low)
 
     def travels(self) -> FloatArray:
-        """Return (n_atoms,) the largest less the least value of each signal."""
-        return np.array([high - low for low, high in self._extremes()])
+        """Return (n_outputs, n_atoms) the largest less the least value of each signal."""
+        low, high = self._extremes()
+        return high - low
 
     def powers(self) -> FloatArray:
-        """Return (n_atoms,) the root of the mean square of each signal over all samples."""
+        """Return (n_atoms,) the root of the mean over all samples of the square of each signal."""
+        if self.array is None:
+            return self._powers_of_stretches()
+        if self.n_samples <= SQUARED:
+            return np.asarray(np.sqrt(np.mean(np.sum(self.array**2, axis=1), axis=0)))
+        # One by one, for memory.
+        each = (self.array[:, :, j] for j in range(self.n_atoms))
+        return np.array([np.sqrt(np.mean(np.sum(one**2, axis=1))) for one in each])
+
+    def acting(self) -> tuple[tuple[int, int], ...]:
+        """Return (output, atom), ascending, of the signals that are not zero everywhere."""
+        if self.array is not None:
+            return tuple((int(i), int(j)) for i, j in np.argwhere(np.any(self.array, axis=0)))
+        seen = enumerate(zip(self.outputs, self.atoms, strict=True))
+        return tuple(sorted((i, j) for j, (i, own) in seen if not all(stretch.is_zero for stretch in own)))
+
+    def active_rows(self, first: int) -> tuple[int, ...]:
+        """Return how many samples of each signal, from sample `first` on, are not zero, on all outputs together."""
+        if self.array is not None:
+            return tuple(np.count_nonzero(self.array[first:], axis=(0, 1)).tolist())
+        counts = []
+        for stretches in self.atoms:
+            pieces = _within(stretches, first, self.n_samples, self.step_s)
+            counts.append(sum(int(np.count_nonzero(values)) for _, _, values in pieces))
+        return tuple(counts)
+
+    def _powers_of_stretches(self) -> FloatArray:
         factors = dict[complex, FloatArray]()  # of a block of the functions that a tail is made of
         norms = np.zeros(len(self.atoms))
         for j, stretches in enumerate(self.atoms):
@@ -238,35 +311,26 @@ class PiecewiseSignals:
                     norms[j] = np.hypot(norms[j], np.linalg.norm(part))
         return np.asarray(norms / np.sqrt(self.n_samples))
 
-    def are_zero(self) -> tuple[bool, ...]:
-        """Say of each signal whether it is zero everywhere."""
-        return tuple(all(stretch.is_zero for stretch in stretches) for stretches in self.atoms)
-
     def _functions(self, exponent: complex, n: int) -> FloatArray:
         since_s = self.step_s * np.arange(n, dtype=np.float64)
         size = np.exp(exponent.real * since_s)
         wave = size * np.cos(exponent.imag * since_s), size * np.sin(exponent.imag * since_s)
         return np.stack([np.ones(n), since_s, *wave], axis=1)
 
-    def active_rows(self, first: int) -> tuple[int, ...]:
-        """Return how many samples of each signal, from sample `first` on, are not zero."""
-        counts = []
-        for stretches in self.atoms:
-            pieces = _within(stretches, first, self.n_samples, self.step_s)
-            counts.append(sum(int(np.count_nonzero(values)) for _, _, values in pieces))
-        return tuple(counts)
-
-    def _extremes(self) -> list[tuple[float, float]]:
-        extremes = []
-        for stretches in self.atoms:
+    def _extremes(self) -> tuple[FloatArray, FloatArray]:
+        """Return (n_outputs, n_atoms) the least and the largest value of each signal."""
+        if self.array is not None:
+            return self.array.min(axis=0), self.array.max(axis=0)
+        lowest, highest = np.zeros((2, self.n_outputs, len(self.atoms)))
+        for j, (output, stretches) in enumerate(zip(self.outputs, self.atoms, strict=True)):
             covered = sum(stretch.stop - stretch.start for stretch in stretches)
             low, high = (np.inf, -np.inf) if covered == self.n_samples else (0.0, 0.0)
             for stretch in stretches:
                 for first, last in _ends_of(stretch):
                     values = stretch.between(first, last, self.step_s)
                     low, high = min(low, float(values.min())), max(high, float(values.max()))
-            extremes.append((low, high))
-        return extremes
+            lowest[output, j], highest[output, j] = low, high
+        return lowest, highest
 
     def _filtered(self, stretches: Stretches, taps: FloatArray) -> Stretches:
         """Return the stretches of a signal filtered by (order + 1,) taps, of lags 0, 1, ..."""

@@ -145,7 +145,7 @@ def _best_move(
         if n in now.shifts_s or not shifts.size or only not in (None, n):
             continue
         price = searched(penalty, shifts.size).evidence - penalty.evidence
-        shifted, unit = shifted_signals(window, entry, shifts.tolist())[0], float(now.regression.magnitude_unit[n])
+        shifted, unit = shifted_signals(window, entry, shifts.tolist()), float(now.regression.magnitude_unit[n])
         theta = shifted.over(now.regression.unit).scaled(np.full(len(shifts), unit))
         atoms = best.fit.atoms
         # An entry that is declared moves; another is added, or takes the place of a declared one.

@@ -433,6 +433,10 @@ class ScaledSignals:
         return self[:]
 
 
+# The channels of a record, (n_samples, n_channels).
+Channels = FloatArray | ScaledSignals
+
+
 def standardised(values: FloatArray, *, centred: bool) -> ScaledSignals:
     """Return signals (n_samples, n_signals) with standard deviation 1 and, if centred, mean 0; constants unscaled."""
     n, parts = len(values), range(0, len(values), MEAN_OF)

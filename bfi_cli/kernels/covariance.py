@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from . import FloatArray
-from .atom_signals import AtomSignals, ScaledSignals
+from .atom_signals import AtomSignals, Channels
 from .coherence import whiten
 from .lagged import (
     Compressed,
@@ -56,8 +56,8 @@ class Layout:
     segments : factors that are kept of a record whose signals are in stretches, see `compress`.
     """
 
-    u: FloatArray | ScaledSignals
-    y: FloatArray | ScaledSignals
+    u: Channels
+    y: Channels
     theta: AtomSignals
     first: int
     feedthrough: bool
@@ -65,10 +65,13 @@ class Layout:
     earlier: EarlierRows | None = None
     segments: SegmentFactors | None = None
 
-    def with_segments(self) -> Layout:
-        """Return the record with a store for the factors of its segments, where its signals are in stretches."""
+    def prepared(self) -> Layout:
+        """Return the record as the kernels go through it, often: its channels scaled once.
+
+        Those of signals in stretches stay as they are, and what is kept instead are factors of segments.
+        """
         if not self.theta.in_stretches:
-            return self
+            return replace(self, u=np.asarray(self.u), y=np.asarray(self.y))
         segments = SegmentFactors(
             u=self.u,
             y=self.y,

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from . import FloatArray
-from .atom_signals import AtomSignals, ScaledSignals, Stretch, Stretches, Tail, regular_runs
+from .atom_signals import AtomSignals, Channels, Stretch, Stretches, Tail, regular_runs
 from .progress import Report, parts, silent
 
 # Columns that LAPACK's blocked QR treats together; it changes the speed only.
@@ -214,8 +214,8 @@ class SegmentFactors:
     rows : of the shortest segment that is kept.
     """
 
-    u: FloatArray | ScaledSignals
-    y: FloatArray | ScaledSignals
+    u: Channels
+    y: Channels
     weights: FloatArray | None
     order: int
     feedthrough: bool
@@ -350,8 +350,8 @@ def exponents_of(theta: AtomSignals) -> tuple[complex, ...]:
 
 
 def compress(
-    u: FloatArray | ScaledSignals,
-    y: FloatArray | ScaledSignals,
+    u: Channels,
+    y: Channels,
     theta: FloatArray | AtomSignals,
     *,
     order: int,
@@ -487,8 +487,8 @@ def constants_and_signals(theta: AtomSignals) -> tuple[FloatArray, FloatArray]:
 
 
 def _blocks(
-    u: FloatArray | ScaledSignals,
-    y: FloatArray | ScaledSignals,
+    u: Channels,
+    y: Channels,
     theta: FloatArray,
     columns: Columns,
     weights: FloatArray | None,

@@ -66,7 +66,7 @@ class FaultSignals:
     resampled : (n_samples, n_outputs, n_faults) where the log was resampled and they with it, else None.
     """
 
-    faults: Sequence[Fault]
+    faults: tuple[Fault, ...]
     seen: Sequence[int]
     outputs: Sequence[str]
     time_s: FloatArray
@@ -98,6 +98,11 @@ class FaultSignals:
     def slopes(self) -> Mapping[int, FloatArray]:
         """By index, (n_samples, n_outputs), by how much the signal of a fault of a pressure line changes with them."""
         return {j: one.slopes for j, one in self.of_log.items() if one.slopes is not None}
+
+    def slopes_at(self, factor: int, lowpass: Lowpass) -> dict[int, FloatArray]:
+        """Return the slopes, which change slowly, at the samples that a decimation leaves."""
+        rows = slice(lost_samples(factor, lowpass)[0], None, factor)
+        return {j: slopes[rows][: self.n_rows(factor, lowpass)] for j, slopes in self.slopes.items()}
 
     @property
     def scaling(self) -> tuple[int, ...]:

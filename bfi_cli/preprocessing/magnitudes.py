@@ -26,7 +26,7 @@ from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes, with_unit_root, without_signal
 from .fault_free_model import fault_free_fits
 from .regression import RegressionData, build_regression, decimate_native
-from .window import PreparedWindow, regression_of, shifts_within, signals_of_faults, slopes_at, with_onsets
+from .window import PreparedWindow, regression_of, shifts_within, signals_of_faults, with_onsets
 
 FloatArray = NDArray[np.float64]
 
@@ -277,9 +277,8 @@ def limits_within_tolerance(
         charged = searched(penalty, max(own.size for own in shifts.values()))
         at_half = None
         if coarse is not None:
-            theta, _ = moved.native.faults.decimated(coarse.signals.factor, window.lowpass)
-            slopes = slopes_at(coarse.signals.time_s, moved.native.faults, moved.native.rate_hz)
-            at_half = coarse.with_dictionary(theta, coarse.atoms, slopes=slopes)
+            faults, rate = moved.native.faults, (coarse.signals.factor, window.lowpass)
+            at_half = coarse.with_dictionary(faults.decimated(*rate)[0], coarse.atoms, slopes=faults.slopes_at(*rate))
         estimates = estimate_magnitudes(there, fits, charged, overdispersion, at_half, sizing)
         return profiled_limits(there, best, estimates, charged, overdispersion)
 
@@ -428,7 +427,7 @@ def _factor(window: PreparedWindow, regression: RegressionData, adding: Adding, 
             replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
             for onset in some.tolist()
         ]
-        added = adding.each_of(signals_of_faults(window, shifted)[0].over(regression.unit))
+        added = adding.each_of(signals_of_faults(window, shifted).over(regression.unit))
         squares = np.append(squares, added.magnitude**2 / added.variance)
     seen = squares[np.isfinite(squares)]
     return max(1.0, float(np.mean(seen))) if seen.size else 1.0

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from ..config import Config
 from ..errors import LogError
-from ..flightlog import Channel, FlightLog
-from ..kernels.atom_signals import AtomSignals, ScaledSignals, standardised
+from ..flightlog import FlightLog
+from ..kernels.atom_signals import AtomSignals, standardised
 from ..kernels.covariance import FitRows, Layout, unfold_own
 from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
 from ..kernels.lagged import Compressed, EarlierRows, restrict, with_fault, with_scaled_outputs
@@ -141,70 +141,43 @@ def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE
     ------
     LogError : the window is shorter than the filter.
     """
-    is_long = factor > 1 and native.log.n_samples > MOST_AT_ONCE
-    names = ((), ()) if is_long else (native.inputs, native.outputs)
-    u, y = (native.log.signals(some) for some in names)
+    try:
+        u, y = (_decimated_channels(native.log, names, factor, lowpass) for names in (native.inputs, native.outputs))
+    except ValueError as problem:
+        raise LogError(f"{native.path}: {problem}; give a higher --rate or a longer window") from None
+    theta, largest = native.faults.decimated(factor, lowpass)
+    start = lost_samples(factor, lowpass)[0]
     signals = Signals(
         path=native.path,
-        rate_hz=native.rate_hz,
-        factor=1,
-        time_s=native.time_s,
-        u=u,
-        y=y,
-        theta=AtomSignals.none(*y.shape),
-        scaling=native.faults.scaling,
-        slopes=native.faults.slopes,
-    )
-    signals = decimate_signals(signals, factor, lowpass)
-    if is_long:  # one channel after the other, for memory
-        u, y = (np.empty((len(signals.time_s), len(some))) for some in (native.inputs, native.outputs))
-        for some, made in ((native.inputs, u), (native.outputs, y)):
-            for i, name in enumerate(some):
-                made[:, i] = _decimated_channel(native.log.channel(name), factor, lowpass)
-        signals = replace(signals, u=u, y=y)
-    theta, largest = native.faults.decimated(factor, lowpass)
-    earlier = tuple(decimate_native(one, factor, lowpass)[0] for one in native.earlier)
-    return replace(signals, theta=theta, earlier=earlier, weight=native.weight), largest
-
-
-def _decimated_channel(channel: Channel, factor: int, lowpass: Lowpass) -> FloatArray:
-    """Return (n_rows,) a channel filtered and decimated, of which some samples are read at a time."""
-    reach, step = sum(lost_samples(factor, lowpass)), max(1, MOST_AT_ONCE // factor) * factor
-    # Pieces overlap by the filter's reach; each gives the rows that begin in it.
-    starts = range(0, channel.n_samples - reach, step)
-    return np.concatenate(
-        [decimate(channel.between(slice(k, k + step - factor + 1 + reach)), factor, lowpass) for k in starts]
-    )
-
-
-def decimate_signals(signals: Signals, factor: int, lowpass: Lowpass = WHITE) -> Signals:
-    """Filter and decimate all signals alike; factor 1 leaves them as they are.
-
-    Raises
-    ------
-    LogError : the window is shorter than the filter.
-    """
-    if factor == 1:
-        return signals
-    try:
-        u, y, theta = (decimate(np.asarray(x), factor, lowpass) for x in (signals.u, signals.y, signals.theta))
-    except ValueError as problem:
-        raise LogError(f"{signals.path}: {problem}; give a higher --rate or a longer window") from None
-    start = lost_samples(factor, lowpass)[0]
-    time_s = signals.time_s[start::factor][: len(y)]
-    # They change slowly: of each sample of the analysis that in its middle counts.
-    slopes = {j: one[start::factor][: len(y)] for j, one in signals.slopes.items()}
-    rate_hz, factor = signals.rate_hz / factor, signals.factor * factor
-    return replace(
-        signals,
-        rate_hz=rate_hz,
+        rate_hz=native.rate_hz / factor,
         factor=factor,
-        time_s=time_s,
+        time_s=native.time_s[start::factor][: len(y)],
         u=u,
         y=y,
-        theta=AtomSignals.sampled(theta),
-        slopes=slopes,
+        theta=theta,
+        scaling=native.faults.scaling,
+        slopes=native.faults.slopes_at(factor, lowpass),
+        earlier=tuple(decimate_native(one, factor, lowpass)[0] for one in native.earlier),
+        weight=native.weight,
     )
+    return signals, largest
+
+
+def _decimated_channels(log: FlightLog, names: Sequence[str], factor: int, lowpass: Lowpass) -> FloatArray:
+    """Return (n_rows, n_channels) channels filtered and decimated.
+
+    Those of a long log are filtered one after the other, some samples at a time, for memory.
+    """
+    if factor == 1 or log.n_samples <= MOST_AT_ONCE:
+        return decimate(log.signals(names), factor, lowpass)
+    reach, step = sum(lost_samples(factor, lowpass)), MOST_AT_ONCE // factor * factor or factor
+    # Pieces overlap by the filter's reach; each gives the rows that begin in it.
+    pieces = [slice(k, k + step - factor + 1 + reach) for k in range(0, log.n_samples - reach, step)]
+    made = np.empty(((log.n_samples - reach - 1) // factor + 1, len(names)))
+    for i, name in enumerate(names):
+        channel = log.channel(name)
+        made[:, i] = np.concatenate([decimate(channel.between(rows), factor, lowpass) for rows in pieces])
+    return made
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -340,16 +313,16 @@ class RegressionData:
         """
         z, earlier = magnitudes / self.magnitude_unit, self.layout.earlier
         faulty = np.asarray(self.layout.y) + self.layout.theta.combined(z, 0, len(self.layout.y))
-        y, center, unit = _standardised(self.center + self.unit * faulty, centred=self.centred)
+        y = standardised(self.center + self.unit * faulty, centred=self.centred)
         outputs = np.zeros(len(z), dtype=np.intp)
         outputs[[atom for _, atom in self.data.columns.signals]] = [output for output, _ in self.data.columns.signals]
-        scale, shift = self.unit / unit, (self.center - center) / unit
+        scale, shift = self.unit / y.unit, (self.center - y.center) / y.unit
         return replace(
             self,
-            layout=replace(self.layout, y=y, earlier=earlier and earlier.scaled(scale), segments=None),
+            layout=replace(self.layout, y=np.asarray(y), earlier=earlier and earlier.scaled(scale), segments=None),
             data=with_scaled_outputs(with_fault(self.data, z), scale, shift),
-            center=center,
-            unit=unit,
+            center=y.center,
+            unit=y.unit,
             magnitude_unit=self.magnitude_unit / scale[outputs],
         )
 
@@ -378,22 +351,15 @@ def build_regression(
     wanted = orders or (model.orders if model.order == "auto" else (model.order,))
     orders = feasible_orders(signals.path, len(signals.time_s), wanted, n_inputs=n_inputs, n_outputs=n_outputs)
     centred = config.conditioning.detrend == "constant"
-    u: FloatArray | ScaledSignals
-    y: FloatArray | ScaledSignals
-    if signals.theta.in_stretches:
-        u, y = (standardised(x, centred=centred) for x in (signals.u, signals.y))
-        center, unit = y.center, y.unit
-    else:
-        u, _, _ = _standardised(signals.u, centred=centred)
-        y, center, unit = _standardised(signals.y, centred=centred)
-    units = np.concatenate([_unit_of(signals.u), unit]) if signals.earlier else unit
-    theta, magnitude_unit = _scaled_signals(signals.theta, atoms, unit)
+    u, y = (standardised(x, centred=centred) for x in (signals.u, signals.y))
+    theta, magnitude_unit = _scaled_signals(signals.theta, atoms, y.unit)
     floor = ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER
-    layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough).with_segments()
+    layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough).prepared()
     is_even = config.conditioning.variance != "running" or as_published(config)
     if not is_even:
         layout = _evened(layout, floor, signals.rate_hz)
     if signals.earlier:
+        units = np.concatenate([u.unit, y.unit])
         earlier = [_earlier_rows(one, layout, units, floor, is_even=is_even) for one in signals.earlier]
         layout = replace(layout, earlier=EarlierRows.together(earlier))
     return RegressionData(
@@ -401,8 +367,8 @@ def build_regression(
         atoms=tuple(atoms),
         layout=layout,
         data=layout.factor(report),
-        center=center,
-        unit=unit,
+        center=y.center,
+        unit=y.unit,
         magnitude_unit=magnitude_unit,
         orders=orders,
         floor=floor,
@@ -463,21 +429,6 @@ def _earlier_rows(earlier: Signals, layout: Layout, units: FloatArray, floor: fl
     weights = np.ones(len(y)) if other.weights is None else other.weights
     other = other.with_weights(earlier.weight * weights)
     return EarlierRows.of(other.factor())
-
-
-def _unit_of(x: FloatArray) -> FloatArray:
-    """Return the standard deviation of each signal, 1 for one that rests."""
-    unit = np.std(x, axis=0)
-    return np.where(unit > 0.0, unit, 1.0)
-
-
-def _standardised(x: FloatArray, *, centred: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the signals with mean 0 (if centred) and standard deviation 1, what was taken off, and the divisor."""
-    center = x.mean(axis=0) if centred else np.zeros(x.shape[1])
-    unit = _unit_of(x)
-    scaled = x - center
-    scaled /= unit
-    return scaled, center, unit
 
 
 def longest_order(n_samples: int, *, n_inputs: int, n_outputs: int) -> int:

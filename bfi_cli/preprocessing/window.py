@@ -313,7 +313,7 @@ def shifts_within(window: PreparedWindow, entry: int, tolerance_s: float) -> Flo
     return np.asarray(shifts[(onset_s + shifts > start_s) & (onset_s + shifts < stop_s)])
 
 
-def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float]) -> tuple[AtomSignals, FloatArray]:
+def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float]) -> AtomSignals:
     """Return the signal of an entry that begins and ends later by some times.
 
     Parameters
@@ -322,17 +322,14 @@ def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float
 
     Returns
     -------
-    (n_samples, n_outputs, n_shifts) filtered and decimated as the window is, in stretches where the window's are, and
-    (n_shifts,) the largest native values.
+    (n_samples, n_outputs, n_shifts), filtered, decimated and held as those of the window are.
     """
     fault, size = window.faults[entry], window.sizes.get(entry, 0.0)
     return signals_of_faults(window, [_later(fault, shift_s) for shift_s in shifts_s], [size] * len(shifts_s))
 
 
-def signals_of_faults(
-    window: PreparedWindow, faults: Sequence[Fault], sizes: Sequence[float] = ()
-) -> tuple[AtomSignals, FloatArray]:
-    """Return (n_samples, n_outputs, n_faults) the signals of faults, as those of the window, and the largest values.
+def signals_of_faults(window: PreparedWindow, faults: Sequence[Fault], sizes: Sequence[float] = ()) -> AtomSignals:
+    """Return (n_samples, n_outputs, n_faults) the signals of faults, as those of the window.
 
     That of a fault of a pressure line whose signal the log cannot tell is 0.
 
@@ -347,7 +344,7 @@ def signals_of_faults(
             with contextlib.suppress(DictionaryError, LogError):
                 of_log[i] = _of_log(window.log, fault, window.response, window.outputs, size=size, with_slopes=False)
     made = window.native.faults.of_others(faults, (*told, *of_log), of_log)
-    return made.decimated(window.rate.factor, window.lowpass, in_stretches=window.signals.theta.in_stretches)
+    return made.decimated(window.rate.factor, window.lowpass, in_stretches=window.signals.theta.in_stretches)[0]
 
 
 def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> PreparedWindow:
@@ -377,37 +374,26 @@ def with_sizes(window: PreparedWindow, sizes: Mapping[int, float]) -> PreparedWi
 
 def _with_entries(window: PreparedWindow, faults: Mapping[int, Fault], sizes: Mapping[int, float]) -> PreparedWindow:
     """Return the window with faults in place of some entries, those of pressure lines as secants to some sizes."""
+    native, entries, largest = window.native.faults, list(faults), window.largest.copy()
     of_log = {
         entry: _of_log(window.log, fault, window.response, window.outputs, size=sizes.get(entry, 0.0))
         for entry, fault in faults.items()
         if SHAPES[fault.shape].acts_on != "channel"
     }
-    largest, entries = window.largest.copy(), list(faults)
-    own, largest[entries] = signals_of_faults(window, list(faults.values()), [sizes.get(one, 0.0) for one in entries])
-    made = window.native.faults.with_others(faults, of_log)
-    slopes = slopes_at(window.signals.time_s, made, window.native.rate_hz)
+    alone = native.of_others(
+        list(faults.values()), range(len(faults)), {n: of_log[j] for n, j in enumerate(entries) if j in of_log}
+    )
+    rate, held = (window.rate.factor, window.lowpass), window.signals.theta
+    own, largest[entries] = alone.decimated(*rate, in_stretches=held.in_stretches)
+    made = native.with_others(faults, of_log)
     return replace(
         window,
-        faults=tuple(faults.get(entry, fault) for entry, fault in enumerate(window.faults)),
+        faults=made.faults,
         native=replace(window.native, faults=made),
-        signals=replace(window.signals, theta=window.signals.theta.replaced(entries, own), slopes=slopes),
+        signals=replace(window.signals, theta=held.replaced(entries, own), slopes=made.slopes_at(*rate)),
         largest=largest,
         sizes=dict(sizes),
     )
-
-
-def slopes_at(time_s: FloatArray, made: FaultSignals, native_rate_hz: float) -> dict[int, FloatArray]:
-    """Return the slopes of signals at the samples of an analysis, see `Signals.slopes`.
-
-    Parameters
-    ----------
-    time_s : (n_samples,) of the analysis; native_rate_hz : of the signals.
-    """
-    slopes = made.slopes
-    if not slopes:
-        return {}
-    rows = np.searchsorted(made.time_s, time_s - 0.5 / native_rate_hz)
-    return {entry: own[rows] for entry, own in slopes.items()}
 
 
 def _later(fault: Fault, shift_s: float) -> Fault:

@@ -12,9 +12,13 @@ from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
 from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, unit_signal
+from bfi_cli.flightlog import FlightLog
+from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.decimation import WHITE, Lowpass
-from bfi_cli.preprocessing.regression import Signals, decimate_signals
+from bfi_cli.kernels.low_pass import IDENTITY
+from bfi_cli.preprocessing.fault_signals import FaultSignals
+from bfi_cli.preprocessing.regression import NativeSignals, Signals, decimate_native
 from bfi_cli.preprocessing.sampling_rate import SAMPLES_PER_EDGE, candidate_orders, choose_rate, is_exact
 
 CITATION = MODELS["citation"]
@@ -22,26 +26,45 @@ BIAS = Fault(shape="bias", channel="tas", onset_s=13.8)
 SINE = Fault(shape="sine", channel="tas", onset_s=0.2, frequency_hz=2.25)
 
 
-def record(*, seconds: float = 30.0, rate_hz: float = 100.0, noise_sd: float = 0.02, faults=(BIAS,), seed=0) -> Signals:
-    """Fly the Citation; the dictionary holds `faults`, none is in the record."""
-    time_s = time_axis(duration_s=seconds, rate_hz=rate_hz)
-    log = simulate(
+def flown(*, seconds: float, rate_hz: float = 100.0, noise_sd: float = 0.02, seed: int = 0) -> FlightLog:
+    """Fly the Citation without a fault."""
+    return simulate(
         CITATION,
-        manoeuvre("3211", time_s),
+        manoeuvre("3211", time_axis(duration_s=seconds, rate_hz=rate_hz)),
         rng=np.random.default_rng(seed),
         rate_hz=rate_hz,
         noise_sd={"tas": noise_sd},
     )
-    theta = np.stack([unit_signal(fault, time_s, window_start_s=0.0) for fault in faults], axis=1)
+
+
+def record(*, seconds: float = 30.0, rate_hz: float = 100.0, noise_sd: float = 0.02, faults=(BIAS,), seed=0) -> Signals:
+    """Fly the Citation; the dictionary holds `faults`, none is in the record."""
+    log = flown(seconds=seconds, rate_hz=rate_hz, noise_sd=noise_sd, seed=seed)
+    theta = np.stack([unit_signal(fault, log.time_s, window_start_s=0.0) for fault in faults], axis=1)
     return Signals(
         path="made.h5",
         rate_hz=rate_hz,
         factor=1,
-        time_s=time_s,
+        time_s=log.time_s,
         u=log.signals(["elevator"]),
         y=log.signals(["tas"]),
         theta=AtomSignals.sampled(theta[:, None, :]),
     )
+
+
+def native(*, seconds: float = 30.0) -> NativeSignals:
+    """Fly the Citation; the dictionary holds BIAS, which is not in the record."""
+    log = replace(flown(seconds=seconds), path="made.h5")
+    faults = FaultSignals(
+        faults=(BIAS,), seen=(0,), outputs=("tas",), time_s=log.time_s, window_start_s=0.0, response=IDENTITY
+    )
+    return NativeSignals(log=log, inputs=("elevator",), outputs=("tas",), faults=faults)
+
+
+def with_tas(signals: NativeSignals, tas: np.ndarray) -> NativeSignals:
+    log = signals.log
+    channel = replace(log.channel("tas"), values=frozen_array(tas))
+    return replace(signals, log=replace(log, channels={**log.channels, "tas": channel}))
 
 
 def recorder(x: np.ndarray, cutoff_hz: float, rate_hz: float) -> np.ndarray:
@@ -171,35 +194,36 @@ def test_a_still_input_beside_a_moving_one_changes_nothing():
 @pytest.mark.parametrize("factor", [1, 3, 10])
 def test_every_signal_goes_through_the_same_filter(kind, factor):
     """So a fault subtracted before is a fault subtracted after, at the same times."""
-    log = record()
+    log = native()
     lowpass = Lowpass(half_width=WHITE.half_width, cutoff=WHITE.cutoff, kind=kind)
-    faulty = decimate_signals(replace(log, y=log.y + 4.0 * np.asarray(log.theta)[:, :, 0]), factor, lowpass)
-    clean = decimate_signals(log, factor, lowpass)
-    np.testing.assert_allclose(faulty.y - 4.0 * np.asarray(faulty.theta)[:, :, 0], clean.y, atol=1e-10)
-    lengths = {len(x) for x in (clean.time_s, clean.u, clean.y, np.asarray(clean.theta))}
-    assert len(lengths) == 1
+    fault = log.faults.between(slice(None))[:, 0, 0]
+    faulty, _ = decimate_native(with_tas(log, log.y[:, 0] + 4.0 * fault), factor, lowpass)
+    clean, _ = decimate_native(log, factor, lowpass)
+    theta = np.asarray(faulty.theta)
+    np.testing.assert_allclose(faulty.y - 4.0 * theta[:, :, 0], clean.y, atol=1e-10)
+    assert {len(x) for x in (clean.time_s, clean.u, clean.y)} == {len(theta)}
     assert clean.rate_hz * factor == log.rate_hz
     np.testing.assert_allclose(np.diff(clean.time_s), factor / log.rate_hz, rtol=1e-9)
-    assert clean.theta.shape[1:] == log.theta.shape[1:]
+    assert clean.theta.shape[1:] == (1, 1)
 
 
 def test_rows_keep_their_times():
-    log = record()
-    ramp = replace(log, y=log.time_s[:, None].copy())
-    at = decimate_signals(ramp, 10)
+    log = native()
+    at, _ = decimate_native(with_tas(log, log.time_s), 10)
     np.testing.assert_allclose(at.y[:, 0], at.time_s, atol=1e-9)
 
 
 def test_factor_one_leaves_the_record_as_it_is():
-    log = record()
-    at = decimate_signals(log, 1)
-    for name in ("time_s", "u", "y", "theta"):
+    log = native()
+    at, _ = decimate_native(log, 1)
+    for name in ("time_s", "u", "y"):
         np.testing.assert_array_equal(getattr(at, name), getattr(log, name))
+    np.testing.assert_array_equal(at.theta, log.faults.between(slice(None)))
 
 
 def test_a_window_shorter_than_the_filter_is_refused():
     with pytest.raises(LogError, match=r"^made\.h5: 100 samples are fewer than .* taps .*; give a higher --rate or a"):
-        decimate_signals(record(seconds=1.0), 50)
+        decimate_native(native(seconds=1.0), 50)
 
 
 def test_at_least_a_hundred_samples_remain():

@@ -437,12 +437,24 @@ class ScaledSignals:
 Channels = FloatArray | ScaledSignals
 
 
-def standardised(values: FloatArray, *, centred: bool) -> ScaledSignals:
-    """Return signals (n_samples, n_signals) with standard deviation 1 and, if centred, mean 0; constants unscaled."""
+def standardised(values: FloatArray, *, centred: bool, at_once: bool) -> tuple[Channels, FloatArray, FloatArray]:
+    """Return signals (n_samples, n_signals) with standard deviation 1 and, if centred, mean 0; constants unscaled.
+
+    Parameters
+    ----------
+    at_once : in an array of their own, else as they are asked for.
+
+    Returns
+    -------
+    The signals, and (n_signals,) what was taken off and (n_signals,) the divisor.
+    """
     n, parts = len(values), range(0, len(values), MEAN_OF)
     mean = np.sum([np.sum(values[k : k + MEAN_OF], axis=0) for k in parts], axis=0) / n
     squares = np.sum([np.sum((values[k : k + MEAN_OF] - mean) ** 2, axis=0) for k in parts], axis=0)
-    unit = np.sqrt(squares / n)
-    return ScaledSignals(
-        values=values, center=mean if centred else np.zeros(values.shape[1]), unit=np.where(unit > 0.0, unit, 1.0)
-    )
+    deviation = np.sqrt(squares / n)
+    center, unit = mean if centred else np.zeros_like(mean), np.where(deviation > 0.0, deviation, 1.0)
+    if not at_once:
+        return ScaledSignals(values=values, center=center, unit=unit), center, unit
+    scaled = values - center
+    scaled /= unit
+    return scaled, center, unit

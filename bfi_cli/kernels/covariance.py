@@ -65,13 +65,10 @@ class Layout:
     earlier: EarlierRows | None = None
     segments: SegmentFactors | None = None
 
-    def prepared(self) -> Layout:
-        """Return the record as the kernels go through it, often: its channels scaled once.
-
-        Those of signals in stretches stay as they are, and what is kept instead are factors of segments.
-        """
+    def with_segments(self) -> Layout:
+        """Return the record with a store for the factors of its segments, where its signals are in stretches."""
         if not self.theta.in_stretches:
-            return replace(self, u=np.asarray(self.u), y=np.asarray(self.y))
+            return self
         segments = SegmentFactors(
             u=self.u,
             y=self.y,

@@ -17,7 +17,6 @@ from ..flightlog import FlightLog
 from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.atom_signals import AtomSignals
 from ..kernels.covariance import FitRows, Layout, unfold
-from ..kernels.lagged import compress
 from ..kernels.onset.scan import ENDING, FLOOR, STARTING, Scan
 from ..kernels.progress import Report, Step, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
@@ -42,10 +41,9 @@ class ScanRecord:
     Attributes
     ----------
     window : the filtered and decimated window of the log.
-    u : (n_samples, n_inputs), y : (n_samples, n_outputs), of unit spread; y in SI is `unit` times the scaled y plus a
-        constant.
+    layout : inputs, outputs and weights of the rows, without signals.
+    unit : (n_outputs,), times which the scaled outputs are those in SI but for a constant.
     orders : of the model, to choose from.
-    weights : (n_samples,) of the rows, None for 1.
     floor : smallest standard deviation of a prediction error, scaled; None for that of the kernel.
     forms : hypotheses to test; kinds : that may be named.
     band_hz : lowest and highest frequency of an oscillation.
@@ -54,12 +52,9 @@ class ScanRecord:
     """
 
     window: PreparedWindow
-    u: FloatArray
-    y: FloatArray
+    layout: Layout
     unit: FloatArray
     orders: tuple[int, ...]
-    feedthrough: bool
-    weights: FloatArray | None
     floor: float | None
     sampling: Sampling
     forms: tuple[ShapeHypothesis, ...]
@@ -67,6 +62,26 @@ class ScanRecord:
     band_hz: tuple[float, float]
     settings: CalibrationSettings
     scans: dict[Hashable, Scan] = field(init=False, repr=False, default_factory=dict)
+
+    @property
+    def u(self) -> FloatArray:
+        """(n_samples, n_inputs) of unit spread."""
+        return np.asarray(self.layout.u)
+
+    @property
+    def y(self) -> FloatArray:
+        """(n_samples, n_outputs) of unit spread."""
+        return np.asarray(self.layout.y)
+
+    @property
+    def feedthrough(self) -> bool:
+        """Whether inputs act in the same sample too."""
+        return self.layout.feedthrough
+
+    @property
+    def weights(self) -> FloatArray | None:
+        """(n_samples,) of the rows, None for 1."""
+        return self.layout.weights
 
     @property
     def time_s(self) -> FloatArray:
@@ -92,11 +107,8 @@ class ScanRecord:
 
     def without_fault(self, y: FloatArray, order: int) -> FitRows:
         """Return the fault-free model of scaled outputs y (n_samples, n_outputs), evaluated on its rows."""
-        none = AtomSignals.none(*y.shape)
-        fit = Likelihood(record=self, y=y, order=order).fit(np.asarray(none))
-        return unfold(
-            Layout(u=self.u, y=y, theta=none, first=order, feedthrough=self.feedthrough, weights=self.weights), fit
-        )
+        fit = Likelihood(record=self, y=y, order=order).fit(np.zeros((*y.shape, 0)))
+        return unfold(replace(self.layout, y=y, first=order), fit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,15 +135,9 @@ class Likelihood:
         """Return the maximum over the magnitudes of signals theta (n_samples, n_outputs, n_signals)."""
         if self.step is not None:
             self.step()
-        data = compress(
-            self.record.u,
-            self.y,
-            theta,
-            order=self.order,
-            feedthrough=self.record.feedthrough,
-            weights=self.record.weights,
-        )
-        problem = project_inputs(data, self.order, floor=FLOOR if self.record.floor is None else self.record.floor)
+        record = self.record
+        layout = replace(record.layout, y=self.y, theta=AtomSignals.sampled(theta), first=self.order)
+        problem = project_inputs(layout.factor(), self.order, floor=FLOOR if record.floor is None else record.floor)
         return fit_magnitudes(problem, range(theta.shape[2]), start, tolerance=TOLERANCE)
 
 
@@ -189,12 +195,16 @@ def prepare_record(
         orders = fitting
     return ScanRecord(
         window=window,
-        u=np.asarray(layout.u),
-        y=np.asarray(layout.y),
+        layout=Layout(
+            u=np.asarray(layout.u),
+            y=np.asarray(layout.y),
+            theta=AtomSignals.none(*layout.y.shape),
+            first=layout.first,
+            feedthrough=layout.feedthrough,
+            weights=None if wanted.ends else layout.weights,
+        ),
         unit=regression.unit,
         orders=orders,
-        feedthrough=layout.feedthrough,
-        weights=None if wanted.ends else layout.weights,
         floor=None if window.rate.factor == 1 else regression.floor,
         sampling=Sampling(
             n_samples=n,

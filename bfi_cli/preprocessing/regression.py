@@ -313,16 +313,16 @@ class RegressionData:
         """
         z, earlier = magnitudes / self.magnitude_unit, self.layout.earlier
         faulty = np.asarray(self.layout.y) + self.layout.theta.combined(z, 0, len(self.layout.y))
-        y = standardised(self.center + self.unit * faulty, centred=self.centred)
+        y, center, unit = standardised(self.center + self.unit * faulty, centred=self.centred, at_once=True)
         outputs = np.zeros(len(z), dtype=np.intp)
         outputs[[atom for _, atom in self.data.columns.signals]] = [output for output, _ in self.data.columns.signals]
-        scale, shift = self.unit / y.unit, (self.center - y.center) / y.unit
+        scale, shift = self.unit / unit, (self.center - center) / unit
         return replace(
             self,
-            layout=replace(self.layout, y=np.asarray(y), earlier=earlier and earlier.scaled(scale), segments=None),
+            layout=replace(self.layout, y=y, earlier=earlier and earlier.scaled(scale), segments=None),
             data=with_scaled_outputs(with_fault(self.data, z), scale, shift),
-            center=y.center,
-            unit=y.unit,
+            center=center,
+            unit=unit,
             magnitude_unit=self.magnitude_unit / scale[outputs],
         )
 
@@ -351,15 +351,16 @@ def build_regression(
     wanted = orders or (model.orders if model.order == "auto" else (model.order,))
     orders = feasible_orders(signals.path, len(signals.time_s), wanted, n_inputs=n_inputs, n_outputs=n_outputs)
     centred = config.conditioning.detrend == "constant"
-    u, y = (standardised(x, centred=centred) for x in (signals.u, signals.y))
-    theta, magnitude_unit = _scaled_signals(signals.theta, atoms, y.unit)
+    scaling = {"centred": centred, "at_once": not signals.theta.in_stretches}
+    (u, _, u_unit), (y, center, unit) = (standardised(x, **scaling) for x in (signals.u, signals.y))
+    theta, magnitude_unit = _scaled_signals(signals.theta, atoms, unit)
     floor = ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER
-    layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough).prepared()
+    layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough).with_segments()
     is_even = config.conditioning.variance != "running" or as_published(config)
     if not is_even:
         layout = _evened(layout, floor, signals.rate_hz)
     if signals.earlier:
-        units = np.concatenate([u.unit, y.unit])
+        units = np.concatenate([u_unit, unit])
         earlier = [_earlier_rows(one, layout, units, floor, is_even=is_even) for one in signals.earlier]
         layout = replace(layout, earlier=EarlierRows.together(earlier))
     return RegressionData(
@@ -367,8 +368,8 @@ def build_regression(
         atoms=tuple(atoms),
         layout=layout,
         data=layout.factor(report),
-        center=y.center,
-        unit=y.unit,
+        center=center,
+        unit=unit,
         magnitude_unit=magnitude_unit,
         orders=orders,
         floor=floor,

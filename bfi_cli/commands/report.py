@@ -44,7 +44,7 @@ KINDS = {
 }
 STORED = {"montecarlo": "summary.json"}
 # These documents are read back into what they were made from, which says itself where one is damaged.
-READ_BACK = ("calibration", "compare", "detect", "diagnose", "identify", "reproduce", "start-time")
+READ_BACK = ("calibration", "compare", "detect", "diagnosability", "diagnose", "identify", "reproduce", "start-time")
 # Shares, counts and published numbers, which have no units to choose.
 WITHOUT_UNITS = ("calibration", "montecarlo", "reproduce")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,10 @@ from ..kernels import FloatArray
 from ..notes import unique
 from ..printable import shortened
 from ..provenance import Provenance
-from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, notes_of
+from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, shown_notes
 from ..report.text import noise_level, number, quantity
-from ..serialization import SCHEMA, to_plain
-from .assess import DiagnosabilityResult
-
-Plain = Mapping[str, Any]
+from ..serialization import SCHEMA, from_plain, mapping, member, to_plain
+from .assess import DiagnosabilityResult, DiagnosedAtom, ManoeuvreScore
 
 ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
 # What fits a page and can be read: letters of a name, rows of a map, curves of a panel; and where the curves rise.
@@ -67,31 +66,40 @@ def diagnosability_document(result: DiagnosabilityResult, provenance: Provenance
     }
 
 
-def diagnosability_content(document: Plain, units: Units = SI) -> ReportContent:
-    """Return what the report of a document of `bfi diagnosability` holds, in `units`."""
-    stored = sorted(document["atoms"], key=_rank)
-    document = {**document, "atoms": [_in_units(atom, units) for atom in document["atoms"]]}
-    best, atoms, manoeuvres = (document[key] for key in ("best", "atoms", "manoeuvres"))
-    live = [j for j, atom in enumerate(atoms) if atom["divergence_bits"] is not None]
-    names = tuple(_short(atoms[j]["name"]) for j in live)
+def diagnosability_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
+    """Return what the report of a document of `bfi diagnosability` holds, in `units`; its CSV files are in SI.
+
+    Raises
+    ------
+    ConfigError : the document, named by `where`, is damaged.
+    """
+    information = mapping(member(document, "information", where=where), where=f"{where}: information")
+    rows_of = member(document, "between", where=where)
+    result = from_plain(DiagnosabilityResult, {**document, **information, "between": []}, where=where)
+    between = np.array(rows_of, dtype=np.float64).reshape(len(result.atoms), -1)
+    stored = sorted(result.atoms, key=_rank)
+    result = replace(result, atoms=tuple(_in_units(atom, units) for atom in result.atoms))
+    best, atoms, manoeuvres = result.best, result.atoms, result.manoeuvres
+    live = [j for j, atom in enumerate(atoms) if atom.divergence_bits is not None]
+    names = tuple(_short(atoms[j].name) for j in live)
 
     ranked = sorted(atoms, key=_rank)
     rows = tuple(
         (
-            atom["name"],
-            quantity(atom["magnitude"], atom["unit"]),
-            number(atom["divergence_bits"], digits=3),
-            quantity(atom["minimal_detectable"], atom["unit"]),
-            atom["most_like"] or "-",
-            number(atom["apart_bits"], digits=3),
-            number(atom["sample_bits"], digits=2),
-            atom["note"] or "",
+            atom.name,
+            quantity(atom.magnitude, atom.unit),
+            number(atom.divergence_bits, digits=3),
+            quantity(atom.minimal_detectable, atom.unit),
+            atom.most_like or "-",
+            number(atom.apart_bits, digits=3),
+            number(atom.sample_bits, digits=2),
+            atom.note or "",
         )
         for atom in ranked
     )
     tables, drawings = [Table(name="faults", title="Faults, easiest to see first", heads=ATOM_HEADS, rows=rows)], []
     if 0 < len(live) <= MOST_IN_MAP:
-        bits = ([atoms[j]["divergence_bits"], *(document["between"][j][i] for i in live)] for j in live)
+        bits = ([atoms[j].divergence_bits, *between[j, live]] for j in live)
         heat_map = HeatMap(
             title="Fault against no fault, and against each other fault",
             rows=names,
@@ -101,43 +109,43 @@ def diagnosability_content(document: Plain, units: Units = SI) -> ReportContent:
         )
         drawings.append(Drawing(name="divergence", caption=MAP_CAPTION, heat_maps=(heat_map,)))
     if live:
-        drawings.append(_curves(document, live))
+        drawings.append(_curves(result, live))
     if manoeuvres:
         table, drawing = _manoeuvres(manoeuvres, live[:MOST_IN_MAP], names[:MOST_IN_MAP])
         tables.append(table)
         drawings.append(drawing)
     return ReportContent(
         category="Diagnosability",
-        title=str(document["log"]["path"]),
+        title=result.log.path,
         heading="What could be diagnosed" if best is None else f"Best manoeuvre: {best}",
-        verdict=_verdict(document, live),
-        facts=_facts(document, units),
+        verdict=_verdict(result, live),
+        facts=_facts(result, units),
         tables=tuple(tables),
         drawings=tuple(drawings),
-        notes=notes_of(document, units),
-        data={"faults.csv": {key: [atom.get(key) for atom in stored] for key in FAULT_COLUMNS}},
+        notes=shown_notes(result.notes, units),
+        data={"faults.csv": {key: [getattr(atom, key) for atom in stored] for key in FAULT_COLUMNS}},
     )
 
 
-def _manoeuvres(scores: Sequence[Plain], shown: Sequence[int], names: Sequence[str]) -> tuple[Table, Drawing]:
+def _manoeuvres(scores: Sequence[ManoeuvreScore], shown: Sequence[int], names: Sequence[str]) -> tuple[Table, Drawing]:
     """Return what the manoeuvres tell, and a map of it over the entries that are shown."""
     rows = tuple(
         (
-            score["name"],
-            number(score["bits"], spread=score["standard_error"], extra=1),
-            number(score["standard_error"], digits=1),
-            score["weakest"] or "-",
-            number(score["weakest_bits"], digits=2),
-            score["problem"] or "",
+            score.name,
+            number(score.bits, spread=score.standard_error, extra=1),
+            number(score.standard_error, digits=1),
+            score.weakest or "-",
+            number(score.weakest_bits, digits=2),
+            score.problem or "",
         )
         for score in scores
     )
-    flown = [score for score in scores if score["bits"] is not None]
+    flown = [score for score in scores if score.bits is not None]
     heat_map = HeatMap(
         title="Manoeuvres, best first",
-        rows=tuple(_short(score["name"]) for score in flown),
+        rows=tuple(_short(score.name) for score in flown),
         columns=("told apart, mean", *names),
-        values=tuple(_numbers([score["bits"], *(score["divergence_bits"][j] for j in shown)]) for score in flown),
+        values=tuple(_numbers([score.bits, *(score.divergence_bits[j] for j in shown)]) for score in flown),
         label="divergence [bit]",
     )
     return (
@@ -146,80 +154,78 @@ def _manoeuvres(scores: Sequence[Plain], shown: Sequence[int], names: Sequence[s
     )
 
 
-def _facts(document: Plain, units: Units) -> tuple[tuple[str, str], ...]:
-    log, model, atoms = document["log"], document["model"], document["atoms"]
-    own = {atom["channel"]: atom.get("channel_unit") or "" for atom in atoms}
-    noise = (f"{name} {noise_level(name, sd, units, own)}" for name, sd in model["noise_sd"].items())
-    sizes = "multiples of the minimal detectable ones" if document["in_limits"] else "as given"
+def _facts(result: DiagnosabilityResult, units: Units) -> tuple[tuple[str, str], ...]:
+    log, model, atoms = result.log, result.model, result.atoms
+    own = {atom.channel: atom.channel_unit for atom in atoms}
+    noise = (f"{name} {noise_level(name, sd, units, own)}" for name, sd in model.noise_sd.items())
+    sizes = "multiples of the minimal detectable ones" if result.in_limits else "as given"
     facts = [
-        ("Window", f"{number(log['start_s'])} to {number(log['stop_s'])} s, {log['n_samples']} samples"),
-        ("Rate", f"{number(log['rate_hz'])} Hz (recorded at {number(log['native_rate_hz'])} Hz)"),
-        ("Model", f"VARX of order {model['order']}, inputs {', '.join(model['inputs']) or 'none'}"),
+        ("Window", f"{number(log.start_s)} to {number(log.stop_s)} s, {log.n_samples} samples"),
+        ("Rate", f"{number(log.rate_hz)} Hz (recorded at {number(log.native_rate_hz)} Hz)"),
+        ("Model", f"VARX of order {model.order}, inputs {', '.join(model.inputs) or 'none'}"),
         ("Prediction error", ", ".join(noise)),
-        ("Dictionary", f"{document['dictionary']}, {len(atoms)} faults"),
+        ("Dictionary", f"{result.dictionary}, {len(atoms)} faults"),
         ("Magnitudes", f"root mean squares, {sizes}"),
     ]
-    drawn = () if document["best"] is None else (("Draws of the noise", str(document["draws"])),)
+    drawn = () if result.best is None else (("Draws of the noise", str(result.draws)),)
     return (*facts, *drawn)
 
 
-def _rank(atom: Plain) -> tuple[bool, float]:
+def _rank(atom: DiagnosedAtom) -> tuple[bool, float]:
     """Return the key by which entries stand, the easiest to see first."""
-    return atom["divergence_bits"] is None, -(atom["divergence_bits"] or 0.0)
+    return atom.divergence_bits is None, -(atom.divergence_bits or 0.0)
 
 
-def _in_units(atom: Plain, units: Units) -> dict[str, Any]:
+def _in_units(atom: DiagnosedAtom, units: Units) -> DiagnosedAtom:
     """Return an entry with what its magnitudes mean, in the unit that is shown."""
-    scale = atom.get("physical_scale")
-    scale, unit = (1.0, atom["unit"]) if scale is None else (abs(scale), atom["physical_unit"])
-    shown = units.of(unit, channel=atom["channel"], own=atom.get("channel_unit") or "")
-    sizes = {
-        key: None if atom[key] is None else shown.change(scale * atom[key])
-        for key in ("magnitude", "minimal_detectable")
-    }
-    return {**atom, **sizes, "unit": shown.unit}
+    scale = atom.physical_scale
+    scale, unit = (1.0, atom.unit) if scale is None else (abs(scale), atom.physical_unit or "")
+    shown = units.of(unit, channel=atom.channel, own=atom.channel_unit)
+    magnitude, limit = (
+        None if size is None else shown.change(scale * size) for size in (atom.magnitude, atom.minimal_detectable)
+    )
+    return replace(atom, magnitude=magnitude, minimal_detectable=limit, unit=shown.unit)
 
 
-def _verdict(document: Plain, live: Sequence[int]) -> str:
-    atoms = [document["atoms"][j] for j in live]
+def _verdict(result: DiagnosabilityResult, live: Sequence[int]) -> str:
+    atoms = [result.atoms[j] for j in live]
     if not atoms:
         return "No fault of the dictionary could be assessed."
-    hardest = min(atoms, key=lambda atom: atom["divergence_bits"])
-    limit = quantity(hardest["minimal_detectable"], hardest["unit"])
+    hardest = max(atoms, key=_rank)
+    limit = quantity(hardest.minimal_detectable, hardest.unit)
     sentences = [f"Hardest to see: {_bits(hardest, 'divergence_bits')}, detected from {limit} on."]
-    likely = [atom for atom in atoms if atom["apart_bits"] is not None]
+    likely = [atom for atom in atoms if atom.apart_bits is not None]
     if likely:
-        alike = min(likely, key=lambda atom: atom["apart_bits"])
+        alike = min(likely, key=lambda atom: atom.apart_bits or 0.0)
         sentences.append(
-            f"Hardest to tell from another: {_bits(alike, 'apart_bits')} against {_short(alike['most_like'])}."
+            f"Hardest to tell from another: {_bits(alike, 'apart_bits')} against {_short(alike.most_like or '-')}."
         )
-    if document["best"] is not None:
-        score = document["manoeuvres"][0]
-        sentences.insert(0, f"Of {len(document['manoeuvres'])} manoeuvres {_short(score['name'])} tells most.")
+    if result.best is not None:
+        score = result.manoeuvres[0]
+        sentences.insert(0, f"Of {len(result.manoeuvres)} manoeuvres {_short(score.name)} tells most.")
     return " ".join(sentences)
 
 
-def _bits(atom: Plain, key: str) -> str:
-    size = quantity(atom["magnitude"], atom["unit"])
-    return f"{_short(atom['name'])} of {size} ({number(atom[key], digits=2)} bit)"
+def _bits(atom: DiagnosedAtom, key: str) -> str:
+    size = quantity(atom.magnitude, atom.unit)
+    return f"{_short(atom.name)} of {size} ({number(getattr(atom, key), digits=2)} bit)"
 
 
 def _short(name: str) -> str:
     return shortened(name, NAME_LETTERS)
 
 
-def _curves(document: Plain, live: Sequence[int]) -> Drawing:
+def _curves(result: DiagnosabilityResult, live: Sequence[int]) -> Drawing:
     """Draw the curve of each fault, hardest first, over the magnitudes where it rises."""
-    information = document["information"]
-    deviations, bits = _numbers(information["deviations"]), _numbers(information["bits"])
+    deviations, bits = result.deviations, result.bits
     shown = (bits > SHOWN_BITS[0]) & (bits < SHOWN_BITS[1])
-    atoms = [document["atoms"][j] for j in live if document["atoms"][j]["minimal_detectable"] is not None]
-    hardest = sorted(atoms, key=lambda atom: atom["divergence_bits"])[:MOST_CURVES]
-    at_deviations = information["limit_deviations"]
+    atoms = [(atom, limit) for j in live if (limit := (atom := result.atoms[j]).minimal_detectable) is not None]
+    hardest = sorted(atoms, key=lambda one: one[0].divergence_bits or 0.0)[:MOST_CURVES]
+    at_deviations = result.limit_deviations
     at_limit = float(np.interp(at_deviations, deviations, bits))
     panels = []
-    for unit in dict.fromkeys(atom["unit"] for atom in hardest):
-        sds = [(atom["name"], atom["minimal_detectable"] / at_deviations) for atom in hardest if atom["unit"] == unit]
+    for unit in dict.fromkeys(atom.unit for atom, _ in hardest):
+        sds = [(atom.name, limit / at_deviations) for atom, limit in hardest if atom.unit == unit]
         panels.append(
             Panel(
                 x_label=f"magnitude [{unit or '-'}]",

@@ -110,7 +110,7 @@ def command(context: click.Context, /, name: str | None, model_file: str | None,
     if model_file is None and name is not None:
         model = aircraft.find_model(name, plan)
     elif model_file is not None and name is None:
-        from ..aircraft.model_file import load_model
+        from ..aircraft.model import load_model
 
         model = load_model(model_file)
         if plan != aircraft.FlightPlan():

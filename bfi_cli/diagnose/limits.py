@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import LARGEST_ERROR, STANDARD
+from ..kernels.runs import runs
 from ..parity import Bound
 from ..parity.lines import METRES
 from ..parity.record import STATIC_LEAK
@@ -61,10 +62,9 @@ class Hidden:
     @property
     def watched(self) -> list[Window]:
         """The onsets that it covers; a fault that grew before the first of them shows as one from there on."""
-        edges = np.flatnonzero(np.diff(np.isfinite(self.sizes).astype(np.int8), prepend=0, append=0)).tolist()
         return [
             (float(self.onsets_s[first]) if first else self.window[0], float(self.onsets_s[end - 1]))
-            for first, end in zip(edges[::2], edges[1::2], strict=True)
+            for first, end in runs(np.isfinite(self.sizes))
         ]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from bfi_cli.aircraft import MODELS, LinearModel, manoeuvre, simulate, time_axis
-from bfi_cli.aircraft.model_file import load_model
+from bfi_cli.aircraft.model import load_model
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import parse_spec
 from bfi_cli.flightlog import FlightLog, inject

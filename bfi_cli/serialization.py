@@ -16,8 +16,9 @@ import numpy as np
 
 from .errors import ConfigError
 from .files import MARK
-from .notes import Note
+from .notes import Note, unique
 from .printable import printable, valid_text
+from .provenance import Provenance
 
 T = TypeVar("T")
 DAMAGED = "the file is damaged or of another program, write it again"
@@ -26,6 +27,12 @@ SCHEMA = 3
 SCHEMA_BEFORE = {"detect": 2, "diagnose": 2, "identify": 2, "montecarlo": 2, "start-time": 2}
 # Keys of what has an entry per sample or onset: gigabytes for a day at 100 Hz. A reproduction has drawings in it.
 SERIES = ("series", "profile", "drawings")
+
+
+def document_of(kind: str, body: Mapping[str, Any], notes: Iterable[Note], provenance: Provenance) -> dict[str, Any]:
+    """Return the document of a plain body: its kind and schema before it, each note once and its origin after it."""
+    ends = {"notes": to_plain(unique(notes)), "provenance": to_plain(provenance)}
+    return {"kind": kind, "schema": SCHEMA, **body, **ends}
 
 
 def to_plain(value: object) -> Any:

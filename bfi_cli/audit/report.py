@@ -11,13 +11,13 @@ import numpy as np
 from ..display_units import SI, Units
 from ..faults import fault_to_dict
 from ..kernels import FloatArray
-from ..notes import Note, unique
+from ..notes import Note
 from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..printable import shortened
 from ..provenance import Provenance
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, notes_of, thinned
-from ..report.text import change, noise_level, number, with_unit
-from ..serialization import SCHEMA, to_plain
+from ..report.text import change, noise_levels, number, with_unit
+from ..serialization import document_of, to_plain
 from ..shapes import SHAPES
 from .comparison import pairs
 from .entries import Audit
@@ -76,10 +76,8 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
         if atom.minimal_physical is not None:
             entry["minimal_physical"] = dict(zip(("value", "unit"), atom.minimal_physical, strict=True))
         atoms.append(entry)
-    plain: dict[str, Any] = to_plain(
+    body = to_plain(
         {
-            "kind": "dictionary",
-            "schema": SCHEMA,
             "path": audit.path,
             "relative_to": audit.relative_to,
             "log": None if audit.log_path is None else {"path": audit.log_path, "native_rate_hz": audit.native_rate_hz},
@@ -98,11 +96,9 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
                 "matrix": signatures.coherence,
             },
             "series": series,
-            "notes": unique(audit.all_notes),
-            "provenance": provenance,
         }
     )
-    return plain
+    return document_of("dictionary", body, audit.all_notes, provenance)
 
 
 def audit_content(document: Plain, units: Units = SI) -> ReportContent:
@@ -149,7 +145,7 @@ def _facts(document: Plain, units: Units) -> tuple[tuple[str, str], ...]:
         facts.append(("Window", f"{span}, {window['why']}" if window["n_samples"] else window["why"]))
     else:
         own = {atom["channel"]: atom["channel_unit"] for atom in document["atoms"]}
-        noise = ", ".join(f"{name} {noise_level(name, sd, units, own)}" for name, sd in model["noise_sd"].items())
+        noise = noise_levels(model["noise_sd"], units, own)
         facts.append(("Log", f"{log['path']}, {span}, recorded at {number(log['native_rate_hz'])} Hz"))
         facts.append(("Rate", f"{number(window['rate_hz'])} Hz: {window['why']}"))
         facts.append(("Model", f"VARX of order {model['order']} without fault, prediction error SD {noise}"))

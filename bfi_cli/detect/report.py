@@ -9,7 +9,7 @@ import numpy as np
 
 from ..channels import LARGEST_ERROR
 from ..display_units import SI, Units
-from ..notes import Note, unique
+from ..notes import Note
 from ..printable import shortened
 from ..provenance import Provenance
 from ..report.claims import (
@@ -22,7 +22,7 @@ from ..report.claims import (
 )
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve, shown_notes
 from ..report.text import change, instant, interval, number, with_unit
-from ..serialization import SCHEMA, from_plain, member, to_plain
+from ..serialization import document_of, from_plain, member, to_plain
 from .result import Alarm, ChannelSeries, DetectResult
 
 UNKNOWN = "size not determined"
@@ -41,13 +41,7 @@ def detect_document(result: DetectResult, provenance: Provenance) -> dict[str, A
     """Return the document of `bfi detect --json`; numbers that are not finite are None."""
     body = to_plain(result)
     body["series"] = {"time_s": body.pop("time_s"), "channels": body["series"]}
-    return {
-        "kind": "detect",
-        "schema": SCHEMA,
-        **body,
-        "notes": to_plain(unique(result.notes)),
-        "provenance": to_plain(provenance),
-    }
+    return document_of("detect", body, result.notes, provenance)
 
 
 def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:

@@ -11,12 +11,11 @@ import numpy as np
 
 from ..display_units import SI, Units
 from ..kernels import FloatArray
-from ..notes import unique
 from ..printable import shortened
 from ..provenance import Provenance
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, shown_notes
-from ..report.text import noise_level, number, quantity
-from ..serialization import SCHEMA, from_plain, mapping, member, to_plain
+from ..report.text import noise_levels, number, quantity
+from ..serialization import document_of, from_plain, mapping, member, to_plain
 from .assess import DiagnosabilityResult, DiagnosedAtom, ManoeuvreScore
 
 ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
@@ -55,15 +54,7 @@ def diagnosability_document(result: DiagnosabilityResult, provenance: Provenance
     for key in ORDER_KEYS:
         body["model"].pop(key)
     information = {key: body.pop(key) for key in ("deviations", "bits", "limit_deviations")}
-    body.pop("notes")
-    return {
-        "kind": "diagnosability",
-        "schema": SCHEMA,
-        **body,
-        "information": information,
-        "notes": to_plain(unique(result.notes)),
-        "provenance": to_plain(provenance),
-    }
+    return document_of("diagnosability", {**body, "information": information}, result.notes, provenance)
 
 
 def diagnosability_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
@@ -157,13 +148,12 @@ def _manoeuvres(scores: Sequence[ManoeuvreScore], shown: Sequence[int], names: S
 def _facts(result: DiagnosabilityResult, units: Units) -> tuple[tuple[str, str], ...]:
     log, model, atoms = result.log, result.model, result.atoms
     own = {atom.channel: atom.channel_unit for atom in atoms}
-    noise = (f"{name} {noise_level(name, sd, units, own)}" for name, sd in model.noise_sd.items())
     sizes = "multiples of the minimal detectable ones" if result.in_limits else "as given"
     facts = [
         ("Window", f"{number(log.start_s)} to {number(log.stop_s)} s, {log.n_samples} samples"),
         ("Rate", f"{number(log.rate_hz)} Hz (recorded at {number(log.native_rate_hz)} Hz)"),
         ("Model", f"VARX of order {model.order}, inputs {', '.join(model.inputs) or 'none'}"),
-        ("Prediction error", ", ".join(noise)),
+        ("Prediction error", noise_levels(model.noise_sd, units, own)),
         ("Dictionary", f"{result.dictionary}, {len(atoms)} faults"),
         ("Magnitudes", f"root mean squares, {sizes}"),
     ]

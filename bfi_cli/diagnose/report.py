@@ -13,15 +13,14 @@ from ..display_units import SI, Shown, Units
 from ..flightlog.report import lane_panel
 from ..flightlog.timeline import bands_of, lanes_of, phase_table
 from ..kernels.normal import TWO_SIDED_95
-from ..notes import Note, unique
+from ..notes import Note
 from ..provenance import Provenance
 from ..report.claims import beside_tolerance, fault_head, hidden_table
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Screen, Table, curve, shown_notes
-from ..report.text import capital, change, instant, number, with_unit
-from ..serialization import SCHEMA, from_plain, mapping, member, to_plain
+from ..report.text import HEADINGS, capital, change, instant, number, with_unit
+from ..serialization import document_of, from_plain, mapping, member, to_plain
 from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse
 
-HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
 # Shapes that are named behind a channel; the others are faults by themselves.
 OF_A_CHANNEL = ("bias", "drift", "sine", "offset", "frozen", "pitot_blocked", "static_blocked")
 # What a channel does that has short defects of a shape.
@@ -56,15 +55,7 @@ def diagnose_document(result: DiagnoseResult, provenance: Provenance) -> dict[st
     """Return the document of `bfi diagnose --json`; numbers that are not finite are None."""
     body = to_plain(result)
     series = {key: body.pop(key) for key in SERIES}
-    body.pop("notes")
-    return {
-        "kind": "diagnose",
-        "schema": SCHEMA,
-        **body,
-        "series": series,
-        "notes": to_plain(unique(result.notes)),
-        "provenance": to_plain(provenance),
-    }
+    return document_of("diagnose", {**body, "series": series}, result.notes, provenance)
 
 
 def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:

@@ -13,11 +13,11 @@ import numpy as np
 
 from ..display_units import SI, Units
 from ..errors import ConfigError, LogError
-from ..notes import Note, unique
+from ..notes import Note
 from ..provenance import Provenance
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, notes_of, thinned
 from ..report.text import change, instant
-from ..serialization import SCHEMA, check_schema, mapping, member, to_plain
+from ..serialization import check_schema, document_of, mapping, member, to_plain
 from .derived import DERIVED, with_derived
 from .difference import GAP, difference
 from .phases import phases_of
@@ -205,10 +205,8 @@ def plot_document(
     if shift_s:
         said.append(Note.method(f"times of {logs[1].path} are moved by {shift_s:.4g} s, to those of {first.path}"))
     changes = [(name, *difference(parts[0], parts[1], name)) for name in chosen] if diff else []
-    document: dict[str, Any] = to_plain(
+    body = to_plain(
         {
-            "kind": "plot",
-            "schema": SCHEMA,
             "logs": [
                 {
                     **{key: getattr(part, key) for key in ("path", "rate_hz", "n_samples")},
@@ -236,11 +234,9 @@ def plot_document(
                 ),
                 *(_series(None, whole[0].channels[name], time_s, values) for name, time_s, values in changes),
             ],
-            "notes": unique(said),
-            "provenance": provenance,
         }
     )
-    return document
+    return document_of("plot", body, said, provenance)
 
 
 def shared_channels(first: FlightLog, second: FlightLog, chosen: Sequence[str]) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from ..plausibility.finding import Implausible
 from ..provenance import Provenance
 from ..report.content import Drawing, Lane, Panel, ReportContent, Table, notes_of
 from ..report.text import with_unit
-from ..serialization import SCHEMA, to_plain
+from ..serialization import document_of, to_plain
 from ..shapes import SHAPES
 from .defects import Defect, sentence_of_defect
 from .quality import UNEVEN, LogReport
@@ -36,35 +36,21 @@ def info_document(
 ) -> dict[str, Any]:
     """Return the document of `bfi info --json`."""
     span = ("path", "rate_hz", "n_samples", "start_s", "stop_s")
-    same = (
-        "rate_hz",
-        "uniform",
-        "jitter",
-        "channels",
-        "derived",
-        "excitation",
-        "phases",
-        "windows",
-        "segments",
-    )
-    document: dict[str, Any] = to_plain(
+    same = ("rate_hz", "uniform", "jitter", "channels", "derived", "excitation", "phases", "windows", "segments")
+    body = to_plain(
         {
-            "kind": "info",
-            "schema": SCHEMA,
             "log": {key: getattr(report, key) for key in span},
             "recorder": next((one for one in report.filters or () if one.stage == "recorder"), None),
             "gaps": [{"start_s": start, "stop_s": stop} for start, stop in report.gaps],
             **{key: getattr(report, key) for key in same},
-            "notes": unique(report.notes),
             "defects": [
                 {key: getattr(one, key) for key in DEFECT_KEYS} | {"sentence": sentence_of_defect(one)}
                 for one in defects
             ],
             "plausibility": plausibility,
-            "provenance": provenance,
         }
     )
-    return document
+    return document_of("info", body, report.notes, provenance)
 
 
 def info_content(document: Plain, units: Units = SI) -> ReportContent:
@@ -186,20 +172,16 @@ def _table(name: str, title: str, rows: Sequence[Plain]) -> Iterator[Table]:
 
 def log_document(log: FlightLog, provenance: Provenance, *, kind: str) -> dict[str, Any]:
     """Return the JSON document of a command that makes a log; `truth` is None where the log carries none."""
-    document: dict[str, Any] = to_plain(
+    body = to_plain(
         {
-            "kind": kind,
-            "schema": SCHEMA,
             "path": log.path,
             "n_samples": log.n_samples,
             "rate_hz": log.rate_hz,
             "channels": [{"name": channel.name, "unit": channel.unit} for channel in log.channels.values()],
             "truth": None if log.truth is None else {"faults": [fault_to_dict(fault) for fault in log.truth.faults]},
-            "notes": unique(log.notes),
-            "provenance": provenance,
         }
     )
-    return document
+    return document_of(kind, body, log.notes, provenance)
 
 
 def log_content(document: Plain, units: Units = SI) -> ReportContent:

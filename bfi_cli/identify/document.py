@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from ..errors import ConfigError
-from ..notes import Note, unique
+from ..notes import Note
 from ..provenance import Provenance
 from ..report.faults import fault_entry, plain_estimate
-from ..serialization import SCHEMA, check_schema, from_plain, mapping, member, to_plain
+from ..serialization import check_schema, document_of, from_plain, mapping, member, to_plain
 from .result import IdentifyResult
 
 __all__ = ["identify_document", "identify_from_document"]
@@ -40,9 +40,7 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
     truth = whole["truth"]
     vaf_fault = None if truth is None else truth.pop("vaf_fault")
     curve = {key: whole["model"].pop(key) for key in ORDER_KEYS}
-    return {
-        "kind": "identify",
-        "schema": SCHEMA,
+    body = {
         "log": whole["log"],
         "decision": whole["decision"],
         "verdicts": whole["verdicts"],
@@ -58,9 +56,8 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
         "residuals": whole["residuals"],
         "truth": truth,
         "series": {key: whole[key] for key in ("time_s", "inputs", "input_units", "outputs")},
-        "notes": to_plain(unique(thinned.notes)),
-        "provenance": to_plain(provenance),
     }
+    return document_of("identify", body, thinned.notes, provenance)
 
 
 def _thinned(result: IdentifyResult) -> IdentifyResult:

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ..display_units import SI, Units
 from ..faults import FaultEstimate, fault_from_dict, fault_to_dict, physical
-from ..notes import unique
 from ..provenance import Provenance
 from ..report.claims import (
     candidate_columns,
@@ -24,8 +23,8 @@ from ..report.claims import (
 )
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve, shown_notes
 from ..report.faults import describe, fault_columns, fault_entry, half, kind_in_words, meaning, plain_estimate, until
-from ..report.text import HEADINGS, change, instant, interval, number, quantity, with_unit
-from ..serialization import SCHEMA, from_plain, member, to_plain
+from ..report.text import HEADINGS, instant, interval, noise_levels, number, quantity, with_unit
+from ..serialization import document_of, from_plain, member, to_plain
 from ..shapes import SHAPES
 from .result import OnsetResult, ShapeProfile
 
@@ -75,10 +74,8 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
     profiles, onset_s = result.profiles, [profile.onset_s for profile in result.profiles]
     # Each shape has onsets of its own only where the search for ends made them differ.
     same = all(np.array_equal(own, onset_s[0]) for own in onset_s)
-    document: dict[str, Any] = to_plain(
+    body = to_plain(
         {
-            "kind": "start-time",
-            "schema": SCHEMA,
             **{key: getattr(result, key) for key in DECISION_KEYS},
             "faults": [fault_entry(fault, KEYS) for fault in result.faults],
             "candidates": result.candidates,
@@ -91,11 +88,9 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
             },
             "series": {"time_s": result.time_s, "outputs": result.series},
             "truth": result.truth and [fault_to_dict(fault) for fault in result.truth],
-            "notes": unique(result.notes),
-            "provenance": provenance,
         }
     )
-    return document
+    return document_of("start-time", body, result.notes, provenance)
 
 
 def onset_from_document(document: Plain, *, where: str = "result") -> OnsetResult:
@@ -190,14 +185,13 @@ def _data(result: OnsetResult) -> dict[str, dict[str, Any]]:
 
 def _facts(result: OnsetResult, units: Units, own: Mapping[str, str]) -> list[tuple[str, str]]:
     log, model, use = result.log, result.model, result.calibration
-    noise = (change(sd, units.of(own.get(name, ""), channel=name)) for name, sd in model.noise_sd.items())
     rows = [
         (
             "Window",
             f"{number(log.start_s)} to {number(log.stop_s)} s, {log.n_samples} samples at {number(log.rate_hz)} Hz",
         ),
         ("Model", f"VARX of order {model.order}, inputs {', '.join(model.inputs)}"),
-        ("Noise", ", ".join(noise)),
+        ("Noise", noise_levels(model.noise_sd, units, own)),
     ]
     if use is not None:
         fits = "made for these settings" if use.matches else "made for other settings"

@@ -64,13 +64,13 @@ def change(value: float | None, shown: Shown) -> str:
     return quantity(shown.change(value), shown.unit)
 
 
-def noise_level(channel: str, sd: float | None, units: Units, own: Mapping[str, str]) -> str:
-    """Return the standard deviation of a channel in SI as a quantity; `own` are the units of the channels of the log.
+def noise_levels(noise_sd: Mapping[str, float], units: Units, own: Mapping[str, str]) -> str:
+    """Return "tas 0.03 m/s, aoa 0.002 rad"; `own` are the units of the channels of the log.
 
     Of a channel of which neither these nor the standard names know the unit, nothing is invented.
     """
-    unit = STANDARD[channel].unit if channel in STANDARD else own.get(channel, "")
-    return change(sd, units.of(unit, channel=channel))
+    known = {name: STANDARD[name].unit if name in STANDARD else own.get(name, "") for name in noise_sd}
+    return ", ".join(f"{name} {change(sd, units.of(known[name], channel=name))}" for name, sd in noise_sd.items())
 
 
 def with_unit(text: str, unit: str) -> str:

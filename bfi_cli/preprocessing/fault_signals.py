@@ -63,7 +63,7 @@ class FaultSignals:
     window_start_s : what `phase_reference: window` counts from.
     response : of the filters that the log went through.
     of_log : by index, the signals of entries that depend on what the log shows.
-    resampled : (n_samples, n_outputs, n_faults) where the log was resampled and they with it, else None.
+    resampled : by index, (n_samples, n_outputs), those that were resampled with the log.
     """
 
     faults: tuple[Fault, ...]
@@ -73,16 +73,14 @@ class FaultSignals:
     window_start_s: float
     response: Response
     of_log: Mapping[int, LogSignal] = field(default_factory=dict)
-    resampled: FloatArray | None = None
+    resampled: Mapping[int, FloatArray] = field(default_factory=dict)
     _even: dict[int, bool] = field(init=False, repr=False, default_factory=dict)  # by factor, once it is known
 
     def between(self, rows: slice) -> FloatArray:
         """Return (n_rows, n_outputs, n_faults) of these samples."""
-        if self.resampled is not None:
-            return self.resampled[rows]
         time_s = self.time_s[rows]
         theta = np.zeros((len(time_s), len(self.outputs), len(self.faults)))
-        stated = [j for j in self.seen if j not in self.of_log]
+        stated = [j for j in self.seen if j not in self.given]
         theta[:, :, stated] = signals(
             [self.faults[j] for j in stated],
             time_s,
@@ -90,9 +88,14 @@ class FaultSignals:
             window_start_s=self.window_start_s,
             response=self.response,
         )
-        for j, signal in self.of_log.items():
-            theta[:, :, j] = signal.values[rows]
+        for j, values in self.given.items():
+            theta[:, :, j] = values[rows]
         return theta
+
+    @property
+    def given(self) -> dict[int, FloatArray]:
+        """By index, (n_samples, n_outputs), the signals that are known sample by sample, not from a formula."""
+        return {j: one.values for j, one in self.of_log.items()} | dict(self.resampled)
 
     @property
     def slopes(self) -> Mapping[int, FloatArray]:
@@ -111,7 +114,7 @@ class FaultSignals:
 
     def of_others(self, faults: Sequence[Fault], seen: Sequence[int], of_log: Mapping[int, LogSignal]) -> FaultSignals:
         """Return the signals of other faults on the same samples, those that are not `seen` zero."""
-        made = replace(self, faults=tuple(faults), seen=seen, of_log=of_log, resampled=None)
+        made = replace(self, faults=tuple(faults), seen=seen, of_log=of_log, resampled={})
         made._even.update(self._even)
         return made
 
@@ -122,18 +125,12 @@ class FaultSignals:
         ----------
         faults : by index; of_log : the signals of those that depend on what the log shows.
         """
-        entries = list(faults)
-        made = replace(
+        return replace(
             self,
             faults=tuple(faults.get(j, fault) for j, fault in enumerate(self.faults)),
             of_log={**self.of_log, **of_log},
+            resampled={j: values for j, values in self.resampled.items() if j not in faults},
         )
-        if self.resampled is None:
-            return made
-        own = self.of_others(made.faults, entries, of_log).between(slice(None))
-        resampled = self.resampled.copy()
-        resampled[:, :, entries] = own[:, :, entries]
-        return replace(made, resampled=resampled)
 
     def decimated(
         self, factor: int, lowpass: Lowpass, *, in_stretches: bool | None = None
@@ -152,18 +149,12 @@ class FaultSignals:
         if in_stretches is None:
             # A fault of a pressure line acts on several outputs, and has no stretches that are known from a formula.
             in_stretches = n_rows * max(n_faults, FEWEST) > PIECEWISE and not self.slopes
-        if self.resampled is not None and not in_stretches:
-            largest = np.abs(self.resampled).max(axis=(0, 1), initial=0.0)
-            return AtomSignals.sampled(decimate(self.resampled, factor, lowpass)), largest
         theta, largest = np.zeros((n_rows, len(self.outputs), 0 if in_stretches else n_faults)), np.zeros(n_faults)
-        atoms, outputs = [Stretches()] * n_faults, [0] * n_faults
+        atoms, outputs, given = [Stretches()] * n_faults, [0] * n_faults, self.given
         for j in self.seen:
             fault = self.faults[j]
             own = outputs[j] = self.outputs.index(fault.channel)
-            signal = self.of_log[j].values if j in self.of_log else None
-            if self.resampled is not None:
-                signal = self.resampled[:, :, j]
-            if signal is not None:
+            if (signal := given.get(j)) is not None:
                 made, largest[j] = decimate(signal, factor, lowpass), np.max(np.abs(signal[:, own]), initial=0.0)
                 if in_stretches:
                     atoms[j] = signal_of(made[:, own])

@@ -144,7 +144,9 @@ def prepare_window(
         filters = (*filters, *(part.filters or ())[len(log.filters or ()) :])
         of_log = {j: one.at(part.time_s, log.time_s) for j, one in made.of_log.items()}
         response = response_of(filters, part.rate_hz)
-        made = replace(made, time_s=part.time_s, response=response, of_log=of_log, resampled=theta)
+        made = replace(
+            made, time_s=part.time_s, response=response, of_log=of_log, resampled={j: theta[:, :, j] for j in made.seen}
+        )
     _require_movement(part, config)
     earlier = _earlier_signals(log, part.rate_hz, config, resamples=resamples)
     native = NativeSignals(log=part, inputs=config.inputs, outputs=config.outputs, faults=made, earlier=earlier)

@@ -93,7 +93,7 @@ def test_all_entries_stand_on_their_outputs_and_those_not_seen_are_zero():
     decimated, largest = made.decimated(5, WHITE)
     np.testing.assert_allclose(decimated, decimate(native, 5, WHITE), rtol=1e-12, atol=1e-12)
     np.testing.assert_allclose(largest, np.abs(native).max(axis=(0, 1)))
-    resampled, same = replace(made, resampled=native).decimated(5, WHITE)
+    resampled, same = replace(made, resampled={j: native[:, :, j] for j in made.seen}).decimated(5, WHITE)
     np.testing.assert_allclose(resampled, decimated, rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(same, largest)
 

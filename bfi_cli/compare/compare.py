@@ -67,26 +67,7 @@ def compare(
     outcomes = []
     for name, peer in peers.items():
         progress(name, 0.0)
-        started_s = time.perf_counter()
-        statement, reason = None, None
-        try:
-            _require(peer, window)
-            with threadpool_limits(1):
-                statement = peer.state(problem)
-        except BfiError as error:
-            reason = str(error).removeprefix(f"{log.path}: ")
-        score = None if truth is None or statement is None else score_of(statement, truth, hit)
-        outcomes.append(
-            Outcome(
-                method=name,
-                summary=peer.summary,
-                statement=statement,
-                reason=reason,
-                seconds=time.perf_counter() - started_s,
-                score=score,
-                agrees=(),
-            )
-        )
+        outcomes.append(outcome_of(name, peer, problem, truth, hit))
     return ComparisonResult(
         log=log_summary(log.path, window.time_s, rate_hz=window.rate_hz, native_rate_hz=window.rate_hz),
         truth=truth,
@@ -96,6 +77,34 @@ def compare(
         time_s=window.time_s,
         measured=tuple(frozen_array(channel.values) for channel in channels),
         notes=(Note.method("the injected faults were hidden from every method"),) if truth else (),
+    )
+
+
+def outcome_of(
+    name: str, peer: Peer, problem: Problem, truth: Sequence[Fault] | None, hit: Sequence[str] = ()
+) -> Outcome:
+    """Return what a method states, or why it does not, on one BLAS thread; `agrees` is left empty.
+
+    Parameters
+    ----------
+    truth, hit : see `score_of`; None where nothing is known of injected faults.
+    """
+    started_s = time.perf_counter()
+    statement, reason = None, None
+    try:
+        _require(peer, problem.part)
+        with threadpool_limits(1):
+            statement = peer.state(problem)
+    except BfiError as error:
+        reason = str(error).removeprefix(f"{problem.log.path}: ")
+    return Outcome(
+        method=name,
+        summary=peer.summary,
+        statement=statement,
+        reason=reason,
+        seconds=time.perf_counter() - started_s,
+        score=None if truth is None or statement is None else score_of(statement, truth, hit),
+        agrees=(),
     )
 
 
@@ -120,13 +129,7 @@ def score_of(statement: Statement, truth: Sequence[Fault], hit: Sequence[str] = 
     truth : injected faults, the first onset first.
     hit : channels that injected faults of pressure lines moved.
     """
-    rest, pairs = list(statement.suspects), []
-    for fault in truth:
-        able = [one for one in rest if _stands_for(one, fault, hit)]
-        if able:
-            best = min(able, key=lambda one: (not _same_kind(one, fault), _distance_s(one, fault)))
-            rest.remove(best)
-            pairs.append((best, fault))
+    pairs, rest = paired(statement, truth, hit)
     isolated: Isolation | None = None
     if truth:
         isolated = "no"
@@ -152,6 +155,20 @@ def score_of(statement: Statement, truth: Sequence[Fault], hit: Sequence[str] = 
         false_alarms=len(rest) + (statement.decision == "fault" and not statement.suspects and not truth),
         missed=len(truth) - len(pairs),
     )
+
+
+def paired(
+    statement: Statement, truth: Sequence[Fault], hit: Sequence[str] = ()
+) -> tuple[list[tuple[Suspect, Fault]], list[Suspect]]:
+    """Return each injected fault that a suspect stands for with it, and the suspects that stand for none."""
+    rest, pairs = list(statement.suspects), []
+    for fault in truth:
+        able = [one for one in rest if _stands_for(one, fault, hit)]
+        if able:
+            best = min(able, key=lambda one: (not _same_kind(one, fault), _distance_s(one, fault)))
+            rest.remove(best)
+            pairs.append((best, fault))
+    return pairs, rest
 
 
 def _stands_for(one: Suspect, fault: Fault, hit: Sequence[str]) -> bool:

@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..analysis import identify
+from ..analysis import identify, start_time
 from ..config import Config, merge
 from ..decision import KINDS
 from ..detect import detect_faults
 from ..dictionary import Dictionary
 from ..errors import ConfigError
-from ..faults import Fault, FaultEstimate
+from ..faults import Decision, Fault, FaultEstimate
 from ..flightlog import FlightLog
 from ..identify.dmae import dmae_of
 from ..identify.identify import identify_faults
@@ -52,7 +52,15 @@ def by_likelihood(problem: Problem) -> Statement:
     """State what `bfi identify` does."""
     config = merge(problem.config, {"method": "ml"})
     result, _ = identify(problem.log, problem.dictionary, config)
-    return Statement(decision=result.decision, suspects=tuple(map(_suspect, result.faults)))
+    return _identified(result)
+
+
+def by_search(problem: Problem) -> Statement:
+    """State what `bfi start-time` does, which is given no dictionary; the score is its statistic."""
+    result = start_time(problem.log, merge(problem.config, {"method": "ml"}))
+    return Statement(
+        decision=result.decision, suspects=tuple(map(_suspect, result.faults)), score=float(result.statistic)
+    )
 
 
 def by_entries(problem: Problem, *, method: str) -> Statement:
@@ -60,19 +68,23 @@ def by_entries(problem: Problem, *, method: str) -> Statement:
     if problem.dictionary is None or not problem.dictionary.exact.atoms:
         raise ConfigError("needs a dictionary whose entries state their onsets; give one with --dictionary")
     config = merge(problem.config, {"method": method})
-    result = identify_faults(problem.log, problem.dictionary.exact, config)
-    return Statement(decision=result.decision, suspects=tuple(map(_suspect, result.faults)))
+    return _identified(identify_faults(problem.log, problem.dictionary.exact, config))
 
 
 def by_two_filters(problem: Problem) -> Statement:
-    """State a fault from when its hypothesis is more probable than that of none; the filters know no shape."""
+    """State a fault from when its hypothesis is more probable than that of none; the filters know no shape.
+
+    The score is the largest logarithm of the odds, which the floor of the probabilities bounds.
+    """
     if problem.config.dmae.model is None:
         raise ConfigError("needs a linear model of the aircraft; name one with --model")
     _, run = dmae_of(problem.part, problem.config)
+    probable = float(run.probability.max())
+    score = float(np.log(probable) - np.log1p(-probable))
     if run.onset_s is None:
-        return Statement(decision="no_fault")
-    found = Suspect(channel=run.channel, onset_s=run.onset_s, declared_s=run.onset_s)
-    return Statement(decision="fault", suspects=(found,))
+        return Statement(decision="no_fault", score=score)
+    suspect = Suspect(channel=run.channel, onset_s=run.onset_s, declared_s=run.onset_s)
+    return Statement(decision="fault", suspects=(suspect,), score=score)
 
 
 def plain_model(problem: Problem) -> tuple[IdentifyResult, bool]:
@@ -88,7 +100,10 @@ def plain_model(problem: Problem) -> tuple[IdentifyResult, bool]:
 
 
 def by_residual(problem: Problem) -> Statement:
-    """State the first residual of more than five robust standard deviations of every output, or of its entry."""
+    """State the first residual of more than five robust standard deviations of every output, or of its entry.
+
+    The score is the largest residual over its standard deviation.
+    """
     result, named = plain_model(problem)
     alarms = {one.channel: one.plain_alarms_s for one in result.residuals if one.plain_alarms_s}
     stated = {one.fault.channel: _suspect(one) for one in reversed(result.faults) if named}
@@ -100,11 +115,20 @@ def by_residual(problem: Problem) -> Statement:
         if entry is not None:
             nearest = int(np.argmin(np.abs(np.array(times) - (entry.onset_s or 0.0))))
             suspects.append(replace(entry, declared_s=times[nearest]))
-    return Statement(decision="fault" if suspects else "no_fault", suspects=tuple(suspects))
+    sizes = [
+        np.nanmax(np.abs(output.plain_residual)) / one.plain_sd
+        for output, one in zip(result.outputs, result.residuals, strict=True)
+        if one.plain_sd > 0.0
+    ]
+    decision: Decision = "fault" if suspects else "no_fault"
+    return Statement(decision=decision, suspects=tuple(suspects), score=max(map(float, sizes), default=None))
 
 
 def by_null_space(problem: Problem) -> Statement:
-    """State what `bfi detect` does, with its own inputs and outputs unless the user named some."""
+    """State what `bfi detect` does, with its own inputs and outputs unless the user named some.
+
+    The score is the largest statistic over its threshold.
+    """
     window = {"window.from_s": problem.config.window.from_s, "window.to_s": problem.config.window.to_s}
     given = {key: value for key, value in window.items() if value is not None}
     result = detect_faults(problem.log, merge(problem.asked, given))
@@ -113,7 +137,20 @@ def by_null_space(problem: Problem) -> Statement:
         for one in result.alarms
     )
     # The other kinds are not looked for: their verdict, inconclusive, would say nothing of the detector.
-    return Statement(decision=result.verdicts[KINDS[0]], suspects=suspects)
+    over = [one.statistic[np.isfinite(one.statistic)] / one.threshold for one in result.series if one.threshold > 0.0]
+    score = max((float(one.max()) for one in over if one.size), default=None)
+    return Statement(decision=result.verdicts[KINDS[0]], suspects=suspects, score=score)
+
+
+def _identified(result: IdentifyResult) -> Statement:
+    """State what is identified; the score is the largest magnitude of an entry over its standard deviation."""
+    sizes = [
+        abs(one.magnitude) / one.sd
+        for one in result.candidates
+        if one.magnitude is not None and one.sd is not None and one.sd > 0.0
+    ]
+    suspects = tuple(map(_suspect, result.faults))
+    return Statement(decision=result.decision, suspects=suspects, score=max(sizes, default=None))
 
 
 def _suspect(found: FaultEstimate) -> Suspect:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from ..identify.methods import METHODS
-from .peers import Peer, by_entries, by_likelihood, by_null_space, by_residual, by_two_filters
+from .peers import Peer, by_entries, by_likelihood, by_null_space, by_residual, by_search, by_two_filters
 from .rivals import AIRSPEED, by_ardupilot, by_change_points, by_cumulative_sum, by_likelihood_ratio, by_px4
 
 # What is asked of a method beyond which entries of a dictionary it declares.
@@ -15,6 +15,7 @@ PEERS = {
         name: Peer(summary=one.summary, state=OF_METHODS.get(name, partial(by_entries, method=name)))
         for name, one in METHODS.items()
     },
+    "start-time": Peer(summary="search over all onsets, without a dictionary (bfi start-time)", state=by_search),
     "null-space": Peer(summary="null-space detector (bfi detect)", state=by_null_space),
     "cusum": Peer(summary="cumulative sum of the ARX residual (Page)", state=by_cumulative_sum),
     "glr": Peer(summary="likelihood ratio of a change in the ARX residual's mean", state=by_likelihood_ratio),

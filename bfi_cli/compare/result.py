@@ -36,10 +36,18 @@ class Suspect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statement:
-    """What a method says of a log: its decision, and the faults it declares, in any order."""
+    """What a method says of a log: its decision, and the faults it declares, in any order.
+
+    Attributes
+    ----------
+    score : grows with what speaks for a fault, in units of the method's own and without regard to its threshold, so
+        that thresholds of several methods can be set to one rate of false alarms; None of a method that has no such
+        number.
+    """
 
     decision: Decision
     suspects: tuple[Suspect, ...] = ()
+    score: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

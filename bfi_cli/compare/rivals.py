@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from ..errors import ConfigError, LogError
+from ..faults import Decision
 from ..flightlog import FlightLog
 from ..kernels import BoolArray, FloatArray
 from ..kernels.airspeed_rules import (
@@ -20,7 +22,14 @@ from ..kernels.airspeed_rules import (
     px4_stuck,
     wind_innovation,
 )
-from ..kernels.change_alarm import ChangeAlarm, cusum_alarm, cusum_threshold, glr_alarm, glr_threshold
+from ..kernels.change_alarm import (
+    ChangeAlarm,
+    best_split,
+    cumulative_sum,
+    cusum_threshold,
+    glr_threshold,
+    likelihood_ratio,
+)
 from ..kernels.whiteness import robust_sd
 from .peers import Problem, plain_model
 from .result import Statement, Suspect
@@ -38,24 +47,29 @@ CHANGE_PRICE = 2.0
 def by_cumulative_sum(problem: Problem) -> Statement:
     """State a change of the residual's mean by the two-sided cumulative sum, at the wanted rate if it were white."""
 
-    def alarm(x: FloatArray, _rate_hz: float) -> ChangeAlarm | None:
-        return cusum_alarm(x, cusum_threshold(len(x), problem.config.start_time.false_alarm))
+    def detect(x: FloatArray, _rate_hz: float) -> tuple[ChangeAlarm | None, float]:
+        sums = cumulative_sum(x)
+        return sums.alarm(cusum_threshold(len(x), problem.config.start_time.false_alarm)), float(sums.values.max())
 
-    return _changes(problem, alarm)
+    return _changes(problem, detect)
 
 
 def by_likelihood_ratio(problem: Problem) -> Statement:
     """State a change of the residual's mean by the generalised likelihood ratio, likewise."""
 
-    def alarm(x: FloatArray, rate_hz: float) -> ChangeAlarm | None:
+    def detect(x: FloatArray, rate_hz: float) -> tuple[ChangeAlarm | None, float]:
         lengths = max(1, min(len(x), round(MEMORY_S * rate_hz)))
-        return glr_alarm(x, glr_threshold(len(x), lengths, problem.config.start_time.false_alarm), lengths)
+        ratio = likelihood_ratio(x, lengths)
+        threshold = glr_threshold(len(x), lengths, problem.config.start_time.false_alarm)
+        return ratio.alarm(threshold), float(ratio.values.max())
 
-    return _changes(problem, alarm)
+    return _changes(problem, detect)
 
 
 def by_change_points(problem: Problem) -> Statement:
     """State the first change point of the residual's mean, of those that PELT finds at the price of the BIC.
+
+    Its score is the gain of a single change, in natural units.
 
     Raises
     ------
@@ -66,32 +80,42 @@ def by_change_points(problem: Problem) -> Statement:
     except ImportError:
         raise ConfigError("needs the package ruptures; install it with: pip install bfi-cli[compare]") from None
 
-    def alarm(x: FloatArray, _rate_hz: float) -> ChangeAlarm | None:
+    def detect(x: FloatArray, _rate_hz: float) -> tuple[ChangeAlarm | None, float]:
         # Its cost is the sum of squares, twice the natural units.
         price = 2.0 * CHANGE_PRICE * float(np.log(len(x)))
         ends = ruptures.Pelt(model="l2", min_size=2, jump=1).fit(x[:, None]).predict(pen=price)
-        first = int(ends[0])
-        return None if first >= len(x) else ChangeAlarm(alarm=len(x) - 1, onset=first, size=float(np.mean(x[first:])))
+        first, gain = int(ends[0]), best_split(x)
+        if first >= len(x):
+            return None, gain
+        return ChangeAlarm(alarm=len(x) - 1, onset=first, size=float(np.mean(x[first:]))), gain
 
-    statement = _changes(problem, alarm)
+    statement = _changes(problem, detect)
     # It looks at the whole window at once.
-    suspects = tuple(Suspect(channel=one.channel, onset_s=one.onset_s) for one in statement.suspects)
-    return Statement(decision=statement.decision, suspects=suspects)
+    return replace(statement, suspects=tuple(replace(one, declared_s=None) for one in statement.suspects))
 
 
-def _changes(problem: Problem, alarm: Callable[[FloatArray, float], ChangeAlarm | None]) -> Statement:
-    """State what a detector says of the standardised residual of every output, the model fitted to the whole window."""
+def _changes(problem: Problem, detect: Callable[[FloatArray, float], tuple[ChangeAlarm | None, float]]) -> Statement:
+    """State what a detector says of the standardised residual of every output, the model fitted to the whole window.
+
+    Parameters
+    ----------
+    detect : from a residual (n,) and its rate to the alarm, and to the largest value of the statistic.
+    """
     result, _ = plain_model(problem)
-    suspects = []
+    suspects, scores = [], []
     for one in result.outputs:
         known = np.isfinite(one.plain_residual)
         x, time_s = one.plain_residual[known], result.time_s[known]
         sd = robust_sd(x)
-        found = alarm((x - np.median(x)) / sd, result.log.rate_hz) if sd > 0.0 else None
-        if found is not None:
-            onset_s, declared_s = float(time_s[found.onset]), float(time_s[found.alarm])
+        if not sd > 0.0:
+            continue
+        alarm, score = detect((x - np.median(x)) / sd, result.log.rate_hz)
+        scores.append(score)
+        if alarm is not None:
+            onset_s, declared_s = float(time_s[alarm.onset]), float(time_s[alarm.alarm])
             suspects.append(Suspect(channel=one.channel, onset_s=onset_s, declared_s=declared_s))
-    return Statement(decision="fault" if suspects else "no_fault", suspects=tuple(suspects))
+    decision: Decision = "fault" if suspects else "no_fault"
+    return Statement(decision=decision, suspects=tuple(suspects), score=max(scores, default=None))
 
 
 def by_px4(problem: Problem, *, every: bool) -> Statement:
@@ -99,7 +123,7 @@ def by_px4(problem: Problem, *, every: bool) -> Statement:
 
     The innovation needs the ground velocity, the load factor check `normal_acc`, the first-principle check throttle and
     pitch; what the log lacks never fails. The wind is that of a filter without sideslip and scale, so an innovation
-    settles otherwise than on board.
+    settles otherwise than on board. The score is the largest innovation, m/s.
 
     Parameters
     ----------
@@ -107,9 +131,9 @@ def by_px4(problem: Problem, *, every: bool) -> Statement:
     """
     name, time_s, values = _sampled(problem.part)
     airspeed, none = values[name], np.zeros(len(time_s), dtype=bool)
-    innovation = none
+    innovation, score = none, None
     if (found := _innovation(time_s, airspeed, values)) is not None:
-        innovation = px4_innovation(time_s, found[0])
+        innovation, score = px4_innovation(time_s, found[0]), _largest(np.abs(found[0]))
     load_factor = first_principle = none
     if every and "normal_acc" in values:
         load_factor = px4_load_factor(airspeed, values["normal_acc"] + STANDARD_GRAVITY)
@@ -123,11 +147,14 @@ def by_px4(problem: Problem, *, every: bool) -> Statement:
         load_factor=load_factor,
         first_principle=first_principle,
     )
-    return _stated(name, time_s, invalid)
+    return _stated(name, time_s, invalid, score)
 
 
 def by_ardupilot(problem: Problem) -> Statement:
-    """State when ArduPilot would disable the airspeed sensor, with its published parameters."""
+    """State when ArduPilot would disable the airspeed sensor, with its published parameters.
+
+    The score is the largest innovation over its standard deviation.
+    """
     name, time_s, values = _sampled(problem.part)
     found = _innovation(time_s, values[name], values)
     if found is None:
@@ -135,7 +162,7 @@ def by_ardupilot(problem: Problem) -> Statement:
     ground_speed = np.hypot(values["velocity_north"], values["velocity_east"])
     with np.errstate(invalid="ignore"):
         ratio = np.abs(found[0]) / found[1]
-    return _stated(name, time_s, ardupilot_disabled(time_s, values[name], ground_speed, ratio))
+    return _stated(name, time_s, ardupilot_disabled(time_s, values[name], ground_speed, ratio), _largest(ratio))
 
 
 def _sampled(log: FlightLog) -> tuple[str, FloatArray, dict[str, FloatArray]]:
@@ -154,8 +181,14 @@ def _innovation(
     return wind_innovation(time_s, airspeed, np.stack([values["velocity_north"], values["velocity_east"], up], axis=1))
 
 
-def _stated(name: str, time_s: FloatArray, failed: BoolArray) -> Statement:
+def _largest(values: FloatArray) -> float | None:
+    """Return the largest of the values that are known, None where none is."""
+    known = values[np.isfinite(values)]
+    return float(known.max()) if known.size else None
+
+
+def _stated(name: str, time_s: FloatArray, failed: BoolArray, score: float | None) -> Statement:
     if not failed.any():
-        return Statement(decision="no_fault")
-    declared_s = float(time_s[np.argmax(failed)])
-    return Statement(decision="fault", suspects=(Suspect(channel=name, declared_s=declared_s),))
+        return Statement(decision="no_fault", score=score)
+    suspect = Suspect(channel=name, declared_s=float(time_s[np.argmax(failed)]))
+    return Statement(decision="fault", suspects=(suspect,), score=score)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import special
 
 from . import FloatArray
@@ -22,6 +23,28 @@ class ChangeAlarm:
     alarm: int
     onset: int
     size: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChangeStatistic:
+    """How much every row speaks for a change of the mean before it.
+
+    Attributes
+    ----------
+    errors : (n,) over their standard deviation; values : (n,) the statistic; onset : (n,) first row of that change.
+    """
+
+    errors: FloatArray
+    values: FloatArray
+    onset: NDArray[np.intp]
+
+    def alarm(self, threshold: float) -> ChangeAlarm | None:
+        """Return the first row whose statistic is beyond the threshold, None where there is none."""
+        beyond = np.flatnonzero(self.values > threshold)
+        if not beyond.size:
+            return None
+        k, onset = int(beyond[0]), int(self.onset[beyond[0]])
+        return ChangeAlarm(alarm=k, onset=onset, size=float(np.mean(self.errors[onset : k + 1])))
 
 
 def cusum_threshold(n: int, false_alarm: float) -> float:
@@ -42,23 +65,22 @@ def cusum_threshold(n: int, false_alarm: float) -> float:
     return high
 
 
-def cusum_alarm(x: FloatArray, threshold: float) -> ChangeAlarm | None:
-    """Return the first alarm of a two-sided cumulative sum, of which the onset is the row after it was last 0.
+def cumulative_sum(x: FloatArray) -> ChangeStatistic:
+    """Return the larger of the two one-sided cumulative sums, of which the onset is the row after it was last 0.
 
     Parameters
     ----------
     x : (n,) errors over their standard deviation.
     """
     sums, start = np.zeros(2), np.zeros(2, dtype=int)
+    values, onset = np.zeros(len(x)), np.zeros(len(x), dtype=int)
     for k, value in enumerate(x):
         sums += np.array([value, -value]) - ALLOWANCE
         start[sums <= 0.0] = k + 1
         sums = np.maximum(sums, 0.0)
         side = int(np.argmax(sums))
-        if sums[side] > threshold:
-            onset = int(start[side])
-            return ChangeAlarm(alarm=k, onset=onset, size=float(np.mean(x[onset : k + 1])))
-    return None
+        values[k], onset[k] = sums[side], start[side]
+    return ChangeStatistic(errors=x, values=values, onset=onset)
 
 
 def glr_threshold(n: int, n_lengths: int, false_alarm: float) -> float:
@@ -66,8 +88,8 @@ def glr_threshold(n: int, n_lengths: int, false_alarm: float) -> float:
     return float(special.ndtri(1.0 - 0.5 * false_alarm / (n * n_lengths)) ** 2 / 2.0)
 
 
-def glr_alarm(x: FloatArray, threshold: float, n_lengths: int) -> ChangeAlarm | None:
-    """Return the first alarm of the generalised likelihood ratio of a change of unknown size within the last rows.
+def likelihood_ratio(x: FloatArray, n_lengths: int) -> ChangeStatistic:
+    """Return the generalised likelihood ratio of a change of unknown size within the last rows.
 
     The statistic at row k is the largest (sum of x from j to k)^2 / (2 (k - j + 1)) over k - j < n_lengths
     (Lorden 1971).
@@ -79,8 +101,11 @@ def glr_alarm(x: FloatArray, threshold: float, n_lengths: int) -> ChangeAlarm | 
         better = value > best[length - 1 :]
         best[length - 1 :][better] = value[better]
         onset[length - 1 :][better] = np.flatnonzero(better)
-    alarms = np.flatnonzero(best > threshold)
-    if not len(alarms):
-        return None
-    k = int(alarms[0])
-    return ChangeAlarm(alarm=k, onset=int(onset[k]), size=float(np.mean(x[onset[k] : k + 1])))
+    return ChangeStatistic(errors=x, values=best, onset=onset)
+
+
+def best_split(x: FloatArray) -> float:
+    """Return the gain in natural units of one change of the mean of unit white noise at the best of all rows."""
+    n, k = len(x), np.arange(1, len(x))
+    before = np.cumsum(x - np.mean(x))[:-1]
+    return float(np.max(before**2 * n / (2.0 * k * (n - k)), initial=0.0))

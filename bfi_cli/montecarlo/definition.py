@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, ValidationInfo, model_validator
 
 from ..aircraft import MANOEUVRES, MODELS
+from ..compare import PEERS, Peer, program_peer
 from ..config import Config, DictionarySource, Natural
 from ..dictionary import Interval, NumberOrInterval
 from ..errors import DictionaryError
@@ -99,6 +100,8 @@ class RecordedLog(Rules):
     """HDF5 group or MATLAB struct that holds the channels."""
     from_s: Number | None = None
     to_s: Number | None = None
+    length_s: Positive | None = None
+    """A window of that length, drawn in every trial from that part; default the whole part in each."""
 
     @property
     def label(self) -> str:
@@ -170,6 +173,34 @@ Magnitudes = Annotated[
 Some = Field(min_length=1)
 
 
+class ComparedRules(Rules):
+    """Methods of bfi compare, each of which meets the same trials."""
+
+    methods: Annotated[tuple[Annotated[Text, _known("method", PEERS)], ...], BeforeValidator(_listed)] = ()
+    """Names as bfi compare lists them; one or several."""
+    programs: Mapping[Text, Annotated[Text, AfterValidator(_beside_sweep)]] = Field(default_factory=dict)
+    """Name: executable of a method of your own, relative to this file (docs/benchmark.md)."""
+    timeout_s: Positive = 60.0
+    """Of a program."""
+    false_alarm: Annotated[Number, Field(gt=0, lt=1)] = 0.05
+    """Share of the trials without a fault at which the scores of all methods are compared."""
+
+    @model_validator(mode="after")
+    def _has_some(self) -> ComparedRules:
+        if not (self.methods or self.programs):
+            raise ValueError("no method, got none; name some in methods")
+        for name in self.programs:
+            if name in PEERS:
+                raise ValueError(f"programs: '{name}' is a method of this program; choose another name")
+        return self
+
+    @property
+    def peers(self) -> dict[str, Peer]:
+        """The methods by name."""
+        own = {name: program_peer(path, self.timeout_s) for name, path in self.programs.items()}
+        return {**{name: PEERS[name] for name in self.methods}, **own}
+
+
 class SweepRules(Rules):
     """Configuration of bfi montecarlo: every combination of what is a list is a scenario."""
 
@@ -194,6 +225,8 @@ class SweepRules(Rules):
     """Processes of this machine."""
     scheduler: Text | None = None
     """Address of a Dask scheduler, which then has the workers."""
+    compare: ComparedRules | None = None
+    """Methods to run in place of bfi identify, each a scenario of its own."""
     identify: Config = Config()
     """Settings of all scenarios, keys as in the configuration of an analysis."""
     grid: Mapping[Text, Annotated[tuple[Any, ...], Some, BeforeValidator(_listed)]] = Field(default_factory=dict)

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from ..aircraft import find_model, flight_of
-from ..errors import ConfigError
+from ..errors import ConfigError, LogError
 from ..faults import Fault
 from ..filters import recorded_signal, response_of
 from ..flightlog import FlightLog, read_log
@@ -28,8 +28,10 @@ ANY_TIME = (0.1, 0.9)
 
 
 def is_shared(setting: Setting) -> bool:
-    """Say whether all trials begin with the same record: no gusts are drawn."""
-    return isinstance(setting.record, RecordedLog) or setting.record.turbulence_m_s == 0.0
+    """Say whether all trials begin with the same record: neither gusts nor a window are drawn."""
+    if isinstance(setting.record, RecordedLog):
+        return setting.record.length_s is None
+    return setting.record.turbulence_m_s == 0.0
 
 
 def record_of(setting: Setting, rng: np.random.Generator) -> FlightLog:
@@ -37,17 +39,25 @@ def record_of(setting: Setting, rng: np.random.Generator) -> FlightLog:
 
     Parameters
     ----------
-    rng : of the gusts.
+    rng : of the gusts, or of the window.
 
     Raises
     ------
-    LogError, ConfigError : it cannot be read or simulated.
+    LogError, ConfigError : it cannot be read or simulated, or is shorter than the window that is drawn from it.
     """
-    if is_shared(setting):
-        names = (tuple(setting.config.channels.items()), tuple(setting.config.units.items()))
-        return _shared(setting.record, names)
-    assert isinstance(setting.record, FlownModel)
-    return _flown(setting.record, rng)
+    if isinstance(setting.record, FlownModel) and not is_shared(setting):
+        return _flown(setting.record, rng)
+    names = (tuple(setting.config.channels.items()), tuple(setting.config.units.items()))
+    log = _shared(setting.record, names)
+    length_s = setting.record.length_s if isinstance(setting.record, RecordedLog) else None
+    if length_s is None:
+        return log
+    first_s, last_s = float(log.time_s[0]), float(log.time_s[-1]) - length_s
+    if last_s < first_s:
+        there_s = float(log.time_s[-1]) - first_s
+        raise LogError(f"{log.path}: length_s: longer than the {there_s:g} s there are, got {length_s:g}; lower it")
+    start_s = float(rng.uniform(first_s, last_s))
+    return log.window(start_s, start_s + length_s)
 
 
 def faulty(log: FlightLog, setting: Setting, faults: Sequence[Fault], rng: np.random.Generator) -> FlightLog:

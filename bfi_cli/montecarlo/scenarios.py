@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from .. import __version__
+from ..compare import Peer
 from ..config import Config, merge
 from ..dictionary import Dictionary, load_dictionary
 from ..errors import ConfigError
@@ -52,6 +53,7 @@ class Setting:
     noise : (channel, standard deviation) of the noise added.
     config : of the analysis.
     injected : the fault that every trial has, None for none.
+    peer : the method of `bfi compare` that is run in place of `bfi identify`, with its name; None for none.
     """
 
     digest: str
@@ -60,6 +62,7 @@ class Setting:
     noise: tuple[tuple[str, float], ...] = field(compare=False)
     config: Config = field(compare=False)
     injected: InjectedFault | None = field(compare=False, default=None)
+    peer: tuple[str, Peer] | None = field(compare=False, default=None)
 
     @property
     def right(self) -> tuple[str, ...]:
@@ -117,6 +120,7 @@ class Sweep:
     path, sha256 : of the file it was read from.
     digest : of everything a row depends on but the records' contents; the number of trials is not part of it.
     workers, scheduler : where the file wants it to run.
+    false_alarm : at which scores are compared, of a sweep of methods of `bfi compare`.
     """
 
     path: str
@@ -126,6 +130,7 @@ class Sweep:
     seed: int
     workers: int
     scheduler: str | None
+    false_alarm: float | None = None
 
     @property
     def digest(self) -> str:
@@ -170,6 +175,7 @@ def load_sweep(
         seed=rules.seed if seed is None else seed,
         workers=rules.workers,
         scheduler=rules.scheduler,
+        false_alarm=None if rules.compare is None else rules.compare.false_alarm,
     )
 
 
@@ -189,6 +195,7 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
         "active": [(str(n), n) for n in rules.active],
         "inject": _labelled([_label_of(one) for one in rules.inject], rules.inject),
         "identify": configs,
+        "compare": [("", None)] if rules.compare is None else [(one[0], one) for one in rules.compare.peers.items()],
     }
     varying = [name for name, values in axes.items() if len(values) > 1]
     scenarios: list[Scenario] = []
@@ -202,6 +209,9 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
         injected = value["inject"]
         if injected is not None:
             parts.append(injected.model_dump(mode="json"))
+        if rules.compare is not None:
+            method = chosen["compare"][0]
+            parts.append(["compare", method, rules.compare.programs.get(method, "")])
         words = [f"{name}={chosen[name][0]}" if name != "identify" else chosen[name][0] for name in varying]
         name = printable(" ".join(words)) or "all"  # as trials.csv has it, where --resume looks for it
         if any(name == other.name for other in scenarios):
@@ -213,11 +223,14 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
             noise=noise,
             config=config,
             injected=injected,
+            peer=value["compare"],
         )
         _check_injected(setting, value["active"], where, rules.inject.index(injected))
         labels = {name: label for name, (label, _) in chosen.items() if name != "identify"}
         if rules.inject == (None,):
             labels.pop("inject")
+        if rules.compare is None:
+            labels.pop("compare")
         scenarios.append(
             Scenario(
                 name=name,

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 import numpy as np
@@ -18,12 +19,15 @@ from ..report.content import Curve, Drawing, Panel, ReportContent, Table, curve,
 from ..report.text import counted, number
 from ..serialization import SCHEMA, to_plain
 from ..shapes import Kind
+from . import comparison
+from .comparison import comparison_drawings, comparison_tables
 from .scenarios import Sweep
 from .trial import Row, rounded
 
 Plain = Mapping[str, Any]
 
-DRAWINGS, TABLES = ("isolation", "magnitude_error"), ("scenarios", "decisions", "trials", "timings")
+DRAWINGS = ("isolation", "magnitude_error", *comparison.DRAWINGS)
+TABLES = ("scenarios", "decisions", "trials", "timings", *comparison.TABLES)
 HEADS = ("scenario", "isolated, %", "trials", "false alarms, %", "missed, %", "coverage, %", "median error")
 DECISION_HEADS = ("scenario", "fault, %", "no fault, %", "inconclusive, %", "beyond tolerance", "wrong no fault, %")
 # Curves that can be told apart by colour and marker; the others are in the table.
@@ -56,6 +60,25 @@ class Proportion:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class EqualRate:
+    """A method of `bfi compare` at the same rate of false alarms as the others.
+
+    Attributes
+    ----------
+    false_alarm : the rate wanted.
+    threshold : of the score, from the first half of the trials without a fault: so large that another such trial
+        exceeds it with that probability at most. None where they are too few to tell.
+    alarms : of the second half of the trials without a fault, those beyond it.
+    detected : of this scenario's trials with a score, those beyond it.
+    """
+
+    false_alarm: float
+    threshold: float | None
+    alarms: Proportion
+    detected: Proportion
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ScenarioSummary:
     """A scenario.
 
@@ -73,6 +96,7 @@ class ScenarioSummary:
     magnitude_error : quantiles over trials with an answer and faults, relative; None where there are none.
     onset_error_s : median size of the errors of the onsets of rightly declared faults.
     seconds : median time of a trial.
+    equal_rate : of a method of `bfi compare` that has scores, where the sweep has the same trials without a fault.
     """
 
     name: str
@@ -90,6 +114,7 @@ class ScenarioSummary:
     detection_delay_s: float | None
     onset_error_s: float | None
     seconds: float | None
+    equal_rate: EqualRate | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,14 +141,53 @@ def summarise(sweep: Sweep, done: Sequence[tuple[Row, float]]) -> Summary:
     by_name: dict[str, list[tuple[Row, float]]] = {scenario.name: [] for scenario in sweep.scenarios}
     for row, seconds in done:
         by_name[row.scenario].append((row, seconds))
-    scenarios = tuple(_scenario(s.name, s.axes, by_name[s.name]) for s in sweep.scenarios)
+    healthy = {
+        _of_methods(s.axes): _scores(by_name[s.name])
+        for s in sweep.scenarios
+        if s.n_active == 0 and s.setting.injected is None
+    }
+    scenarios = []
+    for s in sweep.scenarios:
+        scenario, without = _scenario(s.name, s.axes, by_name[s.name]), healthy.get(_of_methods(s.axes), [])
+        if sweep.false_alarm is not None and without:
+            scenario = replace(scenario, equal_rate=equal_rate(_scores(by_name[s.name]), without, sweep.false_alarm))
+        scenarios.append(scenario)
     notes = []
     for one in scenarios:
         if one.failed:
             first = next(row.error for row, _ in by_name[one.name] if row.error)
             failed = f"{one.failed} of {one.trials} trials of '{one.name}' failed and count as not isolated"
             notes.append(Note.limit(f"{failed}; the first: {first}"))
-    return Summary(scenarios=scenarios, notes=tuple(notes))
+    return Summary(scenarios=tuple(scenarios), notes=tuple(notes))
+
+
+def _of_methods(axes: Mapping[str, Any]) -> str:
+    """Return what scenarios have in common that differ in their faults alone."""
+    return json.dumps({key: value for key, value in axes.items() if key not in ("inject", "active")}, sort_keys=True)
+
+
+def _scores(done: Sequence[tuple[Row, float]]) -> list[float]:
+    """Return the scores of trials, in their order."""
+    rows = sorted((row for row, _ in done), key=lambda row: row.trial)
+    return [row.score for row in rows if row.score is not None]
+
+
+def equal_rate(scores: Sequence[float], healthy: Sequence[float], false_alarm: float) -> EqualRate:
+    """Hold scores against those without a fault, of which the first half sets the threshold.
+
+    The threshold is the score of rank (1 - P)(n + 1) of n, which the next healthy one exceeds with a probability of P
+    at most, whatever the distribution of continuous scores (Vovk, Gammerman and Shafer 2005, section 2.2).
+    """
+    half = len(healthy) // 2
+    rank = math.ceil((1.0 - false_alarm) * (half + 1) - 1e-9)
+    threshold = sorted(healthy[:half])[rank - 1] if rank <= half else None
+
+    def beyond(values: Sequence[float]) -> Proportion:
+        return proportion(0, 0) if threshold is None else proportion(sum(x > threshold for x in values), len(values))
+
+    return EqualRate(
+        false_alarm=false_alarm, threshold=threshold, alarms=beyond(healthy[half:]), detected=beyond(scores)
+    )
 
 
 def _scenario(name: str, axes: Mapping[str, Any], done: Sequence[tuple[Row, float]]) -> ScenarioSummary:
@@ -155,7 +219,7 @@ def _scenario(name: str, axes: Mapping[str, Any], done: Sequence[tuple[Row, floa
 
 
 def _shares(answers: Iterable[str | None]) -> dict[Decision, Proportion]:
-    given = list(answers)
+    given = [answer for answer in answers if answer is not None]
     return {decision: proportion(given.count(decision), len(given)) for decision in DECISIONS}
 
 
@@ -189,12 +253,13 @@ def summary_document(summary: Summary, provenance: Provenance, *, digest: str) -
 def montecarlo_content(document: Plain) -> ReportContent:
     """Return what the report of a document of `bfi montecarlo` holds."""
     scenarios = document["scenarios"]
+    if all("compare" in scenario["axes"] for scenario in scenarios):
+        return _content(document, comparison_tables(scenarios), comparison_drawings(scenarios))
     curves: dict[str, list[Plain]] = {}
     for scenario in scenarios:
         words = [word for word in scenario["name"].split(" ") if not word.startswith("active=")]
         curves.setdefault(" ".join(words) or "all trials", []).append(scenario)
     active = sorted({int(scenario["axes"]["active"]) for scenario in scenarios})
-    trials = sum(scenario["trials"] for scenario in scenarios)
     left = f"first {MOST_CURVES} of {len(curves)} curves" if len(curves) > MOST_CURVES else ""
     axis: dict[str, Any] = {
         "title": left,
@@ -215,29 +280,34 @@ def montecarlo_content(document: Plain) -> ReportContent:
         shares = [_percent(one["decisions"][key]) for key in DECISIONS]
         wrong = one["wrong_no_fault_rate"]
         decisions.append((one["name"], *shares, str(wrong["of"]), _percent(wrong)))
+    tables = (
+        Table(name="scenarios", title="Scenarios", heads=HEADS, rows=tuple(rows)),
+        Table(
+            name="decisions",
+            title="Decisions, and no fault said of the kind of a fault that is beyond the tolerance",
+            heads=DECISION_HEADS,
+            rows=tuple(decisions),
+        ),
+    )
+    magnitudes = Panel(**axis, y_label="magnitude error, relative [-]", log_y=bool(errors), curves=errors)
+    drawings = (
+        Drawing(name="isolation", caption=ISOLATION_CAPTION, panels=(rates,)),
+        Drawing(name="magnitude_error", caption=ERROR_CAPTION, panels=(magnitudes,)),
+    )
+    return _content(document, tables, drawings)
+
+
+def _content(document: Plain, tables: tuple[Table, ...], drawings: tuple[Drawing, ...]) -> ReportContent:
+    scenarios = document["scenarios"]
+    trials = sum(scenario["trials"] for scenario in scenarios)
     return ReportContent(
         category="Monte Carlo sweep",
         title=str(document["provenance"]["command"]),
         heading=counted(len(scenarios), "scenario"),
         verdict=f"{counted(trials, 'trial')} of {counted(len(scenarios), 'scenario')}; "
         "rates in % with their 95 % Wilson intervals.",
-        tables=(
-            Table(name="scenarios", title="Scenarios", heads=HEADS, rows=tuple(rows)),
-            Table(
-                name="decisions",
-                title="Decisions, and no fault said of the kind of a fault that is beyond the tolerance",
-                heads=DECISION_HEADS,
-                rows=tuple(decisions),
-            ),
-        ),
-        drawings=(
-            Drawing(name="isolation", caption=ISOLATION_CAPTION, panels=(rates,)),
-            Drawing(
-                name="magnitude_error",
-                caption=ERROR_CAPTION,
-                panels=(Panel(**axis, y_label="magnitude error, relative [-]", log_y=bool(errors), curves=errors),),
-            ),
-        ),
+        tables=tables,
+        drawings=drawings,
         notes=notes_of(document),
     )
 

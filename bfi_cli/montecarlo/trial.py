@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from ..analysis import identify
+from ..compare import Problem, outcome_of, paired
 from ..decision import KINDS, State, kind_of
 from ..errors import BfiError
 from ..faults import Decision, Fault, FaultEstimate
@@ -27,9 +28,9 @@ from ..kernels import FloatArray
 from ..kernels.termination import Termination
 from ..preprocessing.regression import RegressionData, decides_by_rule, solve
 from ..preprocessing.tolerance import tolerances_of
-from ..preprocessing.window import prepare_window, regression_of
+from ..preprocessing.window import prepare_window, regression_of, with_inputs_of
 from ..serialization import to_json
-from ..shapes import ADDITIVE, Kind
+from ..shapes import ADDITIVE, OF_LINES, Kind
 from ..truth import compare_faults
 from .flight import faults_of, faulty, is_shared, largest_errors, record_of
 from .scenarios import Setting, Trial, size_of
@@ -62,6 +63,7 @@ class Row:
     detection_delay_s : None for a dictionary, which states the onset.
     onset_error_s : by name of the rightly declared faults, by how much later than the true onset each was said to
         begin; None where the answer has no onsets of its own.
+    score : of a method of `bfi compare`, see `bfi_cli.compare.Statement`; its row has no verdicts and no intervals.
     error : why the trial failed.
     """
 
@@ -85,6 +87,7 @@ class Row:
     covered: int | None = None
     detection_delay_s: float | None = None
     onset_error_s: Mapping[str, float] | None = None
+    score: float | None = None
     error: str | None = None
 
     def cells(self) -> list[str]:
@@ -126,7 +129,8 @@ def run_trial(trial: Trial) -> Row:
         truth[trial.scenario.setting.injected_name] = size_of(injected.fault())
     row = Row(scenario=trial.scenario.name, trial=trial.number, seed=trial.seed, truth=truth)
     try:
-        return _identify(row, trial, (gusts, noise, onsets))
+        record = _flown(trial, truth, (gusts, noise, onsets))
+        return _identified(row, trial, record) if trial.scenario.setting.peer is None else _compared(row, trial, record)
     except BfiError as error:
         why = str(error)
     except Exception as error:
@@ -143,14 +147,35 @@ def draw(trial: Trial, rng: np.random.Generator) -> dict[str, float]:
     return {_name(atoms[j]): size_of(replace(atoms[j], magnitude=float(z))) for j, z in zip(active, sizes, strict=True)}
 
 
-def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator]) -> Row:
-    """Return the row with the answer beside the truth; the streams are of gusts, noise and onsets."""
-    setting, truth = trial.scenario.setting, row.truth
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flown:
+    """The log of a trial.
+
+    Attributes
+    ----------
+    record : without faults and noise; log : with them.
+    added : faults by name, times on the log's axis.
+    """
+
+    record: FlightLog
+    log: FlightLog
+    added: Mapping[str, Fault]
+
+
+def _flown(trial: Trial, truth: Mapping[str, float], streams: Sequence[np.random.Generator]) -> Flown:
+    """Return the log of a trial; the streams are of gusts, noise and onsets."""
+    setting = trial.scenario.setting
     record = record_of(setting, streams[0])
     drawn, injected = faults_of(record, setting, truth, streams[2])
+    added = {_name(fault): fault for fault in drawn} | ({} if injected is None else {setting.injected_name: injected})
+    return Flown(record=record, log=faulty(record, setting, list(added.values()), streams[1]), added=added)
+
+
+def _identified(row: Row, trial: Trial, flown: Flown) -> Row:
+    """Return the row with the answer of `bfi identify` beside the truth."""
+    setting, truth = trial.scenario.setting, row.truth
+    record, log, added = flown.record, flown.log, flown.added
     own, right = setting.injected_name, setting.right
-    added = {_name(fault): fault for fault in drawn} | ({} if injected is None else {own: injected})
-    log = faulty(record, setting, list(added.values()), streams[1])
     # Where a shared record gives no answer, the whole one says if the data could tell.
     answer = _shared_answer(setting, truth) or _whole_answer(log, setting)
     # The entry that is taken for the injected fault: of the right ones the first declared.
@@ -165,11 +190,11 @@ def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator]) ->
             ends = {called[one.name]: one.ci95 for one in answer.faults}
             alike = [name for name, one in told.items() if one.shape == added[name].shape]
             hits = [ends[name][0] <= truth[name] <= ends[name][1] for name in alike]
-    outside = () if injected is None or right else (own,)
+    outside = () if setting.injected is None or right else (own,)
     comparison = compare_faults(estimate, {k: z for k, z in truth.items() if k not in outside}, unknown=outside)
     error = comparison.magnitude_error
     shapes = {_name(atom): atom.shape for atom in setting.dictionary.atoms}
-    if injected is not None and entry is not None and own in estimate and shapes[entry] != injected.shape:
+    if own in estimate and entry is not None and own in added and shapes[entry] != added[own].shape:
         error = None  # magnitudes of different shapes have nothing in common
     window = setting.config.window
     tolerances = tolerances_of(log, log.window(window.from_s, window.to_s), setting.config.outputs, setting.config)
@@ -195,6 +220,42 @@ def _identify(row: Row, trial: Trial, streams: Sequence[np.random.Generator]) ->
         intervals=None if hits is None else len(hits),
         covered=None if hits is None else sum(hits),
         onset_error_s=onset_errors,
+    )
+
+
+def _compared(row: Row, trial: Trial, flown: Flown) -> Row:
+    """Return the row with what a method of `bfi compare` states beside the truth."""
+    setting, log = trial.scenario.setting, flown.log
+    assert setting.peer is not None
+    name, peer = setting.peer
+    config = with_inputs_of(log, setting.config)
+    part = log.window(config.window.from_s, config.window.to_s)
+    problem = Problem(log=log, part=part, dictionary=setting.dictionary, config=config, asked=setting.config)
+    truth = dict(sorted(flown.added.items(), key=lambda item: item[1].onset_s))
+    of_lines = [fault for fault in truth.values() if fault.shape in OF_LINES]
+    hit = {channel for fault in of_lines for channel in largest_errors(flown.record, setting, fault)}
+    outcome = outcome_of(name, peer, problem, list(truth.values()), tuple(hit))
+    statement, score = outcome.statement, outcome.score
+    if statement is None or score is None:
+        return replace(row, error=outcome.reason)
+    pairs, others = paired(statement, list(truth.values()), tuple(hit))
+    called = {id(fault): key for key, fault in truth.items()}
+    declared_faults = {called[id(fault)]: suspect for suspect, fault in pairs}
+    return replace(
+        row,
+        estimate={key: rounded(one.magnitude) for key, one in declared_faults.items() if one.magnitude is not None},
+        decision=statement.decision,
+        isolated=score.isolated == "fault" if truth else not score.false_alarms,
+        false_alarms=tuple(one.name or f"{one.shape or 'fault'} {one.channel}" for one in others),
+        missed=tuple(key for key in truth if key not in declared_faults),
+        magnitude_error=None if score.magnitude_error is None else rounded(score.magnitude_error, ERROR_DIGITS),
+        detection_delay_s=score.delay_s,
+        onset_error_s={
+            key: rounded(one.onset_s - truth[key].onset_s)
+            for key, one in declared_faults.items()
+            if one.onset_s is not None
+        },
+        score=None if statement.score is None else rounded(statement.score),
     )
 
 

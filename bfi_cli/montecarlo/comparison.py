@@ -1,0 +1,139 @@
+"""What a sweep of several methods shows of each: a table at one rate of false alarms, and how often each is right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ..report.content import Curve, Drawing, Panel, Table, curve
+from ..report.text import number
+
+Plain = Mapping[str, Any]
+
+TABLES, DRAWINGS = ("equal_rate", "isolated", "own_threshold"), ("detection", "rates")
+# Part of the way from one fault to the next over which the methods stand side by side.
+SPREAD = 0.7
+DETECTION_CAPTION = (
+    "Share of the trials in which the score of a method is beyond its threshold, by fault, with 95 % Wilson intervals; "
+    "the threshold of every method is that which trials without a fault exceed equally seldom. Methods are drawn side "
+    "by side."
+)
+RATES_CAPTION = (
+    "What each method declares by its own threshold: trials with a fault in which it declares one, of all faults, "
+    "against trials without a fault in which it does, with 95 % Wilson intervals."
+)
+
+
+def comparison_tables(scenarios: Sequence[Plain]) -> tuple[Table, ...]:
+    """Return the tables of a sweep of methods: a row per method, a column per fault."""
+    rows = _by_method(scenarios)
+    faults = list(dict.fromkeys(_fault(one) for one in scenarios))
+    known = [one["equal_rate"] for one in scenarios if one["equal_rate"]]
+    tables = []
+    if known:
+        percent = number(100.0 * known[0]["false_alarm"])
+        title = f"Detected, % of the trials, at false alarms in {percent} % of those without a fault"
+        heads = ("method", "false alarms", *(fault for fault in faults if fault != "none"))
+        cells = [
+            (
+                method,
+                share_cell(next((one["equal_rate"] for one in of.values() if one["equal_rate"]), None), "alarms"),
+                *(share_cell(of[fault]["equal_rate"] if fault in of else None, "detected") for fault in heads[2:]),
+            )
+            for method, of in rows.items()
+        ]
+        tables.append(Table(name="equal_rate", title=title, heads=heads, rows=tuple(cells)))
+    for name, key, title in (
+        ("isolated", "isolation_rate", "Named with channel and kind and nothing else, % of the trials"),
+        ("own_threshold", "decisions", "Declared by the method's own threshold, % of the trials"),
+    ):
+        cells = [
+            (method, *(share_cell(of.get(fault), key) if fault in of else "-" for fault in faults))
+            for method, of in rows.items()
+        ]
+        tables.append(Table(name=name, title=title, heads=("method", *faults), rows=tuple(cells)))
+    return tuple(tables)
+
+
+def comparison_drawings(scenarios: Sequence[Plain]) -> tuple[Drawing, ...]:
+    """Return the figures of a sweep of methods."""
+    rows = _by_method(scenarios)
+    faults = [fault for fault in dict.fromkeys(_fault(one) for one in scenarios) if fault != "none"]
+    ticks = tuple((fault, float(k)) for k, fault in enumerate(faults))
+    detection, rates = list[Curve](), list[Curve]()
+    for n, (method, of) in enumerate(rows.items()):
+        aside = SPREAD * (n - 0.5 * (len(rows) - 1)) / len(rows)
+        shares = [(k, of[fault]["equal_rate"]["detected"]) for k, fault in enumerate(faults) if _has(of, fault)]
+        if shares:
+            detection.append(_bars(method, [k + aside for k, _ in shares], [share for _, share in shares]))
+        if "none" in of and faults:
+            detected = [of[fault]["decisions"]["fault"] for fault in faults if fault in of]
+            low, high = of["none"]["decisions"]["fault"]["ci95"] or (math.nan, math.nan)
+            x = 100.0 * (of["none"]["decisions"]["fault"]["rate"] or 0.0)
+            total = sum(one["of"] for one in detected)
+            y = 100.0 * sum(one["count"] for one in detected) / total if total else math.nan
+            rates.append(curve(method, [x], [y], style="intervals", low=[100.0 * low], high=[100.0 * high]))
+    axis: dict[str, Any] = {"y_limits": (-3.0, 103.0), "height": 1.4}
+    panels = {
+        "detection": Panel(
+            x_label="fault",
+            y_label="detected [%]",
+            curves=tuple(detection),
+            x_ticks=ticks,
+            x_limits=(-0.5, len(faults) - 0.5),
+            **axis,
+        ),
+        "rates": Panel(
+            x_label="false alarms [%]",
+            y_label="declared, all faults [%]",
+            curves=tuple(rates),
+            x_limits=(-3.0, 103.0),
+            **axis,
+        ),
+    }
+    captions = {"detection": DETECTION_CAPTION, "rates": RATES_CAPTION}
+    return tuple(
+        Drawing(name=name, caption=captions[name], panels=(one,)) for name, one in panels.items() if one.curves
+    )
+
+
+def share_cell(one: Plain | None, key: str) -> str:
+    """Return a share of a scenario in percent with its interval: "96 (90-98)", "-" where there is none."""
+    if one is None:
+        return "-"
+    share = one[key]["fault"] if key == "decisions" else one[key]
+    if share["rate"] is None or share["ci95"] is None:
+        return "-"
+    low, high = (f"{100.0 * end:.0f}" for end in share["ci95"])
+    return f"{100.0 * share['rate']:.0f} ({low}-{high})"
+
+
+def _has(of: Mapping[str, Plain], fault: str) -> bool:
+    return fault in of and bool(of[fault]["equal_rate"]) and of[fault]["equal_rate"]["detected"]["rate"] is not None
+
+
+def _bars(label: str, x: Sequence[float], shares: Sequence[Plain]) -> Curve:
+    ends = [share["ci95"] or (math.nan, math.nan) for share in shares]
+    return curve(
+        label,
+        x,
+        [100.0 * (math.nan if share["rate"] is None else share["rate"]) for share in shares],
+        style="points",
+        low=[100.0 * low for low, _ in ends],
+        high=[100.0 * high for _, high in ends],
+    )
+
+
+def _fault(scenario: Plain) -> str:
+    """Return what faults a scenario has, and what else it varies beside the method."""
+    words = [word for word in str(scenario["name"]).split(" ") if not word.startswith("compare=")]
+    return " ".join(word.removeprefix("inject=") for word in words) or "all"
+
+
+def _by_method(scenarios: Sequence[Plain]) -> dict[str, dict[str, Plain]]:
+    """Return the scenarios by method, then by fault."""
+    rows: dict[str, dict[str, Plain]] = {}
+    for one in scenarios:
+        rows.setdefault(str(one["axes"]["compare"]), {})[_fault(one)] = one
+    return rows

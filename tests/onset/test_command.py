@@ -12,7 +12,10 @@ from matplotlib.image import imread
 from noted import texts
 from screens import check_screen
 
-from bfi_cli.onset import onset_content
+from bfi_cli.onset import onset_content, onset_document
+from bfi_cli.onset.report import onset_from_document
+from bfi_cli.provenance import Provenance
+from bfi_cli.serialization import from_plain
 
 DATA = Path(__file__).parents[2] / "data"
 BIAS, CLEAN = DATA / "citation_bias.h5", DATA / "citation_clean.h5"
@@ -75,6 +78,8 @@ def test_the_document(bfi, calibrated: Path):
     profile = document["profile"]
     assert profile["shape"] == ["bias"]
     assert len(profile["onset_s"]) == len(profile["statistic"][0]) == len(profile["magnitude"][0])
+    origin = from_plain(Provenance, document["provenance"], where="provenance")
+    assert onset_document(onset_from_document(document), origin) == document
 
 
 def test_the_files(bfi, calibrated: Path, tmp_path: Path):

@@ -111,6 +111,7 @@ kinematic_acc m/s^2 | rate of change of airspeed in still air |
 climb_angle rad | angle of the motion through the air above the horizon |
 ground_airspeed m/s | airspeed that ground velocity and a constant wind show |
 valid_airspeed 1 | 1 where the airspeed can be trusted |
+hover 1 | of a VTOL, 1 where its rotors carry it, 0.5 in transition, 0 where its wing does |
 """
 
 INPUTS = (

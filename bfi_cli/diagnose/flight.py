@@ -14,7 +14,7 @@ from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
 from ..flightlog.defects import Defect, find_defects, with_bridges, without_defects
-from ..flightlog.phases import NO_AIRSPEED, Disagreement, Phase, find_phases
+from ..flightlog.phases import HOVER, NO_AIRSPEED, TRANSITION, Disagreement, Phase, find_phases
 from ..flightlog.recorder import with_seen_recorder
 from ..parity import (
     RESIDUALS,
@@ -44,7 +44,7 @@ BRIDGE_S = 10.0
 # Between two pieces of one hold: an airspeed that comes and goes about nothing.
 UNHELD_S = 60.0
 # Phases that no window covers, beside those in which no airspeed is known.
-LEFT_OUT = ("ground", "take-off", "approach", "landing", "parabola")
+LEFT_OUT = ("ground", "take-off", "approach", "landing", "parabola", HOVER, TRANSITION)
 WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
 # Where an angle of zero lift that no calibration gives is from.
 OUTSIDE, WHOLE, NOWHERE = "the flight outside the window", "the whole flight", "free in every window"

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from ..decision import two_digits
-from ..flightlog.phases import NO_AIRSPEED, PARTS
+from ..flightlog.phases import HOVER, NO_AIRSPEED, PARTS, TRANSITION, note_on_rotors
+from ..kernels.runs import left_of
 from ..parity import LENGTHS_S, available
 from ..parity.windows import Window
 from .flight import Flight
@@ -17,8 +18,8 @@ from .result import Event, FlightLimit
 
 # Half a minute of flight: what is shorter narrows a claim by less than the onsets of slow faults are uncertain.
 LEAST_S = 30.0
-ON_GROUND = ("ground", "take-off", "landing")
-AIRBORNE = tuple(phase for phase in PARTS if phase not in ON_GROUND)
+NOT_ON_WING = ("ground", "take-off", "landing", HOVER, TRANSITION)
+AIRBORNE = tuple(phase for phase in PARTS if phase not in NOT_ON_WING)
 # A step is told where it lies so far inside of a window of the scan: the overlap of these is twice that.
 STEP_MARGIN_S = 15.0
 
@@ -58,15 +59,6 @@ def flown_of(flight: Flight) -> list[Window]:
         if last > first and any(beside):
             flown.append((first, last))
     return _joined(flown)
-
-
-def left_of(stretches: Sequence[Window], covered: Iterable[Window]) -> list[Window]:
-    """Return what is left of stretches less what is covered."""
-    left = list(stretches)
-    for first, last in covered:
-        pieces = [piece for one in left for piece in ((one[0], min(one[1], first)), (max(one[0], last), one[1]))]
-        left = [one for one in pieces if one[1] > one[0]]
-    return left
 
 
 def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence[Event]) -> list[Unwatched]:
@@ -187,12 +179,13 @@ def missing_sentences(flight: Flight, scanned: Sequence[Scanned], limits: Sequen
     if mostly is not None and mostly.effect is not None:
         within = f"{two_digits(mostly.effect)} m/s in {mostly.to_s - mostly.from_s:.0f} s"
         cost = f"; in most of the flight a slow fault of the airspeed of less than {within} would not be seen"
-    said = [
-        f"from {one.from_s:.0f} to {one.to_s:.0f} s no airspeed is recorded, or it is that of an aircraft at "
-        "rest while other signs tell of flight: nothing else was looked for there"
-        for one in flight.part_phases
-        if one.phase == NO_AIRSPEED
-    ]
+    said = [note.text for note in note_on_rotors(flight.part_phases)]
+    if without := [f"{one.from_s:.0f} to {one.to_s:.0f} s" for one in flight.part_phases if one.phase == NO_AIRSPEED]:
+        more = f" and {len(without) - 3} times more" if len(without) > 3 else ""
+        said.append(
+            f"from {', from '.join(without[:3])}{more} no airspeed is recorded, or it is that of an aircraft at rest "
+            "while other signs tell of flight: nothing else was looked for there"
+        )
     for name, channels in lacking.items():
         if name not in used:
             said.append(f"no {channels}: {BOUNDS[name]}{cost}")

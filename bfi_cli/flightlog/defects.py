@@ -20,7 +20,7 @@ from ..kernels.quantisation import find_quantum, quantum_of_plateaus
 from ..kernels.running import interpolation_error, running_median, travel
 from ..kernels.runs import BoolArray, bridged, within
 from ..report.text import instant
-from .phases import phases_of
+from .phases import HOVER, TRANSITION, phases_of
 from .quality import hold_of
 from .rates import AS_FAST
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, frozen_array
@@ -35,7 +35,7 @@ WATCHED += ("tat", "sat", "aoa", "sideslip", "pitch", "roll", "normal_acc", "lon
 WATCHED += ("pitch_rate", "roll_rate", "yaw_rate", "velocity_north", "velocity_east", "ground_speed")
 WATCHED += ("latitude", "longitude")
 # Where airspeeds come and go by themselves, and so many seconds beside it.
-UNWATCHED, BESIDE_S = ("ground", "take-off", "landing", "stall"), 2.0
+UNWATCHED, BESIDE_S = ("ground", "take-off", "landing", "stall", HOVER, TRANSITION), 2.0
 TURNING = ("roll", "longitude")  # which start again at pi
 # By channel those of which each alone tells how it moves over some seconds; "+" stands for the integral of a rate.
 _AIRSPEEDS = ("tas", "cas", "ias", "mach", "q_impact")

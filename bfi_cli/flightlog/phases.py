@@ -19,9 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import quantity_of
-from ..kernels.runs import BoolArray, FloatArray, Run, bridged, joined, runs, runs_with
+from ..kernels.runs import BoolArray, FloatArray, Run, bridged, joined, left_of, runs, runs_with, within
+from ..notes import Note
 from .record import LARGEST_VALUE, FlightLog
 from .signs import (
+    ABOVE_GROUND,
     AIRSPEEDS,
     BORNE,
     GRAVITY,
@@ -44,7 +46,10 @@ from .signs import (
 LONGEST_S = 6e6
 # A part in flight in which no airspeed says so: none is recorded there, or all fail.
 NO_AIRSPEED = "no airspeed"
-PARTS = ("ground", "take-off", "climb", "cruise", "descent", "approach", "landing", "flight", NO_AIRSPEED)
+# Parts in which the rotors of a VTOL carry it, and by them and its wing: an airspeed below flying speed is none wrong.
+HOVER, TRANSITION = "hover", "transition"
+ON_WING = ("take-off", "climb", "cruise", "descent", "approach", "landing", "flight")
+PARTS = ("ground", *ON_WING, HOVER, TRANSITION, NO_AIRSPEED)
 MANOEUVRES = ("turn", "stall", "parabola")
 
 # Means over this share of V / g are looked at: ten to a manoeuvre's shortest stroke.
@@ -166,6 +171,13 @@ class _Flight:
         to_s = to_s if run[1] < self.speed.size else self.stop_s
         return Phase(phase=name, from_s=round(from_s, 3), to_s=round(to_s, 3))
 
+    def low_stretches(self) -> list[tuple[float, float]]:
+        """Return (from_s, to_s) where the aircraft is hardly above its lowest height, none where no height is known."""
+        if self.height is None or not np.isfinite(self.height).any():
+            return []
+        parts = runs(self.height - np.nanmin(self.height) < ABOVE_GROUND * self.scale_m)
+        return [(one.from_s, one.to_s) for one in (self.phase("ground", run) for run in parts)]
+
     def disagreements(self) -> tuple[Disagreement, ...]:
         """Return the runs in which an airspeed is overruled, on the log's own time."""
         return tuple(
@@ -190,6 +202,22 @@ class FlightPhases:
 
     phases: tuple[Phase, ...]
     disagreements: tuple[Disagreement, ...]
+
+
+def note_on_rotors(phases: Sequence[Phase]) -> tuple[Note, ...]:
+    """Return the note on where a VTOL is carried by its rotors, none where it never is."""
+    parts = [one for one in phases if one.phase in (HOVER, TRANSITION)]
+    if not parts:
+        return ()
+    longest = sorted(sorted(parts, key=lambda one: one.from_s - one.to_s)[:3], key=lambda one: one.from_s)
+    named = ", ".join(f"{one.from_s:.6g} to {one.to_s:.6g} s" for one in longest)
+    total = sum(one.to_s - one.from_s for one in parts)
+    names = " and ".join(name for name in (HOVER, TRANSITION) if any(one.phase == name for one in parts))
+    among = "" if len(parts) == len(longest) else ", the longest"
+    text = (
+        f"{names}, {total:.0f} s in all{among} {named}: the wing does not carry the aircraft; only flight on it counts"
+    )
+    return (Note.limit(text),)
 
 
 def phases_of(log: FlightLog, *, suspects: Collection[str] = ()) -> tuple[Phase, ...]:
@@ -225,17 +253,19 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     speeds = trusted or dict(list(speeds.items())[:1])
     if not speeds:
         return nothing
-    speeds = {name: smoothed_speed(values, log.rate_hz) for name, values in speeds.items()}
+    hovering = _hovering(log)
+    rotors = within(log.time_s, [(one.from_s, one.to_s) for one in hovering])
+    speeds = {name: np.where(rotors, np.nan, smoothed_speed(values, log.rate_hz)) for name, values in speeds.items()}
     # The first that moves is the one that is used: a tube that was left covered tells no scale.
     cruises = {name: cruise_of(speed) for name, speed in speeds.items()}
     first = next((name for name, cruise in cruises.items() if cruise > WALK), None)
     if first is None:
         end_s = round(float(log.time_s[-1]) + 1.0 / log.rate_hz, 3)
         ground = Phase(phase="ground", from_s=round(float(log.time_s[0]), 3), to_s=end_s)
-        return FlightPhases(phases=(ground,), disagreements=())
+        return FlightPhases(phases=tuple(_around((ground,), hovering, ())), disagreements=())
     ordered = {first: speeds.pop(first), **speeds}
     if over_ground is not None:
-        over_ground = smoothed_speed(over_ground, log.rate_hz)
+        over_ground = np.where(rotors, np.nan, smoothed_speed(over_ground, log.rate_hz))
     flight = _on_grid(log, ordered, over_ground, cruises[first], suspects)
     found = list(_parts(flight))
     for low, high in joined([run for name, run in found if name in (*STEADY_PARTS, "approach")], 0):
@@ -247,8 +277,48 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     order = (*PARTS, *MANOEUVRES)
     found.sort(key=lambda one: (one[1][0], order.index(one[0])))
     phases = tuple(flight.phase(name, run) for name, run in found)
+    if hovering:
+        phases = tuple(_around(phases, hovering, flight.low_stretches()))
     told = (replace(one, channel=sensors.get(one.channel, one.channel)) for one in flight.disagreements())
     return FlightPhases(phases=phases, disagreements=tuple(told))
+
+
+def _hovering(log: FlightLog) -> tuple[Phase, ...]:
+    """Return where a VTOL is carried by its rotors, wholly or in part, as its autopilot says."""
+    if (state := log.find("hover")) is None:
+        return ()
+    step_s = 1.0 / log.rate_hz
+    found = []
+    for name, mask in ((HOVER, state.values > 0.75), (TRANSITION, (state.values > 0.25) & (state.values <= 0.75))):
+        for low, high in runs(mask):
+            from_s, to_s = float(log.time_s[low]), float(log.time_s[high - 1]) + step_s
+            found.append(Phase(phase=name, from_s=round(from_s, 3), to_s=round(to_s, 3)))
+    return tuple(found)
+
+
+def _around(phases: Sequence[Phase], hovering: Sequence[Phase], low: Sequence[tuple[float, float]]) -> list[Phase]:
+    """Return the phases with what is flown on rotors in their place, on the ground where it is as low as that.
+
+    Parameters
+    ----------
+    low : stretches in which the aircraft is as low as on the ground.
+    """
+    found = [
+        replace(one, from_s=from_s, to_s=to_s)
+        for one in phases
+        for from_s, to_s in left_of([(one.from_s, one.to_s)], [(other.from_s, other.to_s) for other in hovering])
+    ]
+    for one in hovering:
+        aloft = left_of([(one.from_s, one.to_s)], low)
+        found += [replace(one, from_s=from_s, to_s=to_s) for from_s, to_s in aloft]
+        found += [Phase(phase="ground", from_s=a, to_s=b) for a, b in left_of([(one.from_s, one.to_s)], aloft)]
+    found.sort(key=lambda one: (one.from_s, (*PARTS, *MANOEUVRES).index(one.phase)))
+    whole: list[Phase] = []
+    for one in found:
+        if whole and one.phase == whole[-1].phase == "ground" and one.from_s <= whole[-1].to_s:
+            one = replace(whole.pop(), to_s=one.to_s)
+        whole.append(one)
+    return whole
 
 
 def _sensors(log: FlightLog, suspects: Collection[str]) -> dict[str, str]:

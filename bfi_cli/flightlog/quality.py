@@ -18,7 +18,7 @@ from ..kernels.runs import BoolArray, shared, within
 from ..notes import Note
 from ..report.text import quantity
 from .derived import DERIVED, missing_for
-from .phases import NO_AIRSPEED, Phase, phases_of
+from .phases import HOVER, NO_AIRSPEED, TRANSITION, Phase, note_on_rotors, phases_of
 from .plausible import doubt_about
 from .rates import AS_FAST
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, Segment
@@ -40,7 +40,7 @@ BEFORE_S, AFTER_S = 5.0, 15.0
 FEWEST_MOVES = 3  # a window with fewer holds a single correction, no manoeuvre
 MOST_WINDOWS = 10  # suggested in all
 # A window of which more than this lies on the ground or in what no linear model follows comes after the others.
-UNFIT, UNFIT_SHARE = ("ground", "take-off", "landing", "stall", "parabola", NO_AIRSPEED), 0.05
+UNFIT, UNFIT_SHARE = ("ground", "take-off", "landing", "stall", "parabola", HOVER, TRANSITION, NO_AIRSPEED), 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -228,7 +228,7 @@ def inspect_log(log: FlightLog) -> LogReport:
         phases=phases,
         segments=log.segments,
         filters=log.filters,
-        notes=(*log.notes, *_sensors_of_one_quantity(log), *filter(None, questions)),
+        notes=(*log.notes, *note_on_rotors(phases), *_sensors_of_one_quantity(log), *filter(None, questions)),
     )
 
 

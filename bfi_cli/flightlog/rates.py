@@ -98,8 +98,12 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
         else:
             values = _filtered(t, grid, rate_hz)
         columns.append(replace(t, values=values, time_s=np.empty(0), rate_hz=rates[t]))
+    reasons: dict[str, list[str]] = {}
+    for track, (_, why) in zip(tracks, mended, strict=True):
+        if why is not None:
+            reasons.setdefault(why, []).append(f"'{track.source}'")
     said = (
-        *(why for _, why in mended if why),
+        *(f"{', '.join(names)}: {why}" for why, names in reasons.items()),
         f"the signals have clocks of their own; all are brought to {rate_hz:.4g} Hz, the mean rate of '{base.source}', "
         "faster ones through a low-pass",
         *_about(base, ranked, slow, grid),
@@ -142,21 +146,21 @@ def mean_rate(time_s: FloatArray) -> float:
 def in_order(track: Track) -> tuple[Track | None, str | None]:
     """Return a signal without samples that are no number or out of order, None where less than two are left.
 
-    The second value is a sentence where a signal is left out or mended.
+    The second value is why a signal is left out, or how it is mended.
     """
     good = np.isfinite(track.values) & np.isfinite(track.time_s)
-    time_s, values, name = track.time_s[good], track.values[good], f"'{track.source}' has"
+    time_s, values = track.time_s[good], track.values[good]
     if time_s.size < 2:
-        return None, f"{name} {time_s.size} samples that are numbers and is left out"
+        return None, f"left out with {time_s.size} samples that are numbers"
     n_back = int(np.count_nonzero(np.diff(time_s) <= 0.0))
     if n_back > max(2.0, MENDED * time_s.size):
-        return None, f"{name} a clock that runs backwards {n_back} times and is left out"
+        return None, f"left out, as the clock runs backwards {n_back} times"
     if not n_back:
         return replace(track, time_s=time_s, values=values), None
     kept = _longest_in_order(time_s)
     if kept.size < 2:
-        return None, f"{name} no two samples in order of time and is left out"
-    note = f"{name} {time_s.size - kept.size} samples out of order of time, which are left out"
+        return None, "left out, as no two samples are in order of time"
+    note = f"samples out of order of time are left out, {time_s.size - kept.size} of them"
     return replace(track, time_s=time_s[kept], values=values[kept]), note
 
 

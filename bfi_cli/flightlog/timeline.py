@@ -8,7 +8,7 @@ from typing import Any
 from ..report.content import Block, Lane, Shade, Table
 from ..report.text import instant
 from ..serialization import from_plain
-from .phases import MANOEUVRES, NO_AIRSPEED, PARTS, Phase
+from .phases import HOVER, MANOEUVRES, NO_AIRSPEED, PARTS, TRANSITION, Phase
 from .quality import ExcitedWindow
 from .record import Segment
 
@@ -23,6 +23,8 @@ SHADES: Mapping[str, Shade] = {
     "descent": "green",
     "approach": "yellow",
     "landing": "violet",
+    HOVER: "violet",
+    TRANSITION: "rose",
     NO_AIRSPEED: "grey",
 }
 STATES: Mapping[str, Shade] = {"declared": "fault", "suspected": "suspect"}

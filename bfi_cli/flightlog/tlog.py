@@ -20,16 +20,19 @@ from ..notes import Note
 from .rates import boot_starts
 from .topics import Topic, notes_on
 
+HEARTBEAT = 0  # which a ground station sends too
 # Number: name, layout, extra byte of the check sum, names of the fields.
 MESSAGES: Mapping[int, tuple[str, struct.Struct, int, tuple[str, ...]]] = {
     number: (name, struct.Struct(f"<{layout}"), extra, tuple(fields.split()))
     for number, name, layout, extra, fields in (
+        (HEARTBEAT, "HEARTBEAT", "I5B", 50, "custom_mode type autopilot base_mode system_status mavlink_version"),
         (26, "SCALED_IMU", "I9h", 170, "time_boot_ms xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag"),
         (29, "SCALED_PRESSURE", "I2fh", 115, "time_boot_ms press_abs press_diff temperature"),
         (30, "ATTITUDE", "I6f", 39, "time_boot_ms roll pitch yaw rollspeed pitchspeed yawspeed"),
         (32, "LOCAL_POSITION_NED", "I6f", 185, "time_boot_ms x y z vx vy vz"),
         (33, "GLOBAL_POSITION_INT", "I4i3hH", 104, "time_boot_ms lat lon alt relative_alt vx vy vz hdg"),
         (74, "VFR_HUD", "4fhH", 20, "airspeed groundspeed alt climb heading throttle"),
+        (245, "EXTENDED_SYS_STATE", "2B", 130, "vtol_state landed_state"),
         (11020, "AOA_SSA", "Q2f", 205, "time_usec AOA SSA"),
     )
 }
@@ -61,15 +64,15 @@ def read_tlog_topics(path: str) -> tuple[list[Topic], list[Note]]:
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         packets, damaged = _packets(data)
     notes = notes_on(damaged)
-    senders = Counter(sender for sender, _, _ in packets)
-    if len(senders) > 1:
-        chosen = senders.most_common(1)[0][0]
+    senders = Counter(sender for sender, number, _ in packets if number != HEARTBEAT)
+    chosen = senders.most_common(1)[0][0] if senders else None
+    if len(senders) > 1 and chosen is not None:
         notes.append(
             Note.method(
                 f"messages of {len(senders)} senders; those of system {chosen[0]}, component {chosen[1]} are read"
             )
         )
-        packets = [packet for packet in packets if packet[0] == chosen]
+    packets = [packet for packet in packets if packet[0] == chosen]
     # A payload ends before the zeros at its end.
     sizes = {number: layout.size for number, (_, layout, _, _) in MESSAGES.items()}
     padded = ((number, payload.ljust(sizes[number], b"\0")[: sizes[number]]) for _, number, payload in packets)

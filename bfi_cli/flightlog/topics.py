@@ -93,6 +93,8 @@ airspeed.indicated_airspeed_m_s               ias               m/s
 airspeed_validated.airspeed_sensor_measurement_valid  valid_airspeed  1  1  0  state
 differential_pressure.differential_pressure_pa           q_impact  Pa
 differential_pressure.differential_pressure_filtered_pa  q_impact  Pa
+vtol_vehicle_status.hover                     hover             1       1  0  state
+vehicle_status.hover                          hover             1       1  0  state
 vehicle_air_data.baro_alt_meter               altitude          m
 vehicle_air_data.baro_pressure_pa             p_static          Pa
 vehicle_attitude.pitch                        pitch             rad
@@ -165,6 +167,7 @@ NKF2.VWN            wind_north        m/s
 NKF2.VWE            wind_east         m/s
 AOA.AOA             aoa               deg
 AOA.SSA             sideslip          deg
+QTUN.hover          hover             1       1  0  state
 AETR.Ail            aileron           1       {1 / 4500}
 AETR.Elev           elevator          1       {-1 / 4500}
 AETR.Rudd           rudder            1       {1 / 4500}
@@ -173,6 +176,8 @@ mavlink
 VFR_HUD.airspeed           ias               m/s
 VFR_HUD.groundspeed        ground_speed      m/s
 VFR_HUD.throttle           throttle          1       0.01
+EXTENDED_SYS_STATE.hover   hover             1       1  0  state
+HEARTBEAT.hover            hover             1       1  0  state
 ATTITUDE.pitch             pitch             rad
 ATTITUDE.roll              roll              rad
 ATTITUDE.yaw               yaw               rad
@@ -274,7 +279,8 @@ def completed(topic: Topic) -> Topic:
     """Return a topic with what its fields stand for: Euler angles of a quaternion, velocity of a speed and a course.
 
     The quaternion is `q[0..3]`, scalar first, body to north-east-down; `roll`, `pitch` and `yaw` are in rad, by the
-    sequence 3-2-1. `VelN` and `VelE` are those of a speed `Spd` on the course `GCrs`, degrees from north.
+    sequence 3-2-1. `VelN` and `VelE` are those of a speed `Spd` on the course `GCrs`, degrees from north. `hover` says
+    of a VTOL what carries it.
     """
     made: dict[str, NDArray[np.number]] = {}
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
@@ -289,7 +295,31 @@ def completed(topic: Topic) -> Topic:
         if {"Spd", "GCrs"} <= topic.fields.keys():
             course = DEGREE * np.asarray(topic.fields["GCrs"], dtype=np.float64)
             made |= {"VelN": topic.fields["Spd"] * np.cos(course), "VelE": topic.fields["Spd"] * np.sin(course)}
+        hover = _hover_of(topic)
+        if hover is not None and hover.any():
+            made["hover"] = hover
     return replace(topic, fields={**topic.fields, **made})
+
+
+def _hover_of(topic: Topic) -> FloatArray | None:
+    """Return (n_messages,) 1 where the rotors of a VTOL carry it, 0.5 in transition, else 0; None where nothing tells.
+
+    PX4: `vehicle_vtol_state` (1.14 on) and `vtol_state` of MAVLink are MAV_VTOL_STATE: 1 and 2 transition, 3 hover,
+    4 flight on the wing; before, two flags; a `vehicle_type` of 1 is one carried by rotors. ArduPlane: modes 17 to 23
+    (QSTABILIZE to QACRO); a quadplane writes QTUN while its rotors carry it, and only then.
+    """
+    fields = topic.fields
+    for name in ("vehicle_vtol_state", "vtol_state"):
+        if name in fields:
+            return np.select([fields[name] == 3, np.isin(fields[name], (1, 2))], [1.0, 0.5], 0.0)
+    for hovers, changes in (("vtol_in_rw_mode", "vtol_in_trans_mode"), ("vehicle_type", "in_transition_mode")):
+        if {hovers, changes} <= fields.keys():
+            is_vtol = fields.get("is_vtol", np.ones(1)) != 0
+            return np.where(is_vtol, np.select([fields[changes] != 0, fields[hovers] == 1], [0.5, 1.0], 0.0), 0.0)
+    if {"custom_mode", "type", "autopilot"} <= fields.keys():
+        is_plane = (fields["autopilot"] == 3) & np.isin(fields["type"], (1, *range(19, 26)))
+        return np.where(is_plane & (fields["custom_mode"] >= 17) & (fields["custom_mode"] <= 23), 1.0, 0.0)
+    return np.ones(topic.time_s.size) if topic.name == "QTUN" else None
 
 
 def tracks_of(recorder: Recorder, topics: Sequence[Topic], wanted: Sequence[str]) -> list[Track]:

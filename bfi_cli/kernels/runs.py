@@ -36,6 +36,17 @@ def joined(stretches: Iterable[tuple[Number, Number]], apart: Number) -> list[tu
     return whole
 
 
+def left_of(
+    stretches: Iterable[tuple[float, float]], covered: Iterable[tuple[float, float]]
+) -> list[tuple[float, float]]:
+    """Return what is left of stretches less what is covered."""
+    left = list(stretches)
+    for first, last in covered:
+        pieces = [piece for one in left for piece in ((one[0], min(one[1], first)), (max(one[0], last), one[1]))]
+        left = [one for one in pieces if one[1] > one[0]]
+    return left
+
+
 def within(time_s: FloatArray, stretches: Iterable[tuple[float, float]]) -> BoolArray:
     """Return (n,) which times lie in one of the stretches; the end of a stretch is no part of it."""
     inside = np.zeros(time_s.shape, dtype=np.bool_)

@@ -18,9 +18,9 @@ from ..config import Config, merge
 from ..errors import LogError
 from ..faults import Decision, Fault
 from ..flightlog import Channel, FlightLog
-from ..flightlog.phases import airborne_stretches, phases_of
+from ..flightlog.phases import HOVER, TRANSITION, airborne_stretches, phases_of
 from ..flightlog.quality import advice_on_windows, gap_starts, held_hz
-from ..kernels.runs import runs
+from ..kernels.runs import runs, within
 from ..notes import Note
 from ..shapes import Kind
 from .window import TRUSTED
@@ -124,13 +124,14 @@ def _with_window(log: FlightLog, config: Config) -> tuple[Config, list[Note]]:
         cut = [f"from {log.time_s[first]:.6g} s, after take-off"] * (first > 0)
         cut += [f"to {log.time_s[stop - 1]:.6g} s, before landing"] * (stop < log.n_samples)
         notes.append(Note.method(f"analysed {', '.join(cut)}; --from and --to take more"))
-    if any(channel.own_rate_hz is not None for channel in log.channels.values()):
+    if "hover" in log.channels or any(channel.own_rate_hz is not None for channel in log.channels.values()):
         pieces = _whole_pieces(log, [*config.inputs, *config.outputs], first, stop)
+        why = "gaps or hovers" if "hover" in log.channels else "gaps"
         if pieces and pieces != [(first, stop)]:
             first, stop = max(pieces, key=lambda piece: piece[1] - piece[0])
             notes.append(
                 Note.method(
-                    f"the log has gaps: of {len(pieces)} stretches the longest without is analysed, from "
+                    f"the log has {why}: of {len(pieces)} stretches the longest without is analysed, from "
                     f"{log.time_s[first]:.6g} s to {log.time_s[stop - 1]:.6g} s; --from and --to take another"
                 )
             )
@@ -187,6 +188,8 @@ def _whole_pieces(log: FlightLog, names: Sequence[str], first: int, stop: int) -
     for name in names:
         if name in log.channels:
             known &= np.isfinite(log.channels[name].values)
+    rotors = [(one.from_s, one.to_s) for one in phases_of(log) if one.phase in (HOVER, TRANSITION)]
+    known &= ~within(log.time_s, rotors)
     pieces, gaps = list[tuple[int, int]](), gap_starts(log.time_s) + 1
     for low, high in runs(known):
         pieces += pairwise([low, *gaps[(gaps > low) & (gaps < high)].tolist(), high])

@@ -75,7 +75,7 @@ def px4_topics(*, rate_hz: float = 5.0, jitter: float = 0.0) -> dict[tuple[str, 
             "windspeed_north": (3.0 + 0.01 * np.arange(wind.size)).astype(np.float32),
             "windspeed_east": np.full(wind.size, np.nan, np.float32),
         },
-        ("vehicle_status", 0): {"timestamp": status, "nav_state": np.ones(status.size, np.uint8)},
+        ("battery_status", 0): {"timestamp": status, "nav_state": np.ones(status.size, np.uint8)},
     }
 
 

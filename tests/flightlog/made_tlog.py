@@ -28,14 +28,22 @@ def packet(
     return round(1e6 * (1.7e9 + arrival_s)).to_bytes(8, "big") + head + payload + tail
 
 
-def tlog_bytes(*, version: int = 2, length_s: float = 40.0) -> bytes:
-    """Return a log of an airspeed at 4 Hz and an attitude at 8 Hz."""
+def tlog_bytes(*, version: int = 2, length_s: float = 40.0, hovers_s: float | None = None) -> bytes:
+    """Return a log of an airspeed at 4 Hz and an attitude at 8 Hz.
+
+    Parameters
+    ----------
+    hovers_s : until when a quadplane loiters on its rotors; its heartbeat and that of a ground station are at 2 Hz.
+    """
     out = []
     for k in range(round(8 * length_s)):
         t = k / 8.0
         arrival = math.ceil(2.0 * t) / 2.0 + 1e-4 * (k % 4)
         pitch = 0.1 * float(np.sin(0.8 * t))
         out.append(packet(arrival, "ATTITUDE", round(1000 * t) + 5000, 0.0, pitch, 3.0, 0.0, 0.0, 0.0, version=version))
+        if hovers_s is not None and k % 4 == 0:
+            mode = 19 if t < hovers_s else 10
+            out += [packet(arrival, "HEARTBEAT", mode, 1, 3, 0, 4, 3, system=system) for system in (1, 255)]
         if k % 2 == 0:
             speed = 20.0 + 2.0 * float(np.sin(0.5 * t))
             out.append(packet(arrival, "VFR_HUD", speed, 19.0, 100.0, 0.0, 90, 50, version=version))

@@ -12,7 +12,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from bfi_cli.flightlog import Channel, FlightLog, read_log
-from bfi_cli.flightlog.phases import MANOEUVRES, NO_AIRSPEED, PARTS, Phase, airborne_stretches, find_phases, phases_of
+from bfi_cli.flightlog.phases import (
+    HOVER,
+    MANOEUVRES,
+    NO_AIRSPEED,
+    PARTS,
+    TRANSITION,
+    Phase,
+    airborne_stretches,
+    find_phases,
+    note_on_rotors,
+    phases_of,
+)
 from bfi_cli.flightlog.record import frozen_array
 
 G = 9.8
@@ -479,3 +490,20 @@ def test_a_clock_that_jumps_by_years_is_no_flight():
     time_s[-1] = 1e9
     channel = Channel(name="tas", values=frozen_array(100.0 + np.sin(time_s)), unit="m/s", source="tas")
     assert phases_of(FlightLog(path="made", time_s=frozen_array(time_s), channels={"tas": channel})) == ()
+
+
+def test_a_hover_is_no_flight_on_the_wing_and_accuses_no_airspeed():
+    """A VTOL climbs and lands on its rotors: the wing's flight between is what is analysed."""
+    signals = cruising(600.0, speed=20.0)
+    t = signals["time"]
+    on_wing = (t >= 130.0) & (t < 430.0)
+    signals["cas"] = np.where(on_wing, signals["cas"], 1.0)
+    signals["altitude"] = np.interp(t, [0.0, 30.0, 60.0, 500.0, 530.0, 600.0], [0.0, 0.0, 60.0, 60.0, 0.0, 0.0])
+    hover = np.where((t >= 120.0) & (t < 440.0), np.where(on_wing, 0.0, 0.5), 1.0)
+    log = log_of(t, {name: signals[name] for name in ("cas", "altitude", "pitch", "roll")} | {"hover": hover})
+    found = find_phases(log)
+    assert [one.phase for one in found.phases] == ["ground", HOVER, TRANSITION, "cruise", TRANSITION, HOVER, "ground"]
+    assert found.disagreements == ()
+    assert airborne_stretches(log) == [(130.0, pytest.approx(430.0, abs=0.5))]
+    (note,) = note_on_rotors(found.phases)
+    assert note.text.startswith("hover and transition, 196 s in all, the longest 32")

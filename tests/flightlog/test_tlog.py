@@ -16,6 +16,7 @@ from noted import texts
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
+from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.tlog import checksum, read_tlog_topics
 
 
@@ -82,3 +83,15 @@ def test_a_log_of_a_simulation(flights: Path):
     log = read_log(path)
     assert log.rate_hz == pytest.approx(4.3, rel=0.05)
     assert log.channels["ias"].values.max() == pytest.approx(28.0, abs=0.2)
+    flown = [one for one in phases_of(log) if one.phase in ("hover", "cruise")]
+    assert [one.phase for one in flown] == ["hover", "hover", "cruise", "cruise", "cruise", "hover", "hover"]
+
+
+def test_a_quadplane_tells_its_hover(tmp_path: Path):
+    """Of a heartbeat ArduPlane's modes 17 to 23; the heartbeat of a ground station is no second sender."""
+    (tmp_path / "a").write_bytes(tlog_bytes(hovers_s=10.0))
+    log = read_log(tmp_path / "a")
+    hover = log.channel("hover").values
+    assert set(hover[np.isfinite(hover)]) == {0.0, 1.0}
+    assert log.time_s[np.flatnonzero(hover == 1.0)[-1]] == pytest.approx(15.0, abs=1.1)
+    assert not any("senders" in text for text in texts(log.notes))

@@ -204,26 +204,34 @@ def tabulate(scan: Scan, h: FloatArray) -> ShapeTables:
     n, degrees, n_base = scan.n_samples, scan.degrees, scan.n_base
     P = correlations(scan, h)
     shapes = [np.diff(h, n=d, prepend=np.zeros(d)) for d in range(scan.degree + 1)]
-    G: dict[tuple[int, int, int], FloatArray] = {}
-    for i, a in enumerate(degrees):
-        for j, b in enumerate(degrees[i:], i):
-            d = j - i
-            if (a, b, d) not in G:
-                table, product = np.zeros(n), shapes[a][: n - d] * shapes[b][d:]
-                if scan.weights is None:
-                    table[d:] = np.cumsum(product)[::-1]
-                else:
-                    table[d:] = _correlated(scan, "weights", product)[0, d:]
-                table[d:] -= np.einsum("qk,qk->k", P[a][:n_base, d:], P[b][:n_base, : n - d])
-                G[a, b, d] = table
+    keys = list(dict.fromkeys((a, b, j) for i, a in enumerate(degrees) for j, b in enumerate(degrees[i:])))
+    products = np.zeros((len(keys), n))
+    for product, (a, b, d) in zip(products, keys, strict=True):
+        product[: n - d] = shapes[a][: n - d] * shapes[b][d:]
+    G = dict(zip(keys, _summed(scan, products), strict=True))
+    for (a, b, d), table in G.items():
+        table[:d] = 0.0
+        table[d:] -= np.einsum("qk,qk->k", P[a][:n_base, d:], P[b][:n_base, : n - d])
     return ShapeTables(P=P, G=G)
+
+
+def _summed(scan: Scan, products: FloatArray) -> FloatArray:
+    """Return the sums (n_products, n) over k of the squared weights[k] times products[:, k - start] for all starts."""
+    n = scan.n_samples
+    if scan.weights is None:
+        return np.ascontiguousarray(np.cumsum(products, axis=1)[:, ::-1])
+    size = next_fast_len(2 * n, real=True)
+    sums = np.asarray(irfft(scan.spectrum("weights") * np.conj(rfft(products, size, axis=1)), size, axis=1)[:, :n])
+    for k in np.flatnonzero(np.count_nonzero(products, axis=1) <= SPARSE):
+        sums[k] = _correlated(scan, "weights", products[k])[0]
+    return sums
 
 
 def correlations(scan: Scan, h: FloatArray) -> tuple[FloatArray, ...]:
     """Return `ShapeTables.P` of a shape h (n_samples,)."""
     P = [_correlated(scan, "Q", np.diff(h, n=scan.degree, prepend=np.zeros(scan.degree)))]
     for _ in range(scan.degree):
-        P.append(np.cumsum(P[-1][:, ::-1], axis=1)[:, ::-1])
+        P.append(np.ascontiguousarray(np.cumsum(P[-1][:, ::-1], axis=1)[:, ::-1]))
     return tuple(P[::-1])
 
 

@@ -19,11 +19,11 @@ from ..flightlog.recorder import recorder_filters
 from ..kernels import FloatArray
 from ..kernels.atom_signals import AtomSignals
 from ..kernels.decimation import WHITE, decimate, lost_samples, lowpass_taps
-from ..kernels.input_directions import STILL, directions, independent, moments
+from ..kernels.input_directions import directions, independent, moments
 from ..notes import Note
 from ..preprocessing.regression import Signals
 from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
-from ..preprocessing.window import must_resample
+from ..preprocessing.window import moves, must_resample, require_outputs_move
 from ..report.text import instant
 
 BoolArray = NDArray[np.bool_]
@@ -262,7 +262,7 @@ def recorder_of(log: FlightLog, config: Config) -> Recorder:
 
 def _bank(log: FlightLog, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[str, ...]:
     """Return the channels that describe a turn, where an output feels turns and they are neither in- nor outputs."""
-    free = all(name in log.channels and name not in (*inputs, *outputs) and _moves(log, name) for name in BANK)
+    free = all(name in log.channels and name not in (*inputs, *outputs) and moves(log.channel(name)) for name in BANK)
     return BANK if free and not LONGITUDINAL.isdisjoint(outputs) else ()
 
 
@@ -409,26 +409,13 @@ def _channels(
     inputs = given_inputs or tuple(
         name
         for name in (*INPUTS, *FELT)
-        if name not in (*LATERAL, *given_outputs) and name in part.channels and _moves(part, name)
+        if name not in (*LATERAL, *given_outputs) and name in part.channels and moves(part.channel(name))
     )
     outputs = given_outputs or tuple(
-        name for name in OUTPUTS if name in part.channels and name not in inputs and _moves(part, name)
+        name for name in OUTPUTS if name in part.channels and name not in inputs and moves(part.channel(name))
     )
     if not outputs:
         has = ", ".join(sorted(part.channels))
         raise LogError(f"{part.path}: no output to watch; the log has: {has}; name some with --output")
-    for name in outputs:
-        if not _moves(part, name):
-            still = part.channel(name)
-            size = f"{still.values[0]:.6g} {still.unit}".rstrip()
-            raise LogError(
-                f"{part.path}: output '{name}' does not change (stays at {size}); "
-                "choose other --output or another window"
-            )
+    require_outputs_move(part, outputs)
     return inputs, outputs
-
-
-def _moves(part: FlightLog, name: str) -> bool:
-    values = part.channel(name).values
-    finite = values[np.isfinite(values)]
-    return bool(finite.size and np.ptp(finite) > STILL * np.max(np.abs(finite)))

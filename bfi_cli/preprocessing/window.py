@@ -14,7 +14,7 @@ from ..dictionary import Dictionary, dead_reason, no_signal
 from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
 from ..filters import Filter, response_of
-from ..flightlog import FlightLog, require_usable, resample, resample_with
+from ..flightlog import Channel, FlightLog, require_usable, resample, resample_with
 from ..flightlog.derived import with_derived
 from ..flightlog.injection import added_by, line_signals
 from ..flightlog.quality import held_hz, is_uniform
@@ -461,28 +461,41 @@ def _of_log(
     return LogSignal(values=values, slopes=slopes)
 
 
-def _require_movement(log: FlightLog, config: Config) -> None:
-    """Refuse a window in which no input moves, or an output does not."""
-    moved = {name: float(np.ptp(log.channel(name).values)) for name in (*config.inputs, *config.outputs)}
+def moves(channel: Channel) -> bool:
+    """Say whether the numbers of a channel differ by more than a constant does that is stored in single precision."""
+    low, high = float(np.fmin.reduce(channel.values)), float(np.fmax.reduce(channel.values))
+    return high - low > max(STILL_RELATIVE * max(abs(low), abs(high)), SMALLEST)
 
-    def is_constant(name: str) -> bool:
-        return moved[name] <= max(STILL_RELATIVE * float(np.max(np.abs(log.channel(name).values))), SMALLEST)
 
-    def is_still(name: str) -> bool:
-        return moved[name] < STILL_ANGLE if log.channel(name).unit == "rad" else is_constant(name)
+def require_outputs_move(log: FlightLog, outputs: Sequence[str]) -> None:
+    """Refuse a log of which an output does not move.
 
-    if all(map(is_still, config.inputs)):
-        first = config.inputs[0]
-        raise ExcitationError(
-            f"{log.path}: '{first}' does not move (range {moved[first]:.4g} {log.channel(first).unit}); without "
-            "excitation the dynamics cannot be told from a drift; choose a window with a manoeuvre"
-        )
-    for name in filter(is_constant, config.outputs):
-        still = log.channel(name)
+    Raises
+    ------
+    LogError : one does not.
+    """
+    for name in outputs:
+        if moves(still := log.channel(name)):
+            continue
         size = f"{still.values[0]:.6g} {still.unit}".rstrip()
         raise LogError(
             f"{log.path}: output '{name}' does not change (stays at {size}); choose another --output or window"
         )
+
+
+def _require_movement(log: FlightLog, config: Config) -> None:
+    """Refuse a window in which no input moves, or an output does not."""
+
+    def is_still(channel: Channel) -> bool:
+        return float(np.ptp(channel.values)) < STILL_ANGLE if channel.unit == "rad" else not moves(channel)
+
+    if all(is_still(log.channel(name)) for name in config.inputs):
+        first, channel = config.inputs[0], log.channel(config.inputs[0])
+        raise ExcitationError(
+            f"{log.path}: '{first}' does not move (range {np.ptp(channel.values):.4g} {channel.unit}); without "
+            "excitation the dynamics cannot be told from a drift; choose a window with a manoeuvre"
+        )
+    require_outputs_move(log, config.outputs)
 
 
 def unusable_atoms(

@@ -116,9 +116,18 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
     rate = asked.sample_rate_hz
     if rate is None and any("sample_rate_hz" in one.attrs for one in (node, file)):
         rate = raw.rate_of(path, stated("sample_rate_hz"))
-    rows, notes = _rows(path, signals, list(clean.values()), rate, asked)
+    rows, n, notes = _rows(path, signals, list(clean.values()), rate, asked)
     is_large = 8 * sum(signal.data.size for signal in signals.values()) > READ_AT_ONCE
-    columns = [one.track_in_file(path, rows) if is_large else one.track(rows) for one in signals.values()]
+    columns = []
+    for name, one in signals.items():
+        if n in (None, one.data.size):
+            columns.append(one.track_in_file(path, rows) if is_large else one.track(rows))
+        elif name in asked.keep:  # as `read_log` spreads a channel of another number of samples
+            values = one.values(slice(0, one.data.size))
+            spread = np.interp(np.arange(rows.start, rows.stop), np.arange(values.size) * (n / values.size), values)
+            columns.append(Track(source=name, values=spread, unit=one.unit))
+        else:
+            notes = (*notes, left_out(name, f"has {one.data.size} samples, the time axis {n},"))
     texts = (_text(_attribute(one, "segments")) or "[]" for one in (node, file))
     segments = next(filter(None, (segments_from_json(text, where=f"{path}: segments") for text in texts)), ())
     has_filters = any("filters" in one.attrs for one in (node, file))
@@ -204,8 +213,8 @@ def _signals(path: str, children: Mapping[str, Any]) -> tuple[dict[str, _Signal]
 
 def _rows(
     path: str, signals: Mapping[str, _Signal], clean: list[_Signal], rate: float | None, asked: Asked
-) -> tuple[slice, tuple[Note, ...]]:
-    """Return the rows to read, and the note on them: all, or where all are too many those of the window.
+) -> tuple[slice, int | None, tuple[Note, ...]]:
+    """Return the rows to read, of how many samples, and the note: all, or where all are too many those of the window.
 
     The rows of the window and one more to either side are found by bisection of the time axis.
     """
@@ -214,17 +223,18 @@ def _rows(
         _require_readable(path, signal.name, signal.data)
     sizes, whole = [signal.data.size for signal in every] or [0], asked.span == (None, None)
     if 8 * sum(sizes) <= (LARGEST if whole else WHOLE):
-        return slice(0, max(sizes)), ()
+        return slice(0, max(sizes)), None, ()
     if whole:
         what = f"{len(every)} channels of {max(sizes)} samples"
         raw.require_memory(path, 8 * sum(sizes), what, "give --from/--to for a part of it")
     time = raw.time_column([Track(source=s.name, values=np.empty(0), unit=s.unit) for s in signals.values()], asked)
     n = sizes[0] if time is None else signals[time.source].data.size
     for signal in every:
-        if signal.data.size != n:
+        is_needed = signal in clean or signal.name in {*asked.sources} - {*asked.keep}
+        if is_needed and signal.data.size != n:
             raise raw.different_length(path, signal.name, signal.data.size, n)
     if time is None and not (rate is not None and 0.0 < rate < np.inf):
-        return slice(0, 2), ()  # too few to matter: without a time axis the log is refused later, and by name
+        return slice(0, 2), n, ()  # too few to matter: without a time axis the log is refused later, and by name
 
     def at(k: int) -> float:
         if time is None:
@@ -248,7 +258,7 @@ def _rows(
     count = rows.stop - rows.start
     what = f"{len(every)} channels of {count} samples"
     raw.require_memory(path, 8 * len(every) * count, what, "shorten the window")
-    return rows, (Note.method(f"of {n} samples only {count} were read, those around the window"),)
+    return rows, n, (Note.method(f"of {n} samples only {count} were read, those around the window"),)
 
 
 def _members(path: str, node: h5py.Group, inside: tuple[h5py.Group, ...] = ()) -> Iterator[tuple[str, Any]]:

@@ -16,6 +16,7 @@ from ..channels import STANDARD, match_name
 from ..errors import ConfigError, LogError
 from ..notes import Note
 from ..units import si_unit, to_si
+from .clocks import on_one_clock
 from .dataflash import read_dataflash_topics
 from .hdf5 import read_hdf5
 from .matlab import read_matlab
@@ -177,6 +178,7 @@ def _require_no_columns(path: str, asked: Asked) -> None:
 
 def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None) -> FlightLog:
     """Return the log of a file; of one whose clock starts again the boot that is asked for, or that flies longest."""
+    raw = raw if raw.boots or raw.faults is not None else on_one_clock(path, raw, asked)
     boots = raw.boots or _boots(raw, asked)
     if boot is not None and not 1 <= boot <= len(boots):
         raise LogError(f"{path}: --boot {boot}: the log has {len(boots)}; give one of them, or leave it out")

@@ -708,7 +708,8 @@ def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onset
         rest -= parts * (parts @ rest) / power
         return float(rest @ rest)
 
-    ranked = sorted((misfit(channel), i, channel) for i, channel in enumerate(effects))
+    # Of two sensors of one quantity the losses are equal but for rounding: the first is named with its sign.
+    ranked = sorted((float(f"{misfit(channel):.9g}"), i, channel) for i, channel in enumerate(effects))
     among = tuple(channel for loss, _, channel in ranked if loss <= ranked[0][0] + AS_GOOD)
     fault = among[0]
     # The size from the relation that shows it best, whose noise alone the interval has.

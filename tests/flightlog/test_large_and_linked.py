@@ -55,7 +55,7 @@ WRITTEN = {
 
 
 @pytest.mark.parametrize("options", WRITTEN)
-@settings(max_examples=25)
+@settings(max_examples=25, deadline=None)
 @given(ends=st.lists(st.none() | st.floats(0.0, 320.0), min_size=2, max_size=2))
 def test_a_window_of_a_large_log_is_that_of_the_whole(options, ends, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / f"{options}.h5"
@@ -208,3 +208,21 @@ def test_a_file_that_is_damaged_after_it_was_opened_is_an_error_line(tmp_path: P
     path.write_bytes(b"gone")
     with pytest.raises(LogError, match="damaged or truncated HDF5 file"):
         _ = log.channels["tas"].values
+
+
+@pytest.mark.parametrize("keep", [(), ("slow",)])
+def test_a_channel_of_another_length_of_a_large_log_is_left_out_or_kept(
+    keep: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    path, wanted = flight(tmp_path / "a.h5"), {**NAMES, "keep": keep}
+    with h5py.File(path, "r+") as file:
+        file["slow"] = TAS[::4]
+    whole = read_log(path, **wanted).window(150.0, 200.0)
+    monkeypatch.setattr(hdf5, "WHOLE", 0)
+    cut = read_log(path, from_s=150.0, to_s=200.0, **wanted).window(150.0, 200.0)
+    assert list(cut.channels) == list(whole.channels)
+    np.testing.assert_array_equal(cut.channels["tas"].values, whole.channels["tas"].values)
+    if keep:  # the clock of this log is off by up to 3 ms
+        np.testing.assert_allclose(cut.channels["slow"].values, whole.channels["slow"].values, atol=0.1)
+    else:
+        assert any("'slow' has 500 samples, the time axis 2000, and is left out" in text for text in texts(cut.notes))

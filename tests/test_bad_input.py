@@ -472,7 +472,7 @@ COMMANDS = {
     "start-time good.csv --tolerance tas": (2, "--tolerance: expected CHANNEL=VALUE, got 'tas'; write --tolerance tas"),
     "identify good.csv -d good.yaml --tolerance tas=-1": (2, "--tolerance: tas: must be greater than 0, got -1.0"),
     "identify good.csv -d good.yaml --onset-tolerance -1": (2, "--onset-tolerance: must be greater than or equal to 0"),
-    "report damaged.json": (2, "damaged.json: no key 'faults'; the file is damaged or of another program"),
+    "report damaged.json": (2, "damaged.json: no key 'provenance'; the file is damaged or of another program"),
 }
 
 ROWS = (

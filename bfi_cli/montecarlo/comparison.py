@@ -12,6 +12,8 @@ from ..report.text import number
 Plain = Mapping[str, Any]
 
 TABLES, DRAWINGS = ("equal_rate", "isolated", "own_threshold"), ("detection", "rates")
+# Methods of a panel: that many can be told apart by colour and marker.
+MOST_CURVES = 6
 # Part of the way from one fault to the next over which the methods stand side by side.
 SPREAD = 0.7
 DETECTION_CAPTION = (
@@ -63,7 +65,7 @@ def comparison_drawings(scenarios: Sequence[Plain]) -> tuple[Drawing, ...]:
     ticks = tuple((fault, float(k)) for k, fault in enumerate(faults))
     detection, rates = list[Curve](), list[Curve]()
     for n, (method, of) in enumerate(rows.items()):
-        aside = SPREAD * (n - 0.5 * (len(rows) - 1)) / len(rows)
+        aside = SPREAD * (n % MOST_CURVES - 0.5 * (MOST_CURVES - 1)) / MOST_CURVES
         shares = [(k, of[fault]["equal_rate"]["detected"]) for k, fault in enumerate(faults) if _has(of, fault)]
         if shares:
             detection.append(_bars(method, [k + aside for k, _ in shares], [share for _, share in shares]))
@@ -74,28 +76,19 @@ def comparison_drawings(scenarios: Sequence[Plain]) -> tuple[Drawing, ...]:
             total = sum(one["of"] for one in detected)
             y = 100.0 * sum(one["count"] for one in detected) / total if total else math.nan
             rates.append(curve(method, [x], [y], style="intervals", low=[100.0 * low], high=[100.0 * high]))
-    axis: dict[str, Any] = {"y_limits": (-3.0, 103.0), "height": 1.4}
-    panels = {
-        "detection": Panel(
-            x_label="fault",
-            y_label="detected [%]",
-            curves=tuple(detection),
-            x_ticks=ticks,
-            x_limits=(-0.5, len(faults) - 0.5),
-            **axis,
-        ),
-        "rates": Panel(
-            x_label="false alarms [%]",
-            y_label="declared, all faults [%]",
-            curves=tuple(rates),
-            x_limits=(-3.0, 103.0),
-            **axis,
-        ),
-    }
-    captions = {"detection": DETECTION_CAPTION, "rates": RATES_CAPTION}
-    return tuple(
-        Drawing(name=name, caption=captions[name], panels=(one,)) for name, one in panels.items() if one.curves
+    of_faults = {"x_label": "fault", "y_label": "detected [%]", "x_ticks": ticks, "x_limits": (-0.5, len(faults) - 0.5)}
+    of_rates = {"x_label": "false alarms [%]", "y_label": "declared, all faults [%]", "x_limits": (-3.0, 103.0)}
+    return (
+        *_drawing("detection", DETECTION_CAPTION, detection, of_faults),
+        *_drawing("rates", RATES_CAPTION, rates, of_rates),
     )
+
+
+def _drawing(name: str, caption: str, curves: Sequence[Curve], axis: Mapping[str, Any]) -> tuple[Drawing, ...]:
+    """Return a figure with as many panels as it takes to tell the methods apart; none without curves."""
+    parts = [tuple(curves[k : k + MOST_CURVES]) for k in range(0, len(curves), MOST_CURVES)]
+    panels = tuple(Panel(**axis, curves=part, y_limits=(-3.0, 103.0)) for part in parts)
+    return (Drawing(name=name, caption=caption, panels=panels),) if panels else ()
 
 
 def share_cell(one: Plain | None, key: str) -> str:

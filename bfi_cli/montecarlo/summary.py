@@ -20,7 +20,7 @@ from ..report.text import counted, number
 from ..serialization import SCHEMA, to_plain
 from ..shapes import Kind
 from . import comparison
-from .comparison import comparison_drawings, comparison_tables
+from .comparison import MOST_CURVES, comparison_drawings, comparison_tables
 from .scenarios import Sweep
 from .trial import Row, rounded
 
@@ -30,8 +30,6 @@ DRAWINGS = ("isolation", "magnitude_error", *comparison.DRAWINGS)
 TABLES = ("scenarios", "decisions", "trials", "timings", *comparison.TABLES)
 HEADS = ("scenario", "isolated, %", "trials", "false alarms, %", "missed, %", "coverage, %", "median error")
 DECISION_HEADS = ("scenario", "fault, %", "no fault, %", "inconclusive, %", "beyond tolerance", "wrong no fault, %")
-# Curves that can be told apart by colour and marker; the others are in the table.
-MOST_CURVES = 6
 # Part of the way from one number of faults to the next over which the curves stand side by side.
 SPREAD = 0.6
 # What is drawn of an error of 0 on a logarithmic axis: round-off.

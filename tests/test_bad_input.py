@@ -228,6 +228,7 @@ OPTIONS = {
     "--unit flap=deg": (3, "--unit flap=deg: no channel 'flap'; the log has: elevator, tas, time"),
     "--unit tas": (2, "--unit: expected NAME=UNIT, got 'tas'; write --unit tas=kt"),
     "--channel tas": (2, "--channel: expected STD=NAME, got 'tas'; write --channel tas=my_airspeed"),
+    "--channel tas=TAS": (3, "--channel tas=TAS: no channel 'TAS'; did you mean 'tas'?"),
     "--channel tas=tsa": (3, "--channel tas=tsa: no channel 'tsa'; did you mean 'tas'?"),
     "--channel tas=a --channel tas=b": (2, "--channel: 'tas' is given twice, as 'a' and 'b'; keep one"),
     "--group one": (3, "good.csv: no group 'one', a log of this kind has none; leave out --group"),

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..channels import STANDARD, match_name
+from ..channels import STANDARD, match_name, meant_channel
 from ..errors import ConfigError, LogError
 from ..notes import Note
 from ..units import si_unit, to_si
@@ -396,8 +396,8 @@ def _check_maps(path: str, columns: Sequence[Track], asked: Asked) -> None:
     has = ", ".join(sorted(sources))
     for name, source in asked.channel_map.items():
         if source not in sources:
-            close = difflib.get_close_matches(source, sources, n=1)
-            hint = f"did you mean '{close[0]}'?" if close else f"the log has: {has}"
+            meant = meant_channel(source, sources) or next(iter(difflib.get_close_matches(source, sources, n=1)), None)
+            hint = f"the log has: {has}" if meant is None else f"did you mean '{meant}'?"
             raise LogError(f"{path}: --channel {name}={source}: no channel '{source}'; {hint}")
     names = {*sources, *asked.channel_map, *(m.name for m in map(match_name, sources) if m)}
     for name, unit in asked.unit_map.items():
@@ -463,9 +463,10 @@ def _checked_time(path: str, channel: Channel) -> FloatArray:
     back = np.flatnonzero(np.diff(time_s) <= 0.0)
     if back.size:
         k = int(back[0]) + 1
+        mend = "reverse its samples" if 2 < time_s.size == back.size + 1 else "sort or mend the time axis"
         raise LogError(
             f"{path}: '{source}' does not increase at sample {k} ({time_s[k]:.6g} s after {time_s[k - 1]:.6g} s, "
-            f"{back.size} such steps); sort or mend the time axis"
+            f"{back.size} such steps); {mend}"
         )
     return time_s
 

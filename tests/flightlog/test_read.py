@@ -175,6 +175,7 @@ def test_a_name_whose_unit_does_not_fit_keeps_its_own_name(tmp_path: Path):
         ("time\n0\n1\n2\n", "no channels"),
         ("time,tas\n0,1\n2,2\n1,3\n", "'time' does not increase at sample 2 (1 s after 2 s"),
         ("time,tas\n0,1\n0,2\n", "'time' does not increase at sample 1"),
+        ("time,tas\n3,1\n2,2\n1,3\n", "2 such steps); reverse its samples"),
         ("time,tas\n0,1\n,2\n", "'time' is not a number at sample 1 (1 in all)"),
         ("time,tas [knotz]\n0,1\n1,2\n", "'tas': unknown unit 'knotz'; did you mean 'knot'?"),
         ("# faults: [{]\ntime,tas\n0,1\n1,2\n", "faults: not JSON"),

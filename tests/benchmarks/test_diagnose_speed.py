@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pytest
 
-pytestmark = [pytest.mark.benchmarks, pytest.mark.realdata]
+pytestmark = pytest.mark.benchmarks
 
 FLIGHT, WORKERS = "citation_20180312_f1.h5", 2
 SECONDS, MEGABYTES, FIRST_S = 30.0, 500.0, 1.0

@@ -12,6 +12,7 @@ import subprocess
 import sys
 import termios
 from collections.abc import Callable
+from itertools import cycle
 from pathlib import Path
 
 import pytest
@@ -166,8 +167,7 @@ COMMANDS = (
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("encoding", ["utf-8", "ascii"])
-def test_names_that_are_no_text(encoding: str, tmp_path: Path):
+def test_names_that_are_no_text(tmp_path: Path):
     names = {
         "log": NAME, "new": b"n\xff", "faults": b"d\xff.yaml", "config": b"c\xff.yaml",
     }  # fmt: skip
@@ -177,7 +177,7 @@ def test_names_that_are_no_text(encoding: str, tmp_path: Path):
     Path(os.fsdecode(os.path.join(folder, names["config"]))).write_text(
         "seed: 1\nmodel: {order: 2}\nconditioning: {rate_hz: 4}\n"
     )
-    for line, code in COMMANDS:
+    for (line, code), encoding in zip(COMMANDS, cycle(("ascii", "utf-8")), strict=False):
         words = line.format(**{key: os.fsdecode(name) for key, name in names.items()})
         done = in_shell(f"bfi {words}", tmp_path, PYTHONIOENCODING=encoding)
         assert done.returncode == code, done.stderr
@@ -241,7 +241,7 @@ def test_a_disk_that_fills_up_leaves_nothing(line: str, tmp_path: Path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("home", ["/nonexistent", "/dev/null", ""])
+@pytest.mark.parametrize("home", ["/dev/null", ""])
 def test_a_home_that_cannot_be_written_is_no_news(home: str, tmp_path: Path):
     elsewhere = dict.fromkeys(("XDG_CACHE_HOME", "XDG_CONFIG_HOME"), f"{home}/x")
     done = in_shell(f"bfi plot {BIAS} --out {tmp_path}", ROOT, HOME=home, **elsewhere)

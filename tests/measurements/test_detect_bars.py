@@ -75,7 +75,7 @@ def right(result: DetectResult, name: str, onset_s: float) -> bool:
 
 
 def test_healthy_flights_raise_few_alarms(clean: FlightLog):
-    n = sized(400)
+    n = sized(400, 0.15)
     results = [detect_faults(noisy(clean, seed), TRAIN) for seed in range(n)]
     alarms = sum(bool(one.alarms) for one in results)
     print(f"\nhealthy: {alarms} alarms in {n} flights")
@@ -86,7 +86,7 @@ def test_healthy_flights_raise_few_alarms(clean: FlightLog):
 
 def test_the_minimal_detectable_step_is_what_it_says(clean: FlightLog):
     """A step in any channel at any onset covered, at 0.5, 1 and 2 times what is printed for the healthy record."""
-    n, declared = sized(60), dict.fromkeys((0.5, 1.0, 2.0), 0)
+    n, declared = sized(60, 0.2), dict.fromkeys((0.5, 1.0, 2.0), 0)
     for seed in range(n):
         log, rng = noisy(clean, 2000 + seed), np.random.default_rng([29, seed])
         channels = detect_faults(log, TRAIN).candidates
@@ -116,7 +116,7 @@ def shaken(log: FlightLog, clean: FlightLog, seed: int) -> FlightLog:
 @pytest.mark.parametrize("everywhere", [False, True], ids=["outputs", "inputs too"])
 @pytest.mark.parametrize("kind", ["gain", "bias"])
 def test_a_failure_is_localised_within_a_second(clean: FlightLog, kind: str, everywhere: bool):
-    n, found, delays = sized(100), 0, []
+    n, found, delays = sized(100, 0.16), 0, []
     for seed in range(n):
         log, name, onset_s = failed(noisy(clean, 1000 + seed), clean, kind, seed)
         log = shaken(log, clean, seed) if everywhere else log
@@ -130,7 +130,7 @@ def test_a_failure_is_localised_within_a_second(clean: FlightLog, kind: str, eve
     assert not_below(found / n, 0.90, n)
 
 
-@pytest.mark.parametrize("noise", [1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.05] if FULL else [1e-5, 1e-3, 0.05])
+@pytest.mark.parametrize("noise", [1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.05] if FULL else [1e-5, 0.05])
 def test_healthy_flights_raise_few_alarms_at_other_noises(clean: FlightLog, noise: float):
     """No bar of the method's source: what is wanted must hold at every noise; steps are shown beside it."""
     n, alarms, found = sized(100, 0.2), 0, 0

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from bars import FULL
+from bars import not_below
+from trials import sized
 
 from bfi_cli.aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
@@ -15,9 +16,7 @@ from bfi_cli.flightlog import inject
 pytestmark = pytest.mark.slow
 
 MODEL, RATE_HZ, NOISE, NEAR_S = find_model("citation"), 25.0, 0.02, 1.5
-N = 200 if FULL else 24
-# Of N intervals of 95 %, fewer hold the truth once in a thousand times.
-LEAST = {24: 19, 200: 179}
+N = sized(200, 0.06)
 
 
 @pytest.mark.parametrize(("gusts_m_s", "duration_s", "larger"), [(0.0, 60.0, 1.0), (0.5, 90.0, 5.0)])
@@ -44,4 +43,4 @@ def test_intervals_hold_the_size_of_a_step(gusts_m_s: float, duration_s: float, 
             widths.append((high - low) / (2.0 * size))
     print(f"gusts {gusts_m_s} m/s: {sum(held)} of {len(held)} hold the size, half width {np.median(widths):.3f} of it")
     assert len(held) > 0.8 * N
-    assert sum(held) >= LEAST[N] - (N - len(held))
+    assert not_below(sum(held) / len(held), 0.95, len(held))

@@ -51,7 +51,7 @@ class Case:
 
     Attributes
     ----------
-    fault : its onset and end are drawn; name : what it is to be called.
+    fault : its onset and end are drawn, one of tas has either sign in turn; name : what it is to be called.
     length_s : of the windows; tail_s : from the onset to the end of the window at least, None for a fault that grows.
     among : how many names an event may have that holds it, 0 for an event that it names first.
     bare : whether the true airspeed is the only one in the log.
@@ -99,13 +99,10 @@ CASES = (
     icing(0.0025, 0.80, 120.0),
     icing(0.001, 0.75, 240.0),
     growing("tas", 0.1, 0.85, onset_s=5.0, **BARE),
-    growing("tas", -0.1, 0.85, onset_s=5.0, **BARE),
     growing("tas", 0.05, 0.75, length_s=240.0, **BARE),
-    growing("tas", -0.05, 0.75, length_s=240.0, **BARE),
     growing("aoa", float(np.deg2rad(0.02)), 0.85, among=2),
     growing("pitch", float(np.deg2rad(0.05)), 0.92, among=2),
     Case(fault=Fault(shape="bias", channel="tas", magnitude=0.1), name="tas", bar=0.97, tail_s=40.0),
-    Case(fault=Fault(shape="bias", channel="tas", magnitude=-0.1), name="tas", bar=0.97, tail_s=40.0),
     Case(fault=WATER, name="pitot_water", bar=0.90, tail_s=40.0),
 )
 
@@ -182,8 +179,10 @@ def said(result: DiagnoseResult) -> str:
 def test_faults_are_named(pairs: Mapping[bool, Pair], case: Case) -> None:
     rng, counts, onsets, sizes = np.random.default_rng(1), Counter[str](), [], []
     right, first, covered = 0, 0, 0
-    for log, config, window in windows(pairs[case.bare], case.length_s):
+    for k, (log, config, window) in enumerate(windows(pairs[case.bare], case.length_s)):
         fault = placed(case, window, rng)
+        if fault.channel == "tas":
+            fault = replace(fault, magnitude=(-1) ** k * fault.magnitude)
         result = diagnosed(inject(log, [fault]), config, window)
         every = (*result.events, *result.deviations)  # a tenth of a metre per second is within the tolerance
         found = next((one for one in every if names(case, one)), None)
@@ -196,7 +195,7 @@ def test_faults_are_named(pairs: Mapping[bool, Pair], case: Case) -> None:
         covered += found.onset_ci95[0] <= fault.onset_s <= found.onset_ci95[1]
         first += found.fault == case.name
         if found.fault == case.name and found.magnitude is not None and found.shape == case.fault.shape:
-            sizes.append(abs(found.magnitude / case.fault.magnitude - 1.0))
+            sizes.append(abs(found.magnitude / fault.magnitude - 1.0))
     n = counts.total()
     assert right, counts
     print(f"{case}: {right} of {n} named, {first} first; onset {np.median(onsets):.1f} s off, {covered} onsets covered")
@@ -225,7 +224,12 @@ def test_healthy_windows_raise_no_alarm(pairs: Mapping[bool, Pair], bare: bool) 
     assert not_below(1.0 - alarms / n, 0.96, worth(n), worse=0.76)
 
 
-@pytest.mark.parametrize("bare", [False, True], ids=["all channels", "only tas"])
+@pytest.mark.parametrize(
+    "bare",
+    # With all channels it is a control of test_whole_flights, at the thresholds that are shipped.
+    [pytest.param(False, marks=pytest.mark.skipif(not FULL, reason="only where BFI_FULL=1 is set")), True],
+    ids=["all channels", "only tas"],
+)
 def test_a_whole_flight_has_no_false_event(pairs: Mapping[bool, Pair], bare: bool) -> None:
     """Outside take-off, last descent, landing and parabola, which are counted apart."""
     hours, inside, outside = 0.0, [], []

@@ -155,7 +155,7 @@ def test_command_line(name: str, tmp_path: Path):
     write_log(simulate(MODELS["citation"], elevator, rng=rng_of_noise, noise_sd={"tas": 0.01}, rate_hz=20.0), log)
     log.write_text(log.read_text().replace("tas [m/s]", "my_airspeed"))  # as the configuration calls it
     lines = []
-    for n in range(MUTATIONS // 5):
+    for n in range(MUTATIONS // 10):
         (tmp_path / f"{n}.yaml").write_bytes(mutated(content, rng))
         of_config = ["identify", "log.csv", "-c", f"{n}.yaml", "-d", "thesis_dictionary.yaml", "--json"]
         lines.append(["dictionary", f"{n}.yaml", "--json"] if "dictionary" in name else of_config)

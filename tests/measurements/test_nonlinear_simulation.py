@@ -20,7 +20,7 @@ from bfi_cli.flightlog import FlightLog, read_log
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
 DICTIONARY = load_dictionary(CONFIGS / "thesis_dictionary.yaml")
-SEEDS = range(sized(100, 0.1))
+SEEDS = range(sized(100, 0.06))
 SIZES = (1, 2, 4)
 NOISES = {0.01: 0.95, 0.05: 0.90}
 

@@ -142,7 +142,7 @@ def summary(right: list[Case]) -> str:
     return f"median onset error {onset:.2f} s, median magnitude error {size:.1%}"
 
 
-EVERY = 1 if FULL else 5
+EVERY = 1 if FULL else 7
 LONG = pytest.mark.skipif(not FULL, reason="half an hour: only where BFI_FULL=1 is set")
 PREPARED = {"low-passed": lowpassed, "sliced": sliced, "resampled": lambda log: replace(resample(log, 2.0), filters=())}
 

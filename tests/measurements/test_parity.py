@@ -90,7 +90,7 @@ class Flights:
     logs: list[FlightLog]
     phases: list[tuple[Phase, ...]]
     zero_lifts: list[float | None]
-    thresholds: dict[tuple[str, float], list[Threshold]] = field(default_factory=dict)
+    healthy: dict[tuple[int, str, float], tuple[list[float], list[str]]] = field(default_factory=dict)
 
     def log(self, k: int, channels: str) -> FlightLog:
         return without(self.logs[k], LEFT_OUT[channels])
@@ -101,16 +101,17 @@ class Flights:
 
     def threshold(self, k: int, channels: str, length_s: float) -> Threshold:
         """Return the threshold for a flight: the other flight's."""
-        key = channels, length_s
-        if key not in self.thresholds:
-            self.thresholds[key] = [self._threshold(1 - k, channels, length_s) for k in range(len(self.logs))]
-        return self.thresholds[key][k]
+        return threshold_from(*self.clean(1 - k, channels, length_s), length_s)
 
-    def _threshold(self, k: int, channels: str, length_s: float) -> Threshold:
-        record = record_of(self.log(k, channels))
-        names = [kind.name for kind in available(record.channels)[0]]
-        found = statistics(record, clean_windows(self.phases[k], length_s), names, self.zero_lift(k))
-        return threshold_from(found, names, length_s)
+    def clean(self, k: int, channels: str, length_s: float) -> tuple[list[float], list[str]]:
+        """Return the statistics of a flight's healthy windows, and the residuals that they are of."""
+        key = k, channels, length_s
+        if key not in self.healthy:
+            record = record_of(self.log(k, channels))
+            names = [kind.name for kind in available(record.channels)[0]]
+            windows = clean_windows(self.phases[k], length_s)
+            self.healthy[key] = statistics(record, windows, names, self.zero_lift(k)), names
+        return self.healthy[key]
 
 
 def without(log: FlightLog, names: Sequence[str]) -> FlightLog:
@@ -245,10 +246,7 @@ def test_healthy_windows_are_quiet(both: Flights, channels: str, length_s: float
     shares = []
     for k in range(len(both.logs)):
         level = both.threshold(k, channels, length_s).level
-        record = record_of(both.log(k, channels))
-        names = [kind.name for kind in available(record.channels)[0]]
-        found = statistics(record, clean_windows(both.phases[k], length_s), names, both.zero_lift(k))
-        shares += [one / level for one in found]
+        shares += [one / level for one in both.clean(k, channels, length_s)[0]]
     alarms = int(np.sum(np.array(shares) > 1.0))
     print(
         f"{channels}, {length_s:g} s: {alarms} alarms in {len(shares)} windows, largest {max(shares):.2f} of threshold"

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -28,7 +28,7 @@ from bfi_cli.flightlog.record import frozen_array
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
 FLIGHTS = {"citation_20180312_f1.h5": (700.0, 4300.0), "citation_20190312_123416.h5": (700.0, 4000.0)}
-TRIALS = 24
+TRIALS, SHARE = 24, 1 / 6
 LEVEL = 0.025  # the chance that a bar which is met fails
 P0, T0, R, G, A0 = 101_325.0, 288.15, 287.053, 9.80665, 340.294
 RESTS_AFTER_S = 1.5  # which a recorder's low-pass takes to come to rest
@@ -125,11 +125,16 @@ def faulty(log: FlightLog, trial: Trial, record: Callable[[Signal, float], Signa
     return replace(log, channels={name: one for name, one in channels.items() if name != "elevator"})
 
 
+@cache
+def recorded(path: Path) -> FlightLog:
+    return read_log(path)
+
+
 def diagnosed(trial: Trial, *, folder: Path) -> tuple[Event, ...]:
     sys.path.insert(0, str(folder.parent / "tools"))
     from recorder import record
 
-    log = faulty(read_log(folder / trial.flight), trial, record)
+    log = faulty(recorded(folder / trial.flight), trial, record)
     config = merge(Config(), {"window": {"from_s": trial.window[0], "to_s": trial.window[1]}})
     result = diagnose_flight(log, config)
     return (*result.events, *result.deviations)  # 0.2 m/s^2 is within the tolerance
@@ -159,7 +164,7 @@ NAMES = {
 @pytest.mark.parametrize("kind", NAMES)
 def test_partial_faults_are_named(kind: str, flights: Path):
     name, wanted = NAMES[kind]
-    every = list(trials(kind, sized(TRIALS)))
+    every = list(trials(kind, sized(TRIALS, SHARE)))
     answers = spread(partial(diagnosed, folder=flights), every)
     found: list[tuple[Trial, Event]] = []
     extra = 0
@@ -179,7 +184,7 @@ def test_partial_faults_are_named(kind: str, flights: Path):
 
 def test_parts_without_a_fault_have_none_of_these(flights: Path):
     """Whatever else is declared in healthy flight is counted elsewhere, over whole flights."""
-    every = list(trials("none", sized(TRIALS)))
+    every = list(trials("none", sized(TRIALS, SHARE)))
     answers = spread(partial(diagnosed, folder=flights), every)
     print([_said(one) for events in answers for one in events])
     these = [one for events in answers for one in events if _is_of_these(one)]

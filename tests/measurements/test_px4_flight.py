@@ -26,7 +26,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
 RATE_HZ = 5.0
 INPUTS = ("elevator", "pitch", "longitudinal_acc")
-ONSETS_S = (610.0, 650.0, 690.0, 730.0, 770.0, 810.0)
+ONSETS_S = (610.0, 650.0, 690.0, 730.0, 770.0, 810.0)[:: 1 if FULL else 2]
+LONG = pytest.mark.skipif(not FULL, reason="minutes: only where BFI_FULL=1 is set")
 MAGNITUDE = -3.0
 GRAVITY = 9.80665
 # Of an elevator at full travel, rad: any number serves, since the model scales its inputs.
@@ -77,7 +78,11 @@ def test_the_flight_is_seen_without_the_suspect(log: FlightLog) -> None:
 
 @pytest.mark.parametrize(
     ("length_s", "matches", "recorder"),
-    [(20.0, True, None), (60.0, False, None), (20.0, True, Filter(kind="gaussian", edge_hz=1.5, rate_hz=RATE_HZ))],
+    [
+        (20.0, True, None),
+        (60.0, False, None),
+        pytest.param(20.0, True, Filter(kind="gaussian", edge_hz=1.5, rate_hz=RATE_HZ), marks=LONG),
+    ],
 )
 def test_a_bias_is_located_with_the_default_calibration(
     log: FlightLog, length_s: float, matches: bool, recorder: Filter | None
@@ -85,7 +90,7 @@ def test_a_bias_is_located_with_the_default_calibration(
     ((first_s, last_s),) = airborne_stretches(log, suspects=["tas"])
     stated = "none" if recorder is None else recorder.edge_hz
     response = IDENTITY if recorder is None else response_of([recorder], RATE_HZ)
-    located, alarms, healthy = 0, 0, np.arange(first_s, last_s - length_s, (0.5 if FULL else 1.5) * length_s)
+    located, alarms, healthy = 0, 0, np.arange(first_s, last_s - length_s, (0.5 if FULL else 2.0) * length_s)
 
     def located_at(one: FlightLog, from_s: float) -> float | None:
         window = {"from_s": from_s, "to_s": from_s + length_s}
@@ -105,5 +110,5 @@ def test_a_bias_is_located_with_the_default_calibration(
     for from_s in healthy:
         alarms += located_at(log, float(from_s)) is not None
     print(f"{length_s:g} s: {located} of {len(ONSETS_S)} located, {alarms} alarms in {len(healthy)} healthy windows")
-    assert located >= 5
+    assert located >= 0.8 * len(ONSETS_S)
     assert alarms == 0

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bars import not_below
+from bars import FULL, not_below
 from trials import Outcome, Trial, run_all
 
 from bfi_cli.config import Config
@@ -31,7 +31,7 @@ DICTIONARY = load_dictionary(
     }
 )
 FAULTS: list[dict[str, float]] = [{}, {"bias": 0.5}, {"bias": 1.0}, {"drift": 0.5}, {"sine_0.2": 1.0}]
-STARTS = range(2000, 2801, 60)
+STARTS = range(2000, 2801, 60 if FULL else 120)
 
 
 def results(log: FlightLog, starts: range) -> dict[str, list[Outcome]]:

@@ -12,17 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bars import FULL, not_above, not_below
-from verdict_trials import RECORDER_SD_S, SHAPES, gaussian
+from verdict_trials import RECORDER_SD_S, SHAPES, cross_calibrated, gaussian
 
-from bfi_cli.config import Config, merge
-from bfi_cli.decision.calibration import save_tables
+from bfi_cli.config import Config
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.identify import identify_faults
-from bfi_cli.onset import find_onset, table_of_windows
-from bfi_cli.provenance import provenance
+from bfi_cli.onset import find_onset
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
@@ -125,7 +123,7 @@ def test_identify_with_a_known_onset(logs: tuple[FlightLog, FlightLog]) -> None:
     ],
 )
 def test_start_time_with_the_other_flights_thresholds(
-    logs: tuple[FlightLog, FlightLog], tmp_path: Path, inputs: tuple[str, ...], bars: dict[str, float]
+    logs: tuple[FlightLog, FlightLog], tables: Path, inputs: tuple[str, ...], bars: dict[str, float]
 ) -> None:
     faults = {
         "none": None,
@@ -135,12 +133,8 @@ def test_start_time_with_the_other_flights_thresholds(
     }
     counts, onsets, sizes = {name: Count() for name in faults}, [], []
     rng = np.random.default_rng(0)
-    for log, other in (logs, logs[::-1]):
-        pieces = [(other, (float(w.time_s[0]), float(w.time_s[0]) + LENGTH_S)) for w in windows(other, 100)]
-        table = table_of_windows(pieces, merge(Config(), {"inputs": inputs}))
-        path = tmp_path / f"{len(onsets)}.json"
-        path.write_text(save_tables([table], provenance(log_sha256="")))
-        config = merge(Config(), {"inputs": inputs, "start_time.calibration": str(path)})
+    for flight, log in zip(FLIGHTS, logs, strict=True):
+        config = cross_calibrated(flight, "own", inputs, tables)
         for part in windows(log):
             onset_s = float(part.time_s[int(part.n_samples * rng.uniform(0.3, 0.7))])
             for name, fault in faults.items():

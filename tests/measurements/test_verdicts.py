@@ -43,19 +43,20 @@ def logs(flights: Path) -> tuple[FlightLog, FlightLog]:
     return first, second
 
 
-@pytest.fixture(scope="module")
-def tables(flights: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder, common to all workers, of the tables of thresholds, made where they are asked for."""
-    base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "tables"
-    folder.mkdir(exist_ok=True)
-    return folder
-
-
 def test_no_fault_is_never_said_of_an_error_beyond_the_tolerance(tables: Path) -> None:
-    """BFI_RESULTS names a file that keeps the answers: a run that was interrupted is continued."""
+    """BFI_RESULTS names a file that keeps the answers: a run that was interrupted is continued.
+
+    A flight recorded once more asks for a table of its own: without BFI_FULL=1 those are left out of which the cases
+    below make none.
+    """
     results = Path(os.environ.get("BFI_RESULTS", tables / "trials.jsonl"))
-    rows = resumed(range(sized(TRIALS, 0.05)), results, lambda number: run(draw(number), tables))
+    made = {(one.flight, one.recorder) for one in map(draw, WRONG_ONCE)}
+    numbers = [
+        one.number
+        for one in map(draw, range(sized(TRIALS, 0.05)))
+        if FULL or not one.recorder.startswith("again") or (one.flight, one.recorder) in made
+    ]
+    rows = resumed(numbers, results, lambda number: run(draw(number), tables))
     counts = counts_of(rows)
     for name, (n, wrong) in counts.items():
         print(f"{name}: {wrong} of {n} wrong ({interval(wrong, n)[0]:.1%} to {interval(wrong, n)[1]:.1%})")
@@ -103,7 +104,7 @@ def test_a_large_drift_is_no_fault_in_no_command(logs: tuple[FlightLog, FlightLo
     log = logs[0]
     for inputs in (("elevator",), INPUTS):
         config = merge(Config(), {"inputs": inputs})
-        for start_s in (1000.0, 2000.0, 3000.0):
+        for start_s in (1000.0, 2000.0, 3000.0) if FULL else (2000.0,):
             part = log.window(start_s, start_s + LENGTH_S)
             faulty = with_fault(log, part, Fault(shape="drift", magnitude=3.0, onset_s=start_s + 60.0))
             steps = load_dictionary({"relative_to": "window", "atoms": [{"shape": "bias", "onset_s": 60}]})

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from bars import not_above
 from plain_onset import plain_rss, random_record, record, signal, waveforms
+from trials import sized
 
 from bfi_cli.kernels.onset import waveform as shapes
 from bfi_cli.kernels.onset.frequency import MIN_CYCLES, scan_frequency, scan_frequency_ends
@@ -101,10 +103,12 @@ def test_the_best_pair_is_found():
 
 @pytest.mark.slow
 def test_the_best_pair_is_found_in_94_of_100_random_cases(capsys):
-    count = sum(suboptimal(seed) for seed in range(1000, 1200))
+    """Of 200 where BFI_FULL=1 is set, else of 80: a search that misses 20 % fails with a chance of 98 %."""
+    n = sized(200, 0.4)
+    count = sum(suboptimal(seed) for seed in range(1000, 1000 + n))
     with capsys.disabled():
-        print(f"\nbest of all pairs missed in {count} of 200 random cases")
-    assert count <= 12
+        print(f"\nbest of all pairs missed in {count} of {n} random cases")
+    assert not_above(count / n, 0.06, n)
 
 
 def test_a_climb_from_a_start_with_no_room_behind_it_begins_at_the_last_that_has():

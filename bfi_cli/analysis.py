@@ -145,10 +145,10 @@ def _identify_kinds(
     result = concluded(log, config, replace(found, converged=True), sources)
     said = "no dictionary" if dictionary is None else "the onsets of the dictionary are not known"
     if searched.faults:
-        said += f": {len(searched.faults)} found by the search over all onsets, and magnitudes estimated jointly there"
+        said += f": {len(searched.faults)} declared by the search over all onsets, magnitudes estimated jointly"
     else:
         percent = 100.0 * config.start_time.false_alarm
-        said += f": the search over all onsets finds no fault at a false-alarm rate of {percent:.3g} %"
+        said += f": the search over all onsets declares none at a false-alarm rate of {percent:.3g} %"
     left_out = _left_out(dictionary, kinds, physics)
     notes = (Note.method(said), *on_model, *searched.notes, *physics.notes, *left_out, *result.notes)
     result = replace(result, notes=notes, truth=_truth_by_onset(result, searched))
@@ -162,7 +162,9 @@ def _left_out(dictionary: Dictionary | None, live: Sequence[Fault], physics: Evi
     untold = [f"'{one.name}'" for one in live if scanned_shape(one) is None]
     notes = [Note.limit(f"no onset of {', '.join(late)} is in the window: left out")] if late else []
     if untold and not physics.candidates and not physics.faults:
-        notes.append(Note.limit(f"nothing in the log tells {', '.join(untold)} from other slow faults: left out"))
+        notes.append(
+            Note.limit(f"{', '.join(untold)} left out: no channel of the log tells them from other slow faults")
+        )
     return tuple(notes)
 
 
@@ -232,7 +234,7 @@ def _identify_entries(
     looked_for = {one.kind for one in found.result.candidates if one.state is not None}
     searched: OnsetResult | str
     if any(SHAPES[one.fault.shape].acts_on == "course" for one in found.result.faults):
-        searched = "not scanned beside a fault of unknown shape"
+        searched = "not scanned: a fault of unknown shape is declared"
     elif (why_not := why_not_scanned(part, config, exact=exact)) is not None:
         searched = why_not
     else:

@@ -225,7 +225,7 @@ def test_many_neighbours_are_counted_and_their_combination_is_named():
     found = audit_dictionary(load_dictionary({"relative_to": "window", "grids": [grid]}), Config(), duration_s=60)
     assert sum("can hardly be told apart" in note for note in texts(found.notes)) == 5
     assert any("more pairs have a coherence of 0.99 or more" in note for note in texts(found.notes))
-    assert any(note.startswith("a combination of 'bias_tas_10") for note in texts(found.notes))
+    assert any(note.startswith("the magnitudes of 'bias_tas_10") for note in texts(found.notes))
 
 
 def test_the_signals_compared_without_a_log_are_those_defined():

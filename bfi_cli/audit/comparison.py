@@ -103,8 +103,8 @@ def sentences(signatures: Signatures, found: Dependence) -> list[str]:
         share = np.abs(found.weakest) / np.max(np.abs(found.weakest))
         part = [f"'{seen[j]}'" for j in np.argsort(-share, kind="stable")[:MOST_NAMED] if share[j] >= TAKES_PART]
         said.append(
-            f"a combination of {', '.join(part)} leaves next to no trace (condition number "
-            f"{found.condition_number:.3g}): their magnitudes cannot be told apart together; drop some"
+            f"the magnitudes of {', '.join(part)} cannot be told apart together (condition number "
+            f"{found.condition_number:.3g}): drop some"
         )
     return said
 

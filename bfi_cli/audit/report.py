@@ -48,11 +48,11 @@ ATOM_COLUMNS = (
 ATOM_KEYS = ("name", "live", "note", "minimal_detectable", "unit", "minimal_physical")
 MORE_KEYS = ("minimal_peak", "channel_unit", "visible", "most_coherent_with", "coherence")
 COHERENCE_CAPTION = (
-    "Coherence of every two faults, the cosine of the angle between what they leave to be seen: 0 for faults that are "
-    "told apart as if each were alone, 1 for faults that cannot be told apart."
+    "Coherence of every pair of faults, the cosine of the angle between their signatures: 0 fully told apart, 1 not at "
+    "all."
 )
 LIMITS_CAPTION = (
-    "Least magnitude that is detected with 90 % power, as the most it moves its output, in standard deviations of the "
+    "Minimal detectable magnitude (90 % power), as the largest error on its output in standard deviations of the "
     "prediction error; to the right in its own unit."
 )
 

@@ -239,7 +239,7 @@ def _close_output(*streams: TextIO) -> None:
 
 def _crash(error: Exception) -> str:
     """Write what a maintainer needs to a crash file, and nothing of the user's; return the line to print."""
-    what = f"bfi: a defect of ours, {type(error).__name__}"
+    what = f"bfi: internal error, {type(error).__name__}"
     text = "".join(f"{line}\n" for line in _crash_lines(error))
     try:
         with tempfile.NamedTemporaryFile("wb", prefix="bfi-crash-", suffix=".txt", delete=False) as file:

@@ -343,7 +343,7 @@ def wrong_statistics(values: FloatArray) -> str | None:
     if values.size >= FEWEST_WINDOWS and float(np.ptp(values)) <= SAME * float(values.max(initial=0.0)):
         return f"all of them are {float(values[0]):.4g}"
     if values.size and float(np.median(values)) < LEAST_STATISTIC:
-        return f"their median is {float(np.median(values)):.4g}, less than white noise alone makes the largest of many"
+        return f"their median is {float(np.median(values)):.4g}, less than white noise alone gives"
     return None
 
 
@@ -392,7 +392,9 @@ def table_notes(table: CalibrationTable, logs: Sequence[str]) -> tuple[Note, ...
         unused = [log for log in logs if Path(log).name not in table.logs]
         where = f", among them all of {', '.join(unused)}" if unused else ""
         notes.append(
-            Note.limit(f"{table.n_unusable} windows could not be analysed{where}; bfi info says what ails a log")
+            Note.limit(
+                f"{table.n_unusable} windows could not be analysed{where}; bfi info says what is wrong with a log"
+            )
         )
     if n >= FEWEST_WINDOWS:
         null = null_of(table, table.settings.shapes)

@@ -131,8 +131,8 @@ def _disagreement(fault: FaultEstimate, source: str, excluded_by: tuple[str, Can
     label, channel = SHAPES[fault.fault.shape].label, fault.fault.channel
     size, from_s = quantity(fault.magnitude, fault.unit), instant(fault.fault.onset_s)
     return Note.limit(
-        f"the {source} declares a {label} of {size} on {channel} from {from_s} s, but the {other} "
-        f"excludes more than {quantity(one.limit or 0.0, one.channel_unit)} there, so it is only suspected"
+        f"only suspected: a {label} of {size} on {channel} from {from_s} s, which the {source} declares; the {other} "
+        f"excludes more than {quantity(one.limit or 0.0, one.channel_unit)} there"
     )
 
 

@@ -124,7 +124,7 @@ def _candidates(prepared: PreparedRecord, found: Detection, tolerances: Mapping[
         if limits is not None and one.state == "not_seen" and hidden is not None:
             worst = instant(limits.onset_s[limits.hidden[:, i].argmax()])
             usual = shown_limit(replace(one, effect=float(np.quantile(limits.hidden[:, i], USUAL))))
-            note = f"worst from {worst} s; from {100.0 * USUAL:g} % of the onsets {usual} at most"
+            note = f"worst for a step at {worst} s; {usual} at most for {100.0 * USUAL:g} % of the onsets"
             one = replace(one, note=note)
         candidates.append(one)
     return tuple(candidates)
@@ -155,9 +155,8 @@ def _notes(prepared: PreparedRecord, config: Config, found: Detection, unseen: l
     if others:
         notes.append(
             Note.limit(
-                f"{' and '.join(others)} faults are not looked for here, so that there is no decision "
-                "without them (--require abrupt is about steps alone): bfi start-time looks for them, one channel at a "
-                "time"
+                f"only steps are looked for, so that {' and '.join(others)} faults stay open (--require abrupt asks "
+                "about steps alone); bfi start-time looks for them, one channel at a time"
             )
         )
     return tuple(notes)

@@ -114,16 +114,15 @@ def _alarms(prepared: PreparedRecord, channel: FloatArray, levels: FloatArray, w
 
 def _note_on_noise(lags: int, width: int) -> Note:
     return Note.method(
-        f"a linear model of order {lags} explains the healthy time to round-off, so the criterion is that of "
-        f"data without noise: a channel fails where the model leaves more than {LEVEL:g} of its size "
-        f"unexplained in a window of {width} samples"
+        f"the healthy time has no noise (a linear model of order {lags} explains it to round-off): a channel fails "
+        f"where more than {LEVEL:g} of its size stays unexplained in {width} samples"
     )
 
 
 def _note_on_gaps(n_samples: int) -> Note:
     return Note.limit(
-        f"{n_samples} samples move in a direction in which their window does not, as the first ones after "
-        "an input begins to move: what fails at one of them may show in another channel or not at all"
+        f"a failure at one of {n_samples} samples may show in another channel or not at all: they move as none before "
+        "them in their window, like the first ones after an input begins to move"
     )
 
 

@@ -146,32 +146,29 @@ def _threshold_notes(prepared: PreparedRecord, threshold: DetectionThreshold) ->
     if threshold.gusty:
         notes.append(
             Note.method(
-                "gusts change the size of the prediction errors: these are scaled by their size in the last "
-                f"{PATCH_S:g} s, an alarm needs {LASTING_IN_GUSTS} samples, and gusts that the healthy time has "
-                f"not met count as one patch in {2.0 * PATCH_S:g} s; a failure seen only in calm air may be missed"
+                f"in gusts, prediction errors are scaled by their size in the last {PATCH_S:g} s and an alarm needs "
+                f"{LASTING_IN_GUSTS} samples; a failure that shows in calm air only may be missed"
             )
         )
     if len(threshold.maxima) < FEWEST_BLOCKS:
         notes.append(
             Note.advice(
-                f"the healthy time has {len(threshold.maxima)} independent stretches to calibrate on, too few to see "
-                "heavy tails: the threshold takes that of white noise as known from few values; give a longer --train"
+                f"the healthy time has only {len(threshold.maxima)} independent stretches, too few to show rare gusts, "
+                "so that the threshold is higher; give a longer --train"
             )
         )
     elif threshold.is_heavy:
         notes.append(
             Note.method(
-                f"held-back healthy data are heavier-tailed than white noise ({threshold.tail:.3g} instead of "
-                f"{threshold.white:.3g} standard deviations): the threshold follows their tail, taken to be "
-                "exponential"
+                f"healthy data have a heavier tail than white noise: the threshold is {threshold.tail:.3g} instead of "
+                f"{threshold.white:.3g} standard deviations"
             )
         )
     higher = [name for name, most in zip(prepared.outputs, threshold.largest, strict=True) if most > threshold.white]
     if higher:
         notes.append(
             Note.method(
-                f"{', '.join(higher)}: the threshold is raised, since held-back healthy data exceed that of white "
-                "noise; the model predicts the healthy time badly"
+                f"{', '.join(higher)}: the threshold is raised, because the model predicts the healthy time badly"
             )
         )
     return notes

@@ -45,7 +45,7 @@ UNRISEN = 0.01
 # The channels that describe a turn, and the outputs that it changes.
 BANK = ("roll", "yaw_rate")
 LONGITUDINAL = {"aoa", "pitch", "pitch_rate", "altitude_rate", "altitude", "normal_acc"}
-TURNS = "further inputs made of roll and yaw_rate explain what turns do to longitudinal motion (--no-turns omits them)"
+TURNS = "inputs made of roll and yaw_rate explain turns (--no-turns omits them)"
 # Cosine of the steepest bank, 78 degrees: the load factor of a turn has no bound.
 STEEPEST = 0.2
 
@@ -77,8 +77,8 @@ class Recorder:
             return []
         return [
             Note.limit(
-                f"nothing after {instant(self.until_s)} s is watched: the recorder's low-pass looks {self.ahead_s:.2g} "
-                "s ahead, past the end of the log"
+                f"nothing after {instant(self.until_s)} s is watched: the recorder's low-pass needs "
+                f"{self.ahead_s:.2g} s more, after the end of the log"
             )
         ]
 
@@ -297,9 +297,8 @@ def _notes_on_times(
     if config.detect.train is None:
         notes.append(
             Note.advice(
-                f"no healthy time was given: {instant(train[0])} to {instant(train[1])} s, the first third of the "
-                "flight in the window at most, is taken as fault-free; a fault in it passes for normal (give "
-                "--train A:B)"
+                f"{instant(train[0])} to {instant(train[1])} s is taken as healthy, and a fault in it passes for "
+                "normal; --train A:B gives another time"
             )
         )
     elif train[0] > (float(log.time_s[0]) if from_s is None else from_s) + 1.0 / log.rate_hz:

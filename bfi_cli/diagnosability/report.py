@@ -23,16 +23,16 @@ ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
 NAME_LETTERS, MOST_IN_MAP, MOST_CURVES = 24, 30, 8
 SHOWN_BITS = (0.01, 0.99)
 MAP_CAPTION = (
-    "Jensen-Shannon divergence of the prediction errors, fault against no fault and fault against fault. Which of the "
-    "two is there is a question of 1 bit; shown is how much of it the window answers. 0: they cannot be told apart."
+    "Jensen-Shannon divergence of the prediction errors, fault against no fault and fault against fault, in bits: 1 "
+    "for two that are always told apart, 0 for two that never are."
 )
 CURVE_CAPTION = (
-    "How much of the 1 bit, whether the fault is there, the window answers, against the root mean square of its "
-    "magnitude. Dashed: at the minimal detectable magnitude."
+    "How well the window tells the fault from no fault (1 bit: always), against the root mean square of its magnitude. "
+    "Dashed: at the minimal detectable magnitude."
 )
 MANOEUVRE_CAPTION = (
-    "How much of the 1 bit, whether each fault is there, the record of each manoeuvre answers. First column: the mean "
-    "over the faults of the same for each fault against the most similar other one."
+    "How well each manoeuvre tells each fault from no fault (1 bit: always). First column: how well it tells a fault "
+    "from the most similar other one, in the mean over the faults."
 )
 ATOM_HEADS = (
     *("fault", "magnitude", "divergence, bit", "minimal detectable", "most like", "told apart, bit"),

@@ -153,15 +153,15 @@ def _notes(slow: SlowFaults) -> tuple[Note, ...]:
     if "flaps" not in flight.recorded and flight.moved:
         notes.append(
             Note.limit(
-                "no flaps: after take-off and from the last descent on, where flaps and gear may move, the lift is not "
-                "used"
+                "no flaps are recorded: lift is not used after take-off and from the last descent on, where they may "
+                "move"
             )
         )
     if slow.scale >= 1.005:
         notes.append(
             Note.method(
-                f"residuals are {slow.scale:.3g} times those of the calibration flights, by rough air or a fault "
-                "through most of the flight; thresholds are raised by as much"
+                f"thresholds are raised by {slow.scale:.3g}, as residuals are so many times those of the calibration "
+                "flights: rough air, or a fault through most of the flight"
             )
         )
     return tuple(notes)
@@ -302,9 +302,9 @@ def _state(flight: Flight, draft: Draft) -> tuple[State, str]:
     if one.doubt:
         return "suspected", one.doubt
     if not is_certain(draft) and draft.lasting:
-        return "suspected", f"it may be a trace of what is wrong with {' and '.join(draft.lasting)}, which may last"
+        return "suspected", f"it may be an after-effect of the fault of {' and '.join(draft.lasting)}"
     if not is_certain(draft):
-        return "suspected", "a healthy flight of this length shows as much in one of its windows, in the mean"
+        return "suspected", "a healthy flight of this length shows as much once on average"
     if one.stage == "scan" and one.p_value is None:
         return "suspected", "no shipped table fits this log, so that the rate of false alarms of steps is not known"
     if one.stage == "scan" and overlaps(draft.window, flight.moved):

@@ -102,7 +102,7 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
     unbounded = [name for name, candidate in found.items() if candidate is None]
     if unbounded and any(one.state == "declared" for one in events):
         named = ", ".join(unbounded)
-        notes.append(Note.limit(f"beside the declared faults physics bounds no slow fault of {named}"))
+        notes.append(Note.limit(f"physics bounds no slow fault of {named} beside the declared ones"))
     else:
         notes += dict.fromkeys(_what_would_help(flight, name, unbounded) for name in unbounded)
     candidates = [candidate for candidate in found.values() if candidate is not None]

@@ -307,7 +307,7 @@ def _without_frozen(log: FlightLog) -> tuple[list[str], FlightLog]:
     said = []
     for name in frozen:
         held = "holds one value" if np.isfinite(log.channels[name].values).any() else "holds no number"
-        said.append(f"'{name}' {held} through the whole log: it was not used")
+        said.append(f"'{name}' is not used: it {held} through the whole log")
     return said, without(log, *frozen)
 
 
@@ -348,19 +348,15 @@ def without_other_conventions(log: FlightLog, phases: Sequence[Phase]) -> tuple[
         flown = log.channels["normal_acc"].values[within(log.time_s, flight_stretches(phases))]
         middle = float(np.nanmedian(flown)) if np.isfinite(flown).any() else 0.0
         if abs(middle) > GRAVITY_LEFT_IN:
-            said.append(
-                f"'normal_acc' has a median of {middle:.3g} m/s^2 in flight, where it should be 0 in level flight: "
-                "it was not used"
-            )
+            said.append(f"'normal_acc' is not used: its median in flight is {middle:.3g} m/s^2, and should be 0")
             log = without(log, "normal_acc")
     record = record_of(log)
     if record.gained is not None and "tas" in record.channels:
         off = _mean_rate(record, phases)
         if abs(off) > MEAN_RATE:
             said.append(
-                f"'longitudinal_acc' and attitude give {off:.2g} m/s^2 more acceleration than the airspeed shows in "
-                "the mean over the flight: it was not used; it should be the specific force along body x, "
-                "forward, and the pitch be right"
+                f"'longitudinal_acc' is not used: with the attitude it gives {off:.2g} m/s^2 more than the airspeed "
+                "gains in the mean over the flight; it should be the specific force along body x, forward"
             )
             log = without(log, "longitudinal_acc")
     return log, tuple(said)

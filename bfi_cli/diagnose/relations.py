@@ -158,7 +158,7 @@ def _overruled(flight: Flight, one: Disagreement, among: tuple[str, ...], channe
         onset_ci95=(one.from_s - one.least_s - ONSET_S, one.latest_s + ONSET_S),
         statistic=one.to_s - one.from_s,
         threshold=one.least_s,
-        doubt="" if one.certain else "no more signs of the log tell of flight than of the ground",
+        doubt="" if one.certain else "at least as many signs of the log say that the aircraft is on the ground",
         effect={} if one.error is None else {one.channel: abs(one.error)},
     )
     window = (max(flight.from_s, one.from_s - AROUND_S), min(flight.to_s, one.to_s + AROUND_S))

@@ -38,16 +38,15 @@ EVENT_COLUMNS = (
 )
 LIMIT_COLUMNS = tuple(field.name for field in fields(FlightLimit))
 TIMELINE = (
-    "The flight: its phases, what was measured (blue) and what it would have been without the declared faults (red), "
-    "and how near each analysis came to its threshold in every window (1 is the threshold). Dashed lines are onsets "
-    "and ends of declared (red) and suspected (orange) faults. A fault without an end may last to the end of the "
-    "flight; its correction ends with the window that describes it."
+    "The flight: its phases, channels as measured (blue) and without the declared faults (red), and how near each "
+    "analysis came to its threshold (1). Dashed: onsets and ends of declared (red) and suspected (orange) faults. A "
+    "fault without an end may last; its correction ends with the window that describes it."
 )
 
 LIMITS = (
-    "What the flight excludes at 95 %: drifts of an airspeed, and losses of impact pressure by icing, that begin at a "
-    "time and are steeper than the line. Dashed: what 95 % of the watched time exclude, and the worst. Where there is "
-    "no line nothing bounds them."
+    "Drifts of an airspeed, and losses of impact pressure by icing, that the flight excludes at 95 %: those steeper "
+    "than the line, by their onset. Dashed: what 95 % of the watched time excludes, and the worst. No line: nothing "
+    "bounds them."
 )
 
 
@@ -497,7 +496,6 @@ def _page(result: DiagnoseResult, k: int, units: Units) -> Drawing:
     caption = f"{capital(_sentence(event, units))}; {event.state}."
     if told:
         caption += (
-            " Evidence by residual: what each says for the fault, twice the log-likelihood ratio, of other analyses "
-            "their own statistic."
+            " Evidence for the fault by residual: twice its log-likelihood ratio; of other analyses their statistic."
         )
     return Drawing(name=f"event_{k + 1}", caption=caption, panels=tuple(panels))

@@ -178,13 +178,13 @@ def missing_sentences(flight: Flight, scanned: Sequence[Scanned], limits: Sequen
     cost = ""
     if mostly is not None and mostly.effect is not None:
         within = f"{two_digits(mostly.effect)} m/s in {mostly.to_s - mostly.from_s:.0f} s"
-        cost = f"; in most of the flight a slow fault of the airspeed of less than {within} would not be seen"
+        cost = f"; in most of the flight a slow fault of the airspeed below {within} passes unseen"
     said = [note.text for note in note_on_rotors(flight.part_phases)]
     if without := [f"{one.from_s:.0f} to {one.to_s:.0f} s" for one in flight.part_phases if one.phase == NO_AIRSPEED]:
         more = f" and {len(without) - 3} times more" if len(without) > 3 else ""
         said.append(
-            f"from {', from '.join(without[:3])}{more} no airspeed is recorded, or it is that of an aircraft at rest "
-            "while other signs tell of flight: nothing else was looked for there"
+            f"from {', from '.join(without[:3])}{more} no airspeed shows the flight that other channels show: nothing "
+            "else was looked for there"
         )
     for name, channels in lacking.items():
         if name not in used:
@@ -195,5 +195,5 @@ def missing_sentences(flight: Flight, scanned: Sequence[Scanned], limits: Sequen
     elif not kinds:
         said.append("no slow fault was looked for: nothing bounds the airspeed")
     elif not scanned:
-        said.append("no slow fault was looked for: in every window most samples are no numbers")
+        said.append("no slow fault was looked for: most samples of every window are missing")
     return tuple(said)

@@ -71,7 +71,7 @@ def sentence_of(
         beside = " beside these events" if events else ""
         none = " and ".join(f"no {noun}" for noun, _ in kinds)
         where = _except(unwatched_by_steps)
-        said.append(f"{none} was found{beside}{where}; bfi start-time says how large one could be unseen")
+        said.append(f"{none} is declared{beside}{where}; bfi start-time says how large one could be unseen")
     elif kinds:
         said.append(f"{' or '.join(noun for _, noun in kinds)} was not looked for")
     return "; ".join(said)

@@ -305,8 +305,8 @@ def advice_on_the_ground(
     flown = [one for one in phases if one.phase not in UNFIT]
     aloft = f" (in flight from {flown[0].from_s:.6g} to {flown[-1].to_s:.6g} s)" if flown else ""
     return (
-        f"the aircraft is on the ground for most of the window, {first:.6g} to {last:.6g} s{aloft}: an airspeed shows "
-        "wind and noise there, and what is said of it is not said of a flight"
+        f"the aircraft is on the ground for most of the window, {first:.6g} to {last:.6g} s{aloft}: its airspeed "
+        "is wind and noise, and the answer is not about a flight"
     )
 
 

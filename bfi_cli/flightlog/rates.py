@@ -258,11 +258,11 @@ def _about(base: Track, ranked: Sequence[Track], slow: Sequence[Track], grid: Fl
     if jitter > JITTER:
         yield f"the steps of '{base.source}' are off by up to {100.0 * jitter:.0f} % and were made uniform"
     if slow:
-        yield f"held between values of their own: {named(slow, lambda t: f'{mean_rate(t.time_s):.3g} Hz')}"
+        yield f"held between their samples: {named(slow, lambda t: f'{mean_rate(t.time_s):.3g} Hz')}"
     if late := [t for t in ranked if t.time_s[0] > grid[0] + _patience(t)]:
-        yield f"what starts later than the log is missing there: {named(late, lambda t: f'{t.time_s[0]:.6g} s')}"
+        yield f"missing at the start of the log, until: {named(late, lambda t: f'{t.time_s[0]:.6g} s')}"
     if early := [t for t in ranked if t.time_s[-1] < grid[-1] - _patience(t)]:
-        yield f"what ends before the log is missing there: {named(early, lambda t: f'{t.time_s[-1]:.6g} s')}"
+        yield f"missing at the end of the log, from: {named(early, lambda t: f'{t.time_s[-1]:.6g} s')}"
     offset_s = float(grid[0] - min(t.time_s[0] for t in ranked))
     if offset_s > 2.0 / mean_rate(base.time_s):
         yield f"the log starts at {grid[0]:.6g} s, {offset_s:.3g} s after its first signal, when all are there"

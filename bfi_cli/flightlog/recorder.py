@@ -40,7 +40,7 @@ def with_seen_recorder(log: FlightLog) -> FlightLog:
     elif spectra := recorder_from_spectra(values, log.rate_hz):
         others = ", ".join(f"{kind} {edge_hz:.3g} Hz" for kind, edge_hz in spectra.others)
         source = (
-            f"uncertain: from the spectra of {spectra.n_channels} channels, which as other kinds would give {others}"
+            f"uncertain: from the spectra of {spectra.n_channels} channels, which other kinds would fit with {others}"
         )
         kind, edge_hz = spectra.kind, spectra.edge_hz
     else:

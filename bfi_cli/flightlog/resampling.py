@@ -269,9 +269,7 @@ def with_single_samples(log: FlightLog) -> FlightLog:
         return frozen_array(np.where(missing, filled, inserted))
 
     first_s = log.time_s[at[0] - 1]
-    note = Note.method(
-        f"{at.size} samples that the clock left out one at a time, the first after {first_s:.6g} s, are interpolated"
-    )
+    note = Note.method(f"{at.size} single missing samples, the first after {first_s:.6g} s, are interpolated")
     return log.changed(with_holes, time_s=longer.time_s, notes=(*log.notes, note))
 
 

@@ -80,7 +80,7 @@ def identify_by_residual(
             Note.limit(
                 f"the residual exceeds five standard deviations {alarms_s.size} times"
                 + (f", first at {shown} s" if alarms_s.size else "")
-                + "; the test knows no shape and never sees a slow fault, entries are named by their onset alone"
+                + "; the test sees no slow fault and knows no shape: entries are named by their onset alone"
             ),
         ),
     )

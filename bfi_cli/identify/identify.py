@@ -37,8 +37,8 @@ from .warnings import hidden_atoms, warnings_of
 __all__ = ["Identification", "concluded", "identification", "identify_faults"]
 
 UNANSWERABLE = (
-    "the data cannot answer: in this window every fault of the dictionary that is smaller than the output's whole "
-    "movement can pass for the aircraft's motion; choose a window with the onset and a manoeuvre inside"
+    "this window cannot tell: every fault of the dictionary that is smaller than the output's whole movement can pass "
+    "for the aircraft's motion; choose a window with the onset and a manoeuvre inside"
 )
 
 NOT_CONVERGED = "the solver did not converge, so that there is no interval and no verdict"

@@ -189,11 +189,7 @@ def _where(
         if of_sensors[named[j]][1] < OF_A_SENSOR:
             through.append(f"'{name}'")
     more = f", and {len(words) - SHOWN} more" if len(words) > SHOWN else ""
-    notes = [
-        Note.method(
-            f"in each prediction from the past, rms, beyond what past outputs explain: {'; '.join(words[:SHOWN])}{more}"
-        )
-    ]
+    notes = [Note.method(f"rms of the declared courses in the prediction errors: {'; '.join(words[:SHOWN])}{more}")]
     if through:
         notes.append(
             Note.limit(

@@ -66,17 +66,15 @@ READINGS = ("measured", *DERIVED)
 CHANGES = ("fault", "fault_sd", "prediction_error", "plain_residual", "true_fault")
 SERIES = (*READINGS, *CHANGES)
 MAGNITUDE_CAPTION = (
-    "Magnitude of every dictionary entry with its 95 % interval, in units of its own minimal detectable magnitude: "
-    "what would be found with 90 % power at a false-alarm rate of 1 % shared by all entries. Filled circles were "
-    "declared; open circles are what the entry would be if it were added. Inside the grey strip nothing could have "
-    "been found reliably. The scale is linear up to 1 and logarithmic beyond. To the right: the magnitude ± half its "
+    "Magnitude of every dictionary entry with its 95 % interval, in units of its minimal detectable magnitude (90 % "
+    "power). Filled circles are declared; open ones show what the entry would be if it were added. Inside the grey "
+    "strip nothing is detected reliably. Linear up to 1, logarithmic beyond. To the right: the magnitude ± half its "
     "95 % interval, and the minimal detectable magnitude."
 )
 RESIDUAL_CAPTION = (
-    "One-step residual of the fault-free model (dashed: ±5 robust standard deviations, with the samples beyond them) "
-    "and of the final model, and the autocorrelation of the latter with the 95 % band of white noise. The plain "
-    "5-sigma test finds abrupt steps but names no shape and misses slow drifts. Where the residual of the fault-free "
-    "model is far outside, its axis is logarithmic beyond ±5 σ."
+    "Prediction error of the fault-free model (dashed: ±5 robust standard deviations, with the samples beyond them) "
+    "and of the final one, and the autocorrelation of the latter with the 95 % band of white noise. The plain 5-sigma "
+    "test sees steps, names no shape and misses drifts. An axis that is far outside is logarithmic beyond ±5 σ."
 )
 
 

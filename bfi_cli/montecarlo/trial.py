@@ -134,7 +134,7 @@ def run_trial(trial: Trial) -> Row:
     except BfiError as error:
         why = str(error)
     except Exception as error:
-        why = f"a defect of ours, {error!r}"
+        why = f"internal error, {error!r}"
     return replace(row, error=" ".join(why.split()))
 
 

@@ -66,7 +66,7 @@ PER_DECADE = 6
 ERRORS = np.geomspace(0.1, 100.0, 3 * PER_DECADE + 1)
 # Scan shape that also covers this shape.
 LIKE = {"cosine": "sine"}
-STANDS_FOR = "excluded only after the declared fault is taken off, which may itself be of this kind"
+STANDS_FOR = "excluded only if the declared fault is right, which may itself be of this kind"
 OLDER_NOTE = "earlier ones cannot be excluded"
 
 
@@ -585,13 +585,13 @@ def _suspicion(rule: Rule, first: HypothesisScan, estimates: Sequence[Estimate],
     if peak.statistic <= threshold:
         if not estimates and peak.statistic > rule.suspicion(shape):
             return (
-                f"its statistic of {peak.statistic:.3g} exceeds what the nearest calibration asks for "
-                f"({rule.suspicion(shape):.3g}), but not what is asked for where none fits ({threshold:.3g})"
+                f"its statistic {peak.statistic:.3g} exceeds the threshold {rule.suspicion(shape):.3g} of the nearest "
+                f"calibration, but not {threshold:.3g}, which counts where none fits"
             )
         return None
     explained = max((one.statistic for one in first.peaks if one.form.output == peak.form.output), default=0.0)
     if not estimates:
-        return f"the {shape} of {peak.statistic:.3g} exceeds its threshold of {threshold:.3g}, but was declined"
+        return f"its statistic {peak.statistic:.3g} exceeds the threshold {threshold:.3g}, but it was declined"
     if explained - peak.statistic < threshold:
         return (
             f"a {shape} alone would explain the log nearly as well (statistic {peak.statistic:.3g}, the best "

@@ -60,8 +60,8 @@ def unconfirmed(
         statistic = _statistic_of(wider, subtract_faults(wider.y, *others), one, order)
         if statistic < LEAST_SHARE * one.statistic:
             doubts[i] = (
-                f"the {one.form.shape} from {one.onset_s:.6g} s stands out with {one.statistic:.3g}, but only with "
-                f"{statistic:.3g} where {', '.join(more)} are inputs, too"
+                f"the {one.form.shape} from {one.onset_s:.6g} s is only suspected: its statistic falls from "
+                f"{one.statistic:.3g} to {statistic:.3g} with {', '.join(more)} as inputs"
             )
     return doubts
 

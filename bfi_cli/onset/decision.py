@@ -173,8 +173,8 @@ def _rule(table: CalibrationTable, source: str, config: Config, *notes: Note, ma
         notes = (
             *notes,
             Note.method(
-                f"{table.n_windows} windows show no rate of false alarms below {100.0 * null.rarest:.3g} %; the "
-                f"threshold of {100.0 * false_alarm:.3g} % is extrapolated along their tail"
+                f"{table.n_windows} windows cannot show a false-alarm rate below {100.0 * null.rarest:.3g} %; the "
+                f"threshold for {100.0 * false_alarm:.3g} % is extrapolated from their tail"
             ),
         )
     return Rule(
@@ -201,9 +201,9 @@ def _nearest_rule(
     if not differ:
         return _rule(table, source, config, *map(Note.method, filter(None, [why])))
     note = Note.limit(
-        f"no calibration table fits these settings{f' ({why})' if why else ''}; the thresholds are those of the "
-        f"nearest, with a wider tail, without a p-value or a known false-alarm rate; its {table.n_windows} windows "
-        f"have {', '.join(differ)}"
+        f"no calibration table fits{f' ({why})' if why else ''}: the thresholds are those of the nearest with a wider "
+        f"tail, and neither p-value nor false-alarm rate is known; its {table.n_windows} windows have "
+        f"{', '.join(differ)}"
     )
     return _rule(table, source, config, note, matches=False)
 

@@ -194,7 +194,7 @@ def search_onsets(
     if rule.use.matches and verdict.p_value <= rule.null.rarest:
         n_windows = rule.use.n_windows
         notes.append(
-            Note.method(f"the p-value is at most {verdict.p_value:.2g}: {n_windows} windows can show none that is less")
+            Note.method(f"the p-value is at most {verdict.p_value:.2g}, the least that {n_windows} windows can show")
         )
     notes += _notes(record, result.faults, first.order)
     if not estimates and not rule.use.matches:

@@ -179,7 +179,7 @@ def _unseen(lines: Lines, report: LineReport) -> Iterator[UnseenLine]:
     for start_s, end_s, why in report.untold:
         if why not in (LANDED, LANDING, STEADY):
             hides |= (lines.time_s >= start_s) & (lines.time_s <= end_s)
-    calm = f"{channels} moved no more than calm air and the steps of the record let them"
+    calm = f"{channels} moved no more than in calm air, or than the steps of the record hide"
     for first_s, last_s in _stretches(lines, hides & lines.flies):
         yield UnseenLine(fault=fault, what="could hide", from_s=first_s, to_s=last_s, why=calm)
 

@@ -33,7 +33,7 @@ LEFT = 0.15
 SLOWED = (0.25, 0.5)
 # What names no other source was set with 137 windows of two Citation flights, their landings and those of a Cessna 172
 # and a drone in view (docs/theory.md, 15.6): what is counted there is in-sample.
-FREED = "the static pressure rests before it too: a blocked port that opens jumps as well, to a level within a step"
+FREED = "the static pressure rests before it too: it may be a blocked port that opens"
 LANDING = "the impact pressure is lost as in a landing"
 # These constants were set on both recorded Citations with leaks of 2 to 60 s (docs/theory.md, 15.6), except where a
 # reason is given.

@@ -103,7 +103,7 @@ def lines_of(log: FlightLog) -> Lines:
     elif not flies.any():
         why = "the log shows no flight"
     elif step_s > POINT_S:
-        why = f"it has a sample every {step_s:g} s, one every {POINT_S:g} s at least is needed"
+        why = f"it has a sample every {step_s:g} s, and needs one every {POINT_S:g} s"
     if why:
         return replace(unwatched, missing=(f"the pressure lines are not watched: {why}",))
     values = {name: blocks.mean(log.channels[name].values) for name in names}
@@ -124,8 +124,8 @@ def lines_of(log: FlightLog) -> Lines:
             f"{heats[0]}, whose steps hide what moves less" if heats else "the temperature of the standard atmosphere"
         )
         missing.append(
-            f"the total pressure is that of tas, altitude and {warmth}: a blocked pitot tube is found less often than "
-            "with cas or mach"
+            f"the total pressure is computed from tas, altitude and {warmth}: a blocked pitot tube is harder to see "
+            "than with cas or mach"
         )
     made_of = {"p_static": air.made_of["p_static"]}
     if has_impact:

@@ -153,9 +153,5 @@ def about_the_log(log: FlightLog, window: PreparedWindow, fitted: FaultFreeModel
                 )
             )
     if log.truth is not None and log.truth.clean:
-        notes.append(
-            Note.method(
-                "the faults injected into the log are taken out of it: this is about the log before they were injected"
-            )
-        )
+        notes.append(Note.method("the injected faults are taken out: this is about the log before them"))
     return notes

@@ -32,8 +32,8 @@ MOST_ROWS = 12
 BELOW, ABOVE, ROOM = 30.0, 4.0, 1.3
 HIDDEN_CAPTION = (
     "The largest error that each fault could make on its channel within the window without being declared. A bar that "
-    "ends before the grey area is excluded: a larger fault would have been found (90 % power), and the log disagrees "
-    "with it. A bar that reaches into the grey area is not seen: an error beyond the tolerance could be there."
+    "ends before the grey area is excluded: a larger fault would be declared (90 % power), and the log contradicts it. "
+    "A bar that reaches into the grey area is not seen: an error beyond the tolerance could be there."
 )
 
 

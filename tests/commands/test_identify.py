@@ -440,7 +440,7 @@ def test_without_a_dictionary_the_scan_proposes_the_faults(identify: Callable):
     assert fault["onset_s"] == pytest.approx(13.8, abs=0.011)
     assert fault["magnitude"] == pytest.approx(4.0, abs=0.02)
     assert document["truth"]["isolated"] is True
-    assert "no dictionary: 1 found by the search over all onsets" in texts(document["notes"])[0]
+    assert "no dictionary: 1 declared by the search over all onsets" in texts(document["notes"])[0]
 
 
 def test_without_a_dictionary_and_without_a_fault_the_limits_of_the_scan_are_shown(identify: Callable):
@@ -449,7 +449,7 @@ def test_without_a_dictionary_and_without_a_fault_the_limits_of_the_scan_are_sho
     limit = {one["name"]: one["minimal_detectable_scan"] for one in document["candidates"]}
     assert {"bias", "drift", "sine"} <= set(limit)
     assert 0.05 < limit["bias"] < 0.5
-    assert "the search over all onsets finds no fault" in texts(document["notes"])[0]
+    assert "the search over all onsets declares none" in texts(document["notes"])[0]
 
 
 def test_where_the_window_is_not_scanned_onsets_known_to_a_tolerance_exclude_nothing(

@@ -124,7 +124,7 @@ def test_no_trustworthy_answer_is_an_exit_code_with_strict_only(bfi: Callable, u
     plain, strict = (bfi("identify", *unanswerable, "--json", *more) for more in ((), ("--strict",)))
     assert json.loads(plain.stdout)["decision"] == "inconclusive"
     assert (plain.code, strict.code) == (0, 4)
-    assert any("the data cannot answer" in note for note in texts(json.loads(strict.stdout)["notes"]))
+    assert any("this window cannot tell" in note for note in texts(json.loads(strict.stdout)["notes"]))
 
 
 def test_a_defect_of_ours_is_one_line_and_a_crash_file(bfi: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -133,7 +133,7 @@ def test_a_defect_of_ours_is_one_line_and_a_crash_file(bfi: Callable, tmp_path: 
     outcome = bfi("identify", LOG, "-d", FAULTS)
     (crash,) = tmp_path.glob("bfi-crash-*.txt")
     assert (outcome.code, outcome.stdout) == (70, "")
-    assert outcome.stderr == f"bfi: a defect of ours, ZeroDivisionError; report it with {crash}\n"
+    assert outcome.stderr == f"bfi: internal error, ZeroDivisionError; report it with {crash}\n"
     first, second, *rest = crash.read_text().splitlines()
     assert first.startswith(f"bfi {__version__}, Python ")
     assert (second, rest[0], rest[-1]) == ("bfi identify -d", "Traceback (most recent call last):", "ZeroDivisionError")
@@ -149,7 +149,7 @@ def test_a_defect_is_one_line_where_no_crash_file_can_be_written(
     outcome = bfi("identify", LOG, "-d", FAULTS)
     assert outcome.code == 70
     assert outcome.stderr == (
-        "bfi: a defect of ours, ZeroDivisionError; report it (no crash file, no such file or directory)\n"
+        "bfi: internal error, ZeroDivisionError; report it (no crash file, no such file or directory)\n"
     )
 
 

@@ -93,7 +93,7 @@ def test_a_recorder_that_is_stated_against_the_log_counts_and_is_told(
 def test_the_end_of_a_log_is_watched_as_far_as_the_stated_recorder_looks_ahead(recorded: FlightLog, kind: str):
     bare = replace(recorded, filters=None)
     result = detected(bare, recorder__edge_hz=EDGE_HZ, recorder__kind=kind)
-    assert any("past the end of the log" in note for note in texts(result.notes)) == (kind == "gaussian")
+    assert any("after the end of the log" in note for note in texts(result.notes)) == (kind == "gaussian")
 
 
 def test_no_step_is_excluded_at_a_rate_at_which_the_recorder_spreads_it(recorded: FlightLog):

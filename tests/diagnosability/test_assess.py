@@ -95,7 +95,7 @@ def test_injected_faults_are_taken_out(flight, thesis, at_unit):
     faulty = inject(flight, [replace(thesis.atoms[1], magnitude=4.0)])
     result = assess(faulty, thesis, Config())
     np.testing.assert_array_equal(column(result, "divergence_bits"), column(at_unit, "divergence_bits"))
-    assert "the faults injected into the log are taken out" in texts(result.notes)[-1]
+    assert "the injected faults are taken out" in texts(result.notes)[-1]
 
 
 def test_what_cannot_be_looked_for_is_named_and_has_no_numbers(flight):

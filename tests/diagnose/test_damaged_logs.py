@@ -85,7 +85,7 @@ def test_a_frozen_channel_is_named_and_as_good_as_missing(
     value = float(journey.channels[name].values[2000])
     frozen = diagnosed(altered(journey, (name,), value, 0.0, np.inf))
     missing = diagnosed_without(name)
-    said = f"'{name}' holds one value through the whole log: it was not used"
+    said = f"'{name}' is not used: it holds one value through the whole log"
     assert frozen.missing[0] == said
     assert frozen.missing[1:] == missing.missing
     assert frozen.limits == missing.limits
@@ -93,7 +93,7 @@ def test_a_frozen_channel_is_named_and_as_good_as_missing(
 
 def test_a_channel_without_a_number_is_no_frozen_one(journey: FlightLog):
     result = diagnosed(altered(journey, ("aoa",), np.nan, 0.0, np.inf))
-    assert result.missing[0] == "'aoa' holds no number through the whole log: it was not used"
+    assert result.missing[0] == "'aoa' is not used: it holds no number through the whole log"
 
 
 @pytest.mark.parametrize(

@@ -345,7 +345,7 @@ def test_where_nothing_was_looked_for_no_sentence_says_that_nothing_was_found():
         "240 to 300 s, 7 m/s on tas by 900 s if it grows on from 240 s; not watched for that: 1500 to 4000 s (no "
         "airspeed is recorded), 10 to 45 s (flaps or gear may move)"
     )
-    assert "was found; not watched for that: 1500 to 4000 s (no airspeed is recorded); bfi start-time" in steps
+    assert "is declared; not watched for that: 1500 to 4000 s (no airspeed is recorded); bfi start-time" in steps
     assert "not watched" not in sentence_of(verdicts, (), limits, [], [], looked_for_steps=True)
     many = [replace(short, from_s=100.0 * k, to_s=100.0 * k + 35.0) for k in range(5)]
     assert "and 70 s elsewhere" in sentence_of(verdicts, (), limits, many, [], looked_for_steps=True)

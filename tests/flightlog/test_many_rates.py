@@ -71,7 +71,7 @@ def test_a_slower_signal_is_held_and_said_so():
     held = next(column for column in made.columns if column.source == "wind.n")
     np.testing.assert_array_equal(held.values[:250], np.floor(t[:250] + 1e-9) ** 2)
     assert held.rate_hz == pytest.approx(1.0)
-    assert any("held between values of their own: wind_north (1 Hz)" in note for note in texts(made.notes))
+    assert any("held between their samples: wind_north (1 Hz)" in note for note in texts(made.notes))
 
 
 def test_a_gap_of_the_base_has_no_samples():
@@ -110,7 +110,7 @@ def test_a_signal_that_comes_late_is_missing_before_and_one_a_little_late_shorte
     assert of["time"][0] == pytest.approx(1.0)
     assert np.isnan(of["pitch"][: 250 - 6]).all()
     assert np.isfinite(of["roll"]).all()
-    assert any("what starts later than the log is missing there: pitch (50 s)" in note for note in texts(made.notes))
+    assert any("missing at the start of the log, until: pitch (50 s)" in note for note in texts(made.notes))
     assert any("starts at 1 s, 1 s after its first signal" in note for note in texts(made.notes))
 
 

@@ -155,7 +155,7 @@ def test_the_injected_fault_is_the_course_that_begins_with_it() -> None:
 def test_the_scan_is_not_made_beside_a_course() -> None:
     log = flown(1, 2.0 * BUMP)
     result = identify(log, load_dictionary({"atoms": [FREE]}), CONFIG)[0]
-    assert result.scan.note == "not scanned beside a fault of unknown shape"
+    assert result.scan.note == "not scanned: a fault of unknown shape is declared"
     assert result.decision == "fault"
 
 

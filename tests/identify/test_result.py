@@ -182,7 +182,7 @@ def test_a_fault_that_was_there_before_the_window_cannot_be_answered(flight):
     log = inject(flight(1), [replace(atom, magnitude=3.0) for atom in old.atoms])
     result = identify_faults(log, old, Config())
     assert result.decision == "inconclusive"
-    assert "the data cannot answer" in texts(result.notes)[0]
+    assert "this window cannot tell" in texts(result.notes)[0]
     assert result.candidates[0].state is None
     assert "too near an end" in result.candidates[0].note
 

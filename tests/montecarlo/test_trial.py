@@ -204,7 +204,7 @@ def test_a_defect_is_a_row(sweep: Callable[..., Sweep], monkeypatch: pytest.Monk
     monkeypatch.setattr(trial_module, "identify_faults", broken)
     row = run_trial(next(sweep("noisy").trials()))
     assert row.error is not None
-    assert row.error.startswith(f"a defect of ours, {type(failure).__name__}(")
+    assert row.error.startswith(f"internal error, {type(failure).__name__}(")
     assert "\n" not in row.error
     assert (row.isolated, row.estimate, row.decision) == (None, None, None)
 

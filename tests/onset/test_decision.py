@@ -103,10 +103,10 @@ def test_the_threshold_decides_at_any_rate_of_false_alarms(log: FlightLog):
     assert result.decision == "fault"
     assert result.faults[0].p_value == result.p_value == 1.0 / (n_windows + 1)
     least = f"{100.0 / (n_windows + 1):.3g} %"
-    assert f"{n_windows} windows show no rate of false alarms below {least}; the threshold of 0.0001 % is " in str(
+    assert f"{n_windows} windows cannot show a false-alarm rate below {least}; the threshold for 0.0001 % is " in str(
         texts(result.notes)
     )
-    assert f"the p-value is at most {result.p_value:.2g}: " in str(texts(result.notes))
+    assert f"the p-value is at most {result.p_value:.2g}, " in str(texts(result.notes))
 
 
 def test_auto_is_the_default(log: FlightLog):

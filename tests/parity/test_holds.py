@@ -235,7 +235,7 @@ def test_a_log_with_tas_alone_finds_a_blocked_tube_and_says_what_it_costs():
     log = replace(log, channels={name: log.channels[name] for name in ("altitude", "tas", "tat")})
     answer = find_holds(log, FROM_S, TO_S)
     assert [one.fault for one in answer.findings] == ["pitot_blocked"]
-    assert any("less often than with cas or mach" in why for why in answer.missing)
+    assert any("harder to see than with cas or mach" in why for why in answer.missing)
 
 
 def test_what_the_log_lacks_is_said():

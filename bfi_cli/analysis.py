@@ -163,7 +163,7 @@ def _left_out(dictionary: Dictionary | None, live: Sequence[Fault], physics: Evi
     notes = [Note.limit(f"no onset of {', '.join(late)} is in the window: left out")] if late else []
     if untold and not physics.candidates and not physics.faults:
         notes.append(
-            Note.limit(f"{', '.join(untold)} left out: no channel of the log tells them from other slow faults")
+            Note.limit(f"left out: no channel of the log tells {', '.join(untold)} from other slow faults")
         )
     return tuple(notes)
 

@@ -162,9 +162,7 @@ def _left_out(dictionary: Dictionary | None, live: Sequence[Fault], physics: Evi
     untold = [f"'{one.name}'" for one in live if scanned_shape(one) is None]
     notes = [Note.limit(f"no onset of {', '.join(late)} is in the window: left out")] if late else []
     if untold and not physics.candidates and not physics.faults:
-        notes.append(
-            Note.limit(f"left out: no channel of the log tells {', '.join(untold)} from other slow faults")
-        )
+        notes.append(Note.limit(f"left out: no channel of the log tells {', '.join(untold)} from other slow faults"))
     return tuple(notes)
 
 

@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 PLACEMENTS = int(os.environ.get("BFI_PLACEMENTS", "12" if FULL else "1"))
 SEED = int(os.environ.get("BFI_SEED", "0"))
 HARD = ("static_leak partial", "probe")
-# The others are in whole flights of test_lasting_faults.
+# The others are in test_lasting_faults and, window by window, in test_diagnose.
 ALONE = ("static_leak partial", "tas step", "aoa step", "aoa frozen", "probe", "tas spikes")
 
 

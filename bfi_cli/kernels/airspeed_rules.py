@@ -27,8 +27,8 @@ LOAD_SHARE, LOAD_LEAST, LOAD_MOST, LOAD_FAILS = 0.05, 0.25, 2.0, 1.1
 STANDARD_GRAVITY = 9.81  # m/s^2, as PX4 has it
 # PX4: time constants of the filters of airspeed rate, throttle and pitch, s, and how far above trim a throttle is high.
 RATE_S, THROTTLE_S, PITCH_S, HIGH_THROTTLE = 5.0, 0.5, 1.5, 0.05
-# PX4: m/s^2 below which an airspeed does not grow (kIASDerivateThreshold). Its documentation says "too slowly" and no
-# number: taken as 0.1, not checked against the header.
+# PX4: m/s^2 below which an airspeed does not grow (kIASDerivateThreshold), as AirspeedValidator.hpp of the fork
+# EnigmaAerospace/PX4-Autopilot has it at 4c4a4e4, where kHighThrottleDelta is 0.05 too.
 GROWS = 0.1
 # ArduPilot: seconds between checks, factors of the health after a bad and a good one, where the sensor is disabled and
 # enabled again, and the part of the gate that a disabled one must keep.
@@ -101,24 +101,30 @@ def px4_first_principle(
 ) -> BoolArray:
     """Fail where for longer than the window the airspeed does not grow, nose down with more throttle than in trim.
 
+    A sample of which one value is unknown (NaN) changes nothing.
+
     Parameters
     ----------
     throttle : 0 to 1; trim, most : of cruise, and the largest.
     pitch, level_pitch : rad, of level flight.
     """
-    failed, passed_s = np.zeros(len(time_s), dtype=bool), time_s[0]
-    rate, lever, nose = 0.0, throttle[0], pitch[0]
-    for k in range(1, len(time_s)):
-        step_s = time_s[k] - time_s[k - 1]
+    failed, known = np.zeros(len(time_s), dtype=bool), np.isfinite(airspeed + throttle + pitch)
+    last = int(np.argmax(known))
+    rate, lever, nose, passed_s = 0.0, throttle[last], pitch[last], time_s[last]
+    for k in range(last + 1, len(time_s)):
+        if not known[k]:
+            failed[k] = failed[k - 1]
+            continue
+        step_s = time_s[k] - time_s[last]
         if step_s > 1.0:
             rate, lever, nose, passed_s = 0.0, throttle[k], pitch[k], time_s[k]
         elif step_s > 0.0:
-            rate += step_s / (RATE_S + step_s) * ((airspeed[k] - airspeed[k - 1]) / step_s - rate)
+            rate += step_s / (RATE_S + step_s) * ((airspeed[k] - airspeed[last]) / step_s - rate)
             lever += step_s / (THROTTLE_S + step_s) * (throttle[k] - lever)
             nose += step_s / (PITCH_S + step_s) * (pitch[k] - nose)
         if not (rate < GROWS and lever > min(trim + HIGH_THROTTLE, most) and nose < level_pitch):
             passed_s = time_s[k]
-        failed[k] = time_s[k] - passed_s > window_s
+        failed[k], last = time_s[k] - passed_s > window_s, k
     return failed
 
 

@@ -87,6 +87,16 @@ def test_an_airspeed_that_does_not_grow_nose_down_under_power_fires_after_its_wi
     assert stretch(px4_first_principle(T, speed, throttle, pitch)) == (17, 100 + n - 1)
 
 
+def test_an_unknown_airspeed_changes_nothing_for_the_first_principle_check():
+    speed, throttle, pitch = np.full(400, 20.0), np.full(400, 0.9), np.full(400, -0.1)
+    speed[:3] = speed[60:64] = np.nan
+    failed = px4_first_principle(T, speed, throttle, pitch)
+    assert first(failed) == 3 + 17
+    assert failed[20:].all()
+    speed[100:] += 0.125 * np.arange(1, 301)  # it is watched after the gap as before
+    assert not px4_first_principle(T, speed, throttle, pitch)[200:].any()
+
+
 @pytest.mark.parametrize(
     ("failing", "start"),
     [

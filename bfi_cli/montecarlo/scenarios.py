@@ -210,8 +210,7 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
         if injected is not None:
             parts.append(injected.model_dump(mode="json"))
         if rules.compare is not None:
-            method = chosen["compare"][0]
-            parts.append(["compare", method, rules.compare.programs.get(method, "")])
+            parts.append(["compare", method := chosen["compare"][0], rules.compare.programs.get(method, "")])
         words = [f"{name}={chosen[name][0]}" if name != "identify" else chosen[name][0] for name in varying]
         name = printable(" ".join(words)) or "all"  # as trials.csv has it, where --resume looks for it
         if any(name == other.name for other in scenarios):
@@ -226,11 +225,8 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
             peer=value["compare"],
         )
         _check_injected(setting, value["active"], where, rules.inject.index(injected))
-        labels = {name: label for name, (label, _) in chosen.items() if name != "identify"}
-        if rules.inject == (None,):
-            labels.pop("inject")
-        if rules.compare is None:
-            labels.pop("compare")
+        left_out = {"identify", *(["inject"] * (rules.inject == (None,))), *(["compare"] * (rules.compare is None))}
+        labels = {name: label for name, (label, _) in chosen.items() if name not in left_out}
         scenarios.append(
             Scenario(
                 name=name,

@@ -68,5 +68,5 @@ def test_faults_of_three_outputs_in_recorded_windows(bfi, tmp_path: Path):
             print(f"{number} {kind}: {named}")
         print(f"after {number + 1}: {counts}")
     for kind, wanted in zip(FAULTS, (0.7, 0.85, 0.6), strict=True):
-        not_below(counts[kind] / TRIALS, wanted, TRIALS)
-    not_below(1.0 - counts["healthy"] / TRIALS, 0.97, TRIALS)
+        assert not_below(counts[kind] / TRIALS, wanted, TRIALS)
+    assert not_below(1.0 - counts["healthy"] / TRIALS, 0.97, TRIALS)

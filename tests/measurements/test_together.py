@@ -76,9 +76,9 @@ def test_ten_seconds_of_a_simulated_flight_with_three_earlier_ones():
     print(f"\nthe models are one in {np.mean(shares):.0%}")
     counted("alone", alone)
     told, covered, alarms = counted("together", together)
-    not_below(float(np.mean(shares)), 0.95, len(shares))
-    not_below(told, 0.9, TRIALS)
-    not_below(covered, 0.93, TRIALS)
+    assert not_below(float(np.mean(shares)), 0.95, len(shares))
+    assert not_below(told, 0.9, TRIALS)
+    assert not_below(covered, 0.93, TRIALS)
     assert alarms <= 0.02
 
 
@@ -113,4 +113,4 @@ def test_windows_of_recorded_flights_with_the_two_minutes_before():
     _, _, before = counted("recorded, alone", alone)
     _, covered, alarms = counted("recorded, with the two minutes before", together)
     assert not_above(alarms, max(before, 0.05), TRIALS)
-    not_below(covered, 0.85, TRIALS)
+    assert not_below(covered, 0.85, TRIALS)

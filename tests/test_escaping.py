@@ -28,7 +28,7 @@ BAD = (
 )
 LINK = BAD.replace("/", "|")  # HDF5 takes no slash in a name
 INPUT, OUTPUT = f"u{LINK}", f"y{LINK}"
-T = time_axis(duration_s=60.0, rate_hz=10.0)
+T = time_axis(duration_s=40.0, rate_hz=5.0)
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         MODELS["citation"],
         manoeuvre("multisine", T, step_s=1.0),
         rng=np.random.default_rng(0),
-        rate_hz=10.0,
+        rate_hz=5.0,
         noise_sd={"tas": 0.01},
     )
     with h5py.File(folder / "log.h5", "w") as file:

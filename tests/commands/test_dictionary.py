@@ -27,7 +27,7 @@ ANSI = re.compile(r"\x1b\[[0-9;]*m")
 MANY = {
     "relative_to": "window",
     "channel": "tas",
-    "grids": [{"name": "step", "shape": "bias", "onset_s": {"start": 5, "stop": 30, "step": 0.5}}],
+    "grids": [{"name": "step", "shape": "bias", "onset_s": {"start": 5, "stop": 30, "step": 1}}],
 }
 FLAWED = """
 channel: tas
@@ -116,7 +116,7 @@ def test_flawed_entries_are_named(bfi, flawed: Path, log):
     assert ("'dead' starts at 500 s, after the window ends" in notes) == (log != ())
 
 
-@pytest.mark.parametrize("argv", [(THESIS,), (THESIS, BIAS), (AIRDATA, BIAS), (AIRDATA,)], ids=str)
+@pytest.mark.parametrize("argv", [(THESIS,), (THESIS, BIAS), (AIRDATA, BIAS, "--order", 4, "--rate", 5)], ids=str)
 def test_a_terminal_of_80_columns_holds_the_tables(terminal, argv):
     lines = terminal(*argv)
     assert max(map(len, lines)) <= 80

@@ -17,7 +17,7 @@ from bfi_cli.commands import COMMANDS
 ROOT = Path(__file__).parents[2]
 LOG = ROOT / "data" / "citation_bias.h5"
 CLEAN = ROOT / "data" / "citation_clean.h5"
-FAULTS = ROOT / "configs" / "thesis_dictionary.yaml"
+FAULTS = ROOT / "tests" / "two_entries.yaml"
 QUICK = ("--rate", 4, "--order", 2)
 IDENTIFY = ("identify", LOG, "-d", FAULTS, *QUICK)
 
@@ -65,13 +65,14 @@ def test_the_package_runs_as_a_module():
     assert (done.returncode, done.stdout, done.stderr) == (0, f"bfi, version {__version__}\n", "")
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_a_pipe_gets_the_table_and_nothing_else(bfi: Callable):
     outcome = bfi(*IDENTIFY)
     assert (outcome.code, outcome.stderr) == (0, "")
     assert outcome.stdout.startswith("Fault: a bias of 4.01 m/s")
 
 
-@pytest.mark.usefixtures("undrawn")
+@pytest.mark.usefixtures("undrawn", "unscanned")
 def test_a_terminal_gets_tables_on_stdout_and_notes_on_stderr(
     bfi: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
@@ -83,6 +84,7 @@ def test_a_terminal_gets_tables_on_stdout_and_notes_on_stderr(
     assert outcome.stderr.endswith(f"\nwrote {tmp_path / 'out' / 'report.html'}\n")
 
 
+@pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize("line", [("info", LOG), IDENTIFY], ids=["info", "identify"])
 def test_json_on_a_terminal(bfi: Callable, line: tuple[object, ...], monkeypatch: pytest.MonkeyPatch):
     on_a_terminal(monkeypatch)
@@ -120,6 +122,7 @@ def unanswerable(tmp_path: Path) -> list[object]:
     return [CLEAN, "-d", path, *QUICK]
 
 
+@pytest.mark.usefixtures("unscanned")
 def test_no_trustworthy_answer_is_an_exit_code_with_strict_only(bfi: Callable, unanswerable: list[object]):
     plain, strict = (bfi("identify", *unanswerable, "--json", *more) for more in ((), ("--strict",)))
     assert json.loads(plain.stdout)["decision"] == "inconclusive"

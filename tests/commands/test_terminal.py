@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-BIAS, FAULTS = ROOT / "data" / "citation_bias.h5", ROOT / "configs" / "thesis_dictionary.yaml"
+BIAS, FAULTS = ROOT / "data" / "citation_bias.h5", ROOT / "tests" / "two_entries.yaml"
 # Colours only: nothing that moves the cursor, which an answer has no use for.
 COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 # What the terminal shows is looked at here, not the choice of a model or its resolution, which cost most of the time.
@@ -63,11 +63,11 @@ def in_shell(line: str, cwd: Path, **variables: str) -> subprocess.CompletedProc
     )
 
 
-@pytest.fixture(scope="session")
-def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
+@pytest.fixture
+def stored(bfi: Callable, unscanned: None, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return the answer of `LINE` as a file, which `bfi report` prints again."""
     path = tmp_path_factory.mktemp("stored") / "result.json"
-    path.write_bytes(in_shell(f"{LINE} --json --series", ROOT).stdout)
+    path.write_text(bfi(*IDENTIFY, "--json", "--series").stdout)
     return path
 
 
@@ -138,11 +138,16 @@ def test_no_line_is_wider_than_a_narrow_terminal(narrow: Callable, argv: tuple[o
     assert max(map(len, lines)) <= 40
 
 
+@pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize(("variables", "columns"), [({}, 120), ({"COLUMNS": "60", "FORCE_COLOR": "1"}, 60)])
-def test_a_pipe_gets_the_table_plain(variables: dict[str, str], columns: int):
-    done = in_shell(LINE, ROOT, **variables)
-    text = done.stdout.decode()
-    assert (done.returncode, done.stderr) == (0, b"")
+def test_a_pipe_gets_the_table_plain(
+    variables: dict[str, str], columns: int, bfi: Callable, monkeypatch: pytest.MonkeyPatch
+):
+    for name, value in variables.items():
+        monkeypatch.setenv(name, value)
+    done = bfi(*IDENTIFY)
+    text = done.stdout
+    assert (done.code, done.stderr) == (0, "")
     assert text.startswith("Fault: a bias of 4.01 m/s")
     assert "\x1b" not in text
     assert 0.8 * columns < max(map(len, text.splitlines())) <= columns

@@ -18,9 +18,9 @@ from bfi_cli.errors import ConfigError
 
 ROOT = Path(__file__).parents[2]
 DATA, CONFIGS = ROOT / "data", ROOT / "configs"
-BIAS, CLEAN, THESIS = DATA / "citation_bias.h5", DATA / "citation_clean.h5", CONFIGS / "thesis_dictionary.yaml"
+BIAS, CLEAN, THESIS = DATA / "citation_bias.h5", DATA / "citation_clean.h5", ROOT / "tests" / "two_entries.yaml"
 KNOT = 1852 / 3600
-FAST = ("--rate", 10, "--order", 4)
+FAST = ("--rate", 5, "--order", 2)
 COMMANDS = {
     "info": ("info", BIAS),
     "identify": ("identify", BIAS, "-d", THESIS, *FAST, "--verbose"),
@@ -66,8 +66,9 @@ def test_tables_show_knots_and_json_stays_what_it_was(name: str, bfi: Callable, 
 @pytest.mark.usefixtures("unscanned")
 def test_a_stored_result_is_drawn_in_other_units(bfi: Callable, tmp_path: Path, request: pytest.FixtureRequest):
     made = bfi(*COMMANDS["start-time"], "--units", "aviation", "--out", tmp_path / "kt")
-    bfi(*COMMANDS["start-time"], "--out", tmp_path / "si")
     stored = tmp_path / "si" / "result.json"
+    stored.parent.mkdir()
+    stored.write_text(bfi(*COMMANDS["start-time"], "--json", "--series").stdout)
     before = stored.read_bytes()
     again = bfi("report", stored, "--units", "aviation")
     assert (again.code, again.stdout) == (0, made.stdout)

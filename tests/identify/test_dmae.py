@@ -82,7 +82,7 @@ def test_a_fast_sinusoid_is_followed_and_a_slow_one_mistaken_for_a_bias():
 
 def test_adaptive_noise_follows_both_sinusoids():
     for spec in (FAST, SLOW):
-        found, truth = estimated(spec, 15.0, adaptive_window=20)
+        found, truth = estimated(spec, 12.0, adaptive_window=20)
         assert vaf(truth, found.fault) > 90.0
 
 

@@ -22,7 +22,7 @@ RATE_HZ, N, ONSET_S = 10.0, 500, 20.0
 TIME_S = np.arange(N) / RATE_HZ
 AFTER = TIME_S >= ONSET_S
 BUMP = np.where(AFTER, np.sin(np.pi * (TIME_S - ONSET_S) / 25.0), 0.0)
-CONFIG = merge(Config(), {"conditioning.rate_hz": "none", "model.orders": (2, 4), "onset_tolerance_s": 0.0})
+CONFIG = merge(Config(), {"conditioning.rate_hz": "none", "model.order": 2, "onset_tolerance_s": 0.0})
 FREE = {"name": "course", "shape": "free", "onset_s": ONSET_S}
 
 
@@ -82,9 +82,8 @@ def test_it_is_drawn_with_its_band() -> None:
     assert max(drawn.y) > 1.5
 
 
-@pytest.mark.parametrize("seed", [2, 3])
-def test_a_named_shape_that_fits_is_cheaper(seed: int) -> None:
-    result = identified(flown(seed, 2.0 * AFTER), {"name": "step", "shape": "bias", "onset_s": ONSET_S})
+def test_a_named_shape_that_fits_is_cheaper() -> None:
+    result = identified(flown(2, 2.0 * AFTER), {"name": "step", "shape": "bias", "onset_s": ONSET_S})
     assert states(result) == {"course": "not_seen", "step": "declared"}
     (course,) = (one for one in result.candidates if one.name == "course")
     assert "no evidence for it" in (course.note or "")
@@ -109,13 +108,13 @@ def test_beside_a_named_fault_that_begins_late_the_output_is_drawn_as_measured()
 
 
 def test_fault_free_records_are_given_no_course() -> None:
-    declared = [states(identified(flown(seed)))["course"] == "declared" for seed in range(100, 106)]
+    declared = [states(identified(flown(seed)))["course"] == "declared" for seed in range(100, 103)]
     assert np.mean(declared) <= 0.03 + 2.0 * np.sqrt(0.03 * 0.97 / len(declared))
 
 
 def test_where_the_dynamics_integrate_no_course_is_made_up() -> None:
     """A pole at 1 turns white errors into a walk of its own, of which a smooth course is a part."""
-    said = [identified(flown(seed, 1.0 * BUMP, pole=1.0)) for seed in range(3)]
+    said = [identified(flown(seed, 1.0 * BUMP, pole=1.0)) for seed in range(2)]
     for result in said:
         (course,) = result.candidates
         assert course.state != "declared" or np.sum((result.outputs[0].fault - BUMP) ** 2) <= 0.5 * np.sum(BUMP**2)

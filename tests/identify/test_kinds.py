@@ -14,7 +14,7 @@ from bfi_cli.errors import DictionaryError
 from bfi_cli.flightlog import FlightLog, read_log
 
 BIAS = Path(__file__).parents[2] / "data" / "citation_bias.h5"
-CONFIG = merge(Config(), {"conditioning.rate_hz": 10.0, "model.order": 4})
+CONFIG = merge(Config(), {"conditioning.rate_hz": 5.0, "model.order": 3})
 
 
 @pytest.fixture(scope="module")

@@ -19,6 +19,10 @@ from bfi_cli.identify.document import identify_document, identify_from_document
 from bfi_cli.kernels.termination import Termination
 from bfi_cli.provenance import provenance
 
+# Without what takes most of the time: the search for an order, and limits for onsets known to a tolerance only.
+SETTINGS = {"model": {"order": 5}, "onset_tolerance_s": 0.0}
+QUICK = Config.model_validate(SETTINGS)
+
 
 @pytest.fixture(scope="module")
 def result(flight, thesis, faulty):
@@ -121,7 +125,7 @@ def test_arrays_are_read_only(result):
 def test_the_log_is_left_alone_and_the_answer_repeats_to_the_bit(flight, thesis, faulty):
     log = faulty(flight(1), thesis, {"bias_13.8": 3.0})
     before = {name: channel.values.copy() for name, channel in log.channels.items()}
-    one, other = (identify_faults(log, thesis, Config()) for _ in range(2))
+    one, other = (identify_faults(log, thesis, QUICK) for _ in range(2))
     for name, values in before.items():
         np.testing.assert_array_equal(log.channel(name).values, values)
     assert one.faults == other.faults
@@ -131,14 +135,14 @@ def test_the_log_is_left_alone_and_the_answer_repeats_to_the_bit(flight, thesis,
 def test_a_missed_fault_and_a_false_alarm_are_named(flight, thesis, faulty):
     log = faulty(flight(1), thesis, {"bias_13.8": 3.0})
     without = replace(thesis, atoms=tuple(atom for atom in thesis.atoms if atom.name != "bias_13.8"))
-    truth = identify_faults(log, without, Config()).truth
+    truth = identify_faults(log, without, QUICK).truth
     assert not truth.isolated
     assert truth.missed == ("bias_13.8",)
     assert truth.magnitude_error is None
 
 
 def test_a_fault_too_small_is_missed_and_no_other_is_declared(flight, thesis, faulty):
-    result = identify_faults(faulty(flight(1), thesis, {"sine_0.35": 1e-4}), thesis, Config())
+    result = identify_faults(faulty(flight(1), thesis, {"sine_0.35": 1e-4}), thesis, QUICK)
     assert result.faults == ()
     (sine,) = (one for one in result.candidates if one.name == "sine_0.35")
     assert (sine.state, sine.effect > 1e-4) == ("excluded", True), "excluded down to a size that is stated"
@@ -149,28 +153,28 @@ def test_a_fault_too_small_is_missed_and_no_other_is_declared(flight, thesis, fa
 
 def test_truth_of_another_name_and_sign_is_recognised_by_its_signal(flight, thesis):
     other = Fault(name="mine", shape="bias", channel="tas", onset_s=13.8, magnitude=-3.0)
-    truth = identify_faults(inject(flight(1), [other]), thesis, Config()).truth
+    truth = identify_faults(inject(flight(1), [other]), thesis, QUICK).truth
     assert truth.isolated
     assert truth.magnitude_error < 0.01
 
 
 def test_two_injections_of_one_entry_add_up(flight, thesis, faulty):
     log = faulty(faulty(flight(1), thesis, {"bias_13.8": 1.0}), thesis, {"bias_13.8": 2.0})
-    truth = identify_faults(log, thesis, Config()).truth
+    truth = identify_faults(log, thesis, QUICK).truth
     assert truth.isolated
     assert truth.magnitude_error < 0.01
 
 
 def test_truth_is_recognised_at_a_resampled_rate(flight, thesis, faulty):
     """Resampling moves the first sample; a phase that counts from the window's start does not move with it."""
-    config = Config.model_validate({"conditioning": {"rate_hz": 12.7}})
+    config = Config.model_validate({**SETTINGS, "conditioning": {"rate_hz": 12.7}})
     truth = identify_faults(faulty(flight(1), thesis, {"sine_2.25": 3.0}), thesis, config).truth
     assert "sine_2.25" not in (*truth.missed, *truth.false_alarms)
 
 
 def test_an_injection_taken_back_is_no_fault(flight, thesis, faulty):
     log = faulty(faulty(flight(1), thesis, {"bias_13.8": 3.0}), thesis, {"bias_13.8": -3.0})
-    result = identify_faults(log, thesis, Config())
+    result = identify_faults(log, thesis, QUICK)
     assert result.faults == ()
     assert result.truth.isolated
     assert result.truth.magnitude_error is None
@@ -180,7 +184,7 @@ def test_a_fault_that_was_there_before_the_window_cannot_be_answered(flight):
     """The constant absorbs a bias, and lags absorb an oscillation; what cannot be seen is said, not guessed."""
     old = load_dictionary({"channel": "tas", "atoms": [{"name": "old", "shape": "bias", "onset_s": 0.05}]})
     log = inject(flight(1), [replace(atom, magnitude=3.0) for atom in old.atoms])
-    result = identify_faults(log, old, Config())
+    result = identify_faults(log, old, QUICK)
     assert result.decision == "inconclusive"
     assert "this window cannot tell" in texts(result.notes)[0]
     assert result.candidates[0].state is None
@@ -189,7 +193,7 @@ def test_a_fault_that_was_there_before_the_window_cannot_be_answered(flight):
 
 def test_an_entry_near_an_end_narrows_the_claim_and_does_not_void_it(flight):
     """Before, it made "a step of any size could be there unseen" of every window."""
-    config = merge(Config(), {"conditioning.rate_hz": 10.0, "model.order": 4})
+    config = merge(Config(), {"conditioning.rate_hz": 5.0, "model.order": 3})
     entries = [{"name": f"at_{s}", "shape": "bias", "onset_s": s} for s in (10, 20, 0.3, 31.5)]
     few, all_ = (load_dictionary({"channel": "tas", "atoms": entries[:n]}) for n in (2, 4))
     narrow, wide = (identify(flight(1), one, config)[0] for one in (few, all_))
@@ -211,7 +215,7 @@ def test_dead_constant_and_repeated_entries_are_left_out_and_named(flight, thesi
     ]
     larger = replace(thesis, atoms=(*thesis.atoms, *extra))
     log = faulty(flight(1), thesis, {"bias_13.8": 3.0})
-    one, other = identify_faults(log, thesis, Config()), identify_faults(log, larger, Config())
+    one, other = identify_faults(log, thesis, QUICK), identify_faults(log, larger, QUICK)
     assert [fault.name for fault in other.faults] == ["bias_13.8"]
     assert other.faults[0].magnitude == pytest.approx(one.faults[0].magnitude, rel=1e-6)
     assert other.truth.isolated
@@ -232,7 +236,7 @@ def test_a_combination_of_entries_is_left_out(flight):
         {"name": "later", "shape": "bias", "onset_s": 20.0},
         {"name": "block", "shape": "bias", "onset_s": 10.0, "offset_s": 20.0},
     ]
-    result = identify_faults(flight(1), load_dictionary({"channel": "tas", "atoms": atoms}), Config())
+    result = identify_faults(flight(1), load_dictionary({"channel": "tas", "atoms": atoms}), QUICK)
     assert "is a combination of the entries before it" in result.candidates[2].note
 
 
@@ -269,7 +273,7 @@ def test_refusals(flight, thesis, change, config, error, message):
 def test_a_dictionary_without_a_live_entry_is_refused(flight):
     late = load_dictionary({"channel": "tas", "atoms": [{"name": "late", "shape": "bias", "onset_s": 40.0}]})
     with pytest.raises(DictionaryError, match="no live atom: 'late' starts at 40 s, after the window ends"):
-        identify_faults(flight(1), late, Config())
+        identify_faults(flight(1), late, QUICK)
 
 
 def test_the_published_method_says_what_it_lacks(flight, thesis, faulty):
@@ -328,7 +332,9 @@ def test_a_solver_that_did_not_converge_gives_no_interval_and_no_verdict(flight,
 def test_the_published_threshold_decides_what_is_active(flight, thesis, faulty):
     log = faulty(flight(1), thesis, {"bias_13.8": 3.0})
     strict, loose = (
-        identify_faults(log, thesis, Config.model_validate({"method": "risro", "selection": {"threshold": threshold}}))
+        identify_faults(
+            log, thesis, Config.model_validate({"method": "risro", **SETTINGS, "selection": {"threshold": threshold}})
+        )
         for threshold in (0.9, 1e-6)
     )
     assert len(strict.faults) <= 1

@@ -98,7 +98,7 @@ def suboptimal(seed):
 
 
 def test_the_best_pair_is_found():
-    assert sum(suboptimal(seed) for seed in range(8)) <= 1
+    assert sum(suboptimal(seed) for seed in range(4)) == 0
 
 
 @pytest.mark.slow
@@ -146,24 +146,24 @@ def test_an_unknown_frequency_is_found_with_its_onset(frequency):
 
 
 def test_frequency_start_and_end_are_found_together():
-    u, y = record(240)
-    y[:, 0] += 0.8 * signal(best_sine(240, 0.11), 80, 121)
+    u, y = record(160)
+    y[:, 0] += 0.8 * signal(best_sine(160, 0.11), 60, 101)
     scan = prepare_scan(u, y, order=4)
-    found = scan_frequency_ends(scan, (3 / 240, 0.2))
-    span, truth = (scan_ends(scan, best_sine(240, f)) for f in (found, 0.11))
-    assert abs(span.start - 80) <= 1
-    assert abs(span.end - 121) <= 1
+    found = scan_frequency_ends(scan, (0.05, 0.15))
+    span, truth = (scan_ends(scan, best_sine(160, f)) for f in (found, 0.11))
+    assert abs(span.start - 60) <= 1
+    assert abs(span.end - 101) <= 1
     assert found == pytest.approx(0.11, abs=0.1 / 41)
     assert span.statistic > truth.statistic - 0.5
 
 
 def test_frequencies_that_do_not_fit_the_record_are_cut():
     """A band whose lowest frequency has half a period in the record gives what the band without it gives."""
-    u, y = record(90)
-    y[:, 0] += 0.8 * signal(best_sine(90, 0.11), 30, 61)
+    u, y = record(60)
+    y[:, 0] += 0.8 * signal(best_sine(60, 0.11), 18, 42)
     scan = prepare_scan(u, y, order=4)
-    lowest = MIN_CYCLES / (90 - 5 * 4 - 1)
-    assert scan_frequency_ends(scan, (0.5 / 90, 0.15)) == scan_frequency_ends(scan, (lowest, 0.15))
+    lowest = MIN_CYCLES / (60 - 5 * 4 - 1)
+    assert scan_frequency_ends(scan, (0.5 / 60, 0.15)) == scan_frequency_ends(scan, (lowest, 0.15))
 
 
 @pytest.mark.parametrize("band", [(0.0, 0.1), (0.2, 0.1), (0.1, 0.6)])

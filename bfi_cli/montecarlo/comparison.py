@@ -63,19 +63,21 @@ def comparison_drawings(scenarios: Sequence[Plain]) -> tuple[Drawing, ...]:
     rows = _by_method(scenarios)
     faults = [fault for fault in dict.fromkeys(_fault(one) for one in scenarios) if fault != "none"]
     ticks = tuple((fault, float(k)) for k, fault in enumerate(faults))
-    detection, rates = list[Curve](), list[Curve]()
-    for n, (method, of) in enumerate(rows.items()):
-        aside = SPREAD * (n % MOST_CURVES - 0.5 * (MOST_CURVES - 1)) / MOST_CURVES
-        shares = [(k, of[fault]["equal_rate"]["detected"]) for k, fault in enumerate(faults) if _has(of, fault)]
-        if shares:
-            detection.append(_bars(method, [k + aside for k, _ in shares], [share for _, share in shares]))
-        if "none" in of and faults:
-            detected = [of[fault]["decisions"]["fault"] for fault in faults if fault in of]
-            low, high = of["none"]["decisions"]["fault"]["ci95"] or (math.nan, math.nan)
-            x = 100.0 * (of["none"]["decisions"]["fault"]["rate"] or 0.0)
-            total = sum(one["of"] for one in detected)
-            y = 100.0 * sum(one["count"] for one in detected) / total if total else math.nan
-            rates.append(curve(method, [x], [y], style="intervals", low=[100.0 * low], high=[100.0 * high]))
+    shares = {
+        method: [(k, of[fault]["equal_rate"]["detected"]) for k, fault in enumerate(faults) if _has(of, fault)]
+        for method, of in rows.items()
+    }
+    shares = {method: of for method, of in shares.items() if of}
+    aside = SPREAD / _per_panel(len(shares)) if shares else 0.0
+    detection = [
+        _bars(
+            method,
+            [k + aside * (n % _per_panel(len(shares)) + 0.5) - 0.5 * SPREAD for k, _ in of],
+            [one for _, one in of],
+        )
+        for n, (method, of) in enumerate(shares.items())
+    ]
+    rates = [_rates(method, of, faults) for method, of in rows.items() if "none" in of and faults]
     of_faults = {"x_label": "fault", "y_label": "detected [%]", "x_ticks": ticks, "x_limits": (-0.5, len(faults) - 0.5)}
     of_rates = {"x_label": "false alarms [%]", "y_label": "declared, all faults [%]", "x_limits": (-3.0, 103.0)}
     return (
@@ -86,9 +88,26 @@ def comparison_drawings(scenarios: Sequence[Plain]) -> tuple[Drawing, ...]:
 
 def _drawing(name: str, caption: str, curves: Sequence[Curve], axis: Mapping[str, Any]) -> tuple[Drawing, ...]:
     """Return a figure with as many panels as it takes to tell the methods apart; none without curves."""
-    parts = [tuple(curves[k : k + MOST_CURVES]) for k in range(0, len(curves), MOST_CURVES)]
+    size = _per_panel(len(curves))
+    parts = [tuple(curves[k : k + size]) for k in range(0, len(curves), size)]
     panels = tuple(Panel(**axis, curves=part, y_limits=(-3.0, 103.0)) for part in parts)
     return (Drawing(name=name, caption=caption, panels=panels),) if panels else ()
+
+
+def _per_panel(n: int) -> int:
+    """Return how many of n methods a panel has: panels as full as each other, and no more than can be told apart."""
+    return math.ceil(n / math.ceil(n / MOST_CURVES)) if n else 1
+
+
+def _rates(method: str, of: Mapping[str, Plain], faults: Sequence[str]) -> Curve:
+    """Return the point of a method: false alarms with their interval, and what it declares of all faults."""
+    without = of["none"]["decisions"]["fault"]
+    declared = [of[fault]["decisions"]["fault"] for fault in faults if fault in of]
+    total = sum(one["of"] for one in declared)
+    low, high = without["ci95"] or (math.nan, math.nan)
+    y = 100.0 * sum(one["count"] for one in declared) / total if total else math.nan
+    x = 100.0 * (math.nan if without["rate"] is None else without["rate"])
+    return curve(method, [x], [y], style="intervals", low=[100.0 * low], high=[100.0 * high])
 
 
 def share_cell(one: Plain | None, key: str) -> str:

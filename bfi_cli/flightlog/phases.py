@@ -175,7 +175,8 @@ class _Flight:
         """Return (from_s, to_s) where the aircraft is hardly above its lowest height, none where no height is known."""
         if self.height is None or not np.isfinite(self.height).any():
             return []
-        parts = runs(self.height - np.nanmin(self.height) < ABOVE_GROUND * self.scale_m)
+        height = bridged(self.height)
+        parts = runs(height - height.min() < ABOVE_GROUND * self.scale_m)
         return [(one.from_s, one.to_s) for one in (self.phase("ground", run) for run in parts)]
 
     def disagreements(self) -> tuple[Disagreement, ...]:

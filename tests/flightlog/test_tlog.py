@@ -84,7 +84,9 @@ def test_a_log_of_a_simulation(flights: Path):
     assert log.rate_hz == pytest.approx(4.3, rel=0.05)
     assert log.channels["ias"].values.max() == pytest.approx(28.0, abs=0.2)
     flown = [one for one in phases_of(log) if one.phase in ("hover", "cruise")]
-    assert [one.phase for one in flown] == ["hover", "hover", "cruise", "cruise", "cruise", "hover", "hover"]
+    assert [one.phase for one in flown] == ["hover", "cruise", "cruise", "cruise", "hover"]
+    # The mode of a quadplane is one of hovering before it lifts off and after it has landed.
+    assert (flown[0].from_s, flown[-1].to_s) == (pytest.approx(636.0, abs=1.0), pytest.approx(775.0, abs=1.0))
 
 
 def test_a_quadplane_tells_its_hover(tmp_path: Path):

@@ -25,7 +25,7 @@ from bfi_cli.preprocessing.window import with_inputs_of
 
 pytestmark = pytest.mark.slow
 
-TRIALS = sized(100, share=0.2)
+TRIALS = sized(100, share=0.06)
 
 
 def drift_at(onset_s: float):

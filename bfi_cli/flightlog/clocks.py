@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ..errors import LogError
 from ..notes import Note
 from ..units import si_unit, to_si
 from .rates import one_base
-from .raw import Asked, FloatArray, RawLog, Track, clocked, time_column
+from .raw import Asked, FloatArray, RawLog, Track, claimed, left_out, time_column
 
 WORDS = frozenset({"t", "time", "timestamp", "times"})
 # Of a step, by which two axes of one length are the same.
@@ -26,18 +27,27 @@ SHARED = 0.5
 
 
 def on_one_clock(path: str, raw: RawLog, asked: Asked) -> RawLog:
-    """Return a log with the channels of further time axes brought to one, as topics with clocks of their own are.
+    """Return a log whose signals have clocks of their own, or go by several time axes, on one time base.
 
     Raises
     ------
-    LogError : the name of none of several axes of one length tells which is a channel's.
+    LogError : the name of none of several axes of one length tells which is a channel's; see `one_base`.
     """
+    tracks, notes = list(raw.columns), raw.notes
+    if not any(one.time_s.size for one in tracks):
+        tracks, notes = _by_axes(path, raw, asked)
+        if not tracks:
+            return raw
+    merged = one_base(path, claimed(tracks, asked), output=asked.channel_map.get("tas"), notes=notes)
+    return replace(raw, columns=merged.columns, filters=(), notes=merged.notes)
+
+
+def _by_axes(path: str, raw: RawLog, asked: Asked) -> tuple[list[Track], tuple[Note, ...]]:
+    """Return the channels with the time axes that they go by, and notes on these; none where all go by one."""
     main = time_column(raw.columns, asked)
-    if main is None or any(one.read is not None or one.time_s.size for one in raw.columns):
-        return raw
-    seconds = _seconds(path, main.source, main)
-    if seconds is None:
-        return raw
+    seconds = None if main is None or main.read is not None else _seconds(path, main.source, main)
+    if main is None or seconds is None:
+        return [], ()
     further = {
         one.source: times
         for one in raw.columns
@@ -47,21 +57,19 @@ def on_one_clock(path: str, raw: RawLog, asked: Asked) -> RawLog:
     clocks = {main.source: seconds, **further}
     of = {one.source: _clock_of(path, one, clocks) for one in raw.columns if one.source not in clocks}
     if not set(of.values()) & further.keys():
-        return raw
-    tracks, strangers = [], []
+        return [], ()
+    tracks = []
     for one in raw.columns:
-        clock = of.get(one.source)
-        if clock is None:
-            strangers += [one.source] if one.source in of else []
-            continue
-        name = re.sub(rf"^{re.escape(_tag(clock))}_|_{re.escape(_tag(clock))}$", "", one.source) if _tag(clock) else ""
-        known = match_name(one.source) or (match_name(name) if name else None)
-        tracks.append(clocked(one.source, one.values, clocks[clock], asked, unit=one.unit, known=known))
+        if (clock := of.get(one.source)) is not None:
+            tag = re.escape(_tag(clock))
+            known = match_name(one.source) or match_name(re.sub(rf"^{tag}_|_{tag}$", "", one.source))
+            unit = one.unit or (known.unit if known else None)
+            channel = known.name if known else one.channel
+            tracks.append(replace(one, time_s=clocks[clock], unit=unit, channel=channel))
     said = [f"{', '.join(repr(s) for s, c in of.items() if c == clock)} by '{clock}'" for clock in further]
-    notes = [*raw.notes, Note.method(f"several time axes: {'; '.join(said)}, the others by '{main.source}'")]
-    notes += [Note.method(f"'{name}' has the samples of no time axis and is left out") for name in strangers]
-    merged = one_base(path, tracks, output=asked.channel_map.get("tas"), notes=notes)
-    return RawLog(columns=merged.columns, segments=raw.segments, filters=(), notes=merged.notes)
+    notes = [Note.method(f"several time axes: {'; '.join(said)}, the others by '{main.source}'")]
+    notes += [left_out(name, "has the samples of no time axis") for name, clock in of.items() if clock is None]
+    return tracks, (*raw.notes, *notes)
 
 
 def _words(name: str) -> set[str]:

@@ -13,13 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..channels import NameMatch, match_name
 from ..errors import LogError
 from ..filters import filters_from_json
 from ..notes import Note
 from ..units import si_unit, to_si
 from . import raw
-from .rates import one_base
 from .raw import LARGEST, Asked, FloatArray, RawLog, Track, left_out
 from .record import CLEAN, faults_from_json, nothing_between, segments_from_json
 
@@ -103,7 +101,7 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
         signals, unlike = _signals(path, dict(_members(path, node, (file,))))
     parameters = {name: one.data.parent for name, one in signals.items() if FREQUENCY in one.data.parent.attrs}
     if parameters and len(parameters) == len(signals):
-        return _of_parameters(path, signals, asked, tuple(left_out(name, why) for name, why in unlike.items()))
+        return _of_parameters(path, signals, tuple(left_out(name, why) for name, why in unlike.items()))
     clean: dict[str, _Signal] = {}
     if isinstance(truth, h5py.Group):
         injected, _ = _signals(path, dict(_members(path, truth, (file,))))
@@ -145,7 +143,7 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
     )
 
 
-def _of_parameters(path: str, signals: Mapping[str, _Signal], asked: Asked, notes: tuple[Note, ...]) -> RawLog:
+def _of_parameters(path: str, signals: Mapping[str, _Signal], notes: tuple[Note, ...]) -> RawLog:
     """Return the log of parameters that have each a rate and an offset of their own, as FlightDataAccessor stores them.
 
     Each is a group with the samples in `data`, what is invalid of them in `mask`, and the attributes `frequency`, Hz,
@@ -169,10 +167,9 @@ def _of_parameters(path: str, signals: Mapping[str, _Signal], asked: Asked, note
         unit = _text(_attribute(group, "units")).strip()
         stated = signal.unit or (unit if si_unit(unit) is not None else None)
         time_s = offset_s + np.arange(values.size) / rate_hz
-        known = NameMatch(name="cas", unit=None, rank=2) if name == COMPUTED else match_name(name)
-        tracks.append(raw.clocked(name, values, time_s, asked, unit=stated, known=known))
-    tracks.sort(key=lambda one: one.channel is None)
-    return one_base(path, tracks, output=asked.channel_map.get("tas"), notes=notes)
+        channel = "cas" if name == COMPUTED else None
+        tracks.append(Track(source=name, values=values, unit=stated, time_s=time_s, channel=channel))
+    return RawLog(columns=tracks, notes=notes)
 
 
 def _number(path: str, name: str, node: h5py.Group, key: str, default: float | None) -> float:

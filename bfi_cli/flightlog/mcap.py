@@ -9,6 +9,7 @@ import json
 import math
 import os
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,9 +17,7 @@ import numpy as np
 from ..channels import match_name, split_unit
 from ..errors import LogError
 from ..files import MCAP
-from ..notes import Note
 from ..units import si_unit
-from .rates import one_base
 from .raw import (
     DAY_S,
     Asked,
@@ -26,12 +25,12 @@ from .raw import (
     RawLog,
     Track,
     choose_group,
-    clocked,
     from_midnight,
     left_out,
     parsing,
     require_few,
     require_memory,
+    time_column,
 )
 
 # Bytes of a message: a flight log's have some hundred, images a million.
@@ -89,36 +88,21 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
     zero_s = DAY_S * math.floor(first_s / DAY_S)
     if zero_s:
         notes.append(from_midnight(np.datetime64(int(zero_s), "s")))
-    return _log_of(path, signals, units, zero_s, asked, tuple(notes))
-
-
-def _log_of(
-    path: str,
-    signals: Mapping[str, tuple[list[float], dict[str, list[float]]]],
-    units: Mapping[str, str],
-    zero_s: float,
-    asked: Asked,
-    notes: tuple[Note, ...],
-) -> RawLog:
-    """Return the log of one topic on its own clock, of several on one base."""
     names = [field for _, fields in signals.values() for field in fields]
-    tracks = []
+    columns = []
     for topic, (times, fields) in signals.items():
         time_s = np.array(times) - zero_s
         for field, known in fields.items():
-            values: FloatArray = np.array(known + [math.nan] * (len(times) - len(known)))
-            full = field if names.count(field) == 1 else f"{topic}/{field}"
-            source, unit = split_unit(full)
-            here = np.isfinite(values) if len(signals) > 1 else np.ones(values.size, dtype=bool)
-            unit = unit or units.get(f"{topic}/{field}")
-            tracks.append(clocked(source, values[here], time_s[here], asked, unit=unit, known=match_name(source)))
-    if len(signals) > 1:
-        tracks = [track for track in tracks if track.channel != "time"]
-        return one_base(path, tracks, output=asked.channel_map.get("tas"), notes=notes)
-    columns = [Track(source=one.source, values=one.values, unit=one.unit, channel=one.channel) for one in tracks]
-    if not any(one.channel == "time" for one in columns):
-        columns.insert(0, Track(source="time", values=tracks[0].time_s, unit="s", channel="time"))
-    return RawLog(columns=columns, notes=notes)
+            source, unit = split_unit(field if names.count(field) == 1 else f"{topic}/{field}")
+            column_values: FloatArray = np.array(known + [math.nan] * (len(times) - len(known)))
+            column = Track(source=source, values=column_values, unit=unit or units.get(f"{topic}/{field}"))
+            if len(signals) == 1:
+                columns.append(column)
+            elif (match := match_name(source)) is None or match.name != "time":
+                columns.append(replace(column, time_s=time_s))
+    if len(signals) == 1 and time_column(columns, asked) is None:
+        columns.insert(0, Track(source="time", values=time_s, unit="s", channel="time"))
+    return RawLog(columns=columns, notes=tuple(notes))
 
 
 def _units(schema: bytes) -> Iterator[tuple[str, str]]:

@@ -56,7 +56,8 @@ class Track:
     Attributes
     ----------
     channel : the standard name that the format gives it, or has a claim on; None where its own name tells.
-    time_s : (n_samples,) of a signal with a clock of its own; empty where all of the file have one time axis.
+    time_s : (n_samples,) of a signal with a clock of its own; empty where all of the file have one time axis. All or
+        none of a file have one.
     rate_hz : of the signal where the file has it at a rate of its own, None otherwise.
     is_state : values between two messages are those of the earlier one, and nothing is filtered (flags).
     turn : of an angle that leaves one end of its range and comes back at the other: a full turn in its unit.
@@ -85,32 +86,13 @@ class Track:
         return replace(self, rows=slice(self.rows.start + rows.start, self.rows.start + rows.stop))
 
 
-def clocked(
-    source: str, values: FloatArray, time_s: FloatArray, asked: Asked, *, unit: str | None, known: NameMatch | None
-) -> Track:
-    """Return a signal (n_samples,) with a clock of its own, its angle told to turn over where it is a heading or roll.
-
-    Parameters
-    ----------
-    known : the standard channel that its name stands for, None for none; `asked` may map it to another.
-    """
-    name, stated = (known.name, known.unit) if known is not None else ("", None)
-    mapped = next((standard for standard, of in asked.channel_map.items() if of == source), None)
-    channel = mapped or name or None
-    given = asked.unit_map.get(source) or asked.unit_map.get(channel or "") or unit
-    turn = None
-    if channel in ANGLES:
-        turn = 2.0 * math.pi / (float(to_si(1.0, given)[0]) if given and si_unit(given) == "rad" else 1.0)
-    return Track(source=source, channel=channel, unit=unit or stated, time_s=time_s, values=values, turn=turn)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RawLog:
     """One file as read, from `first_sample` on.
 
     Attributes
     ----------
-    columns : of one length and time axis.
+    columns : of one length and time axis, or each with a clock of its own, which `clocks.on_one_clock` makes one.
     faults : None where it carries no truth; `clean` is by channel.
     boots : the parts of a file whose clock starts again, of a format that tells them itself.
     """
@@ -127,7 +109,7 @@ class RawLog:
 
 
 def by_precedence(columns: Sequence[Track], asked: Asked) -> list[tuple[Track, NameMatch | None]]:
-    """Pair columns, in the units that the user gives them, with their standard names, the first claim on one first."""
+    """Pair columns with their standard names, the first claim on one first."""
     wanted = {source: name for name, source in asked.channel_map.items()}
 
     def pairs() -> Iterator[tuple[Track, NameMatch | None]]:
@@ -137,10 +119,29 @@ def by_precedence(columns: Sequence[Track], asked: Asked) -> list[tuple[Track, N
                 match = NameMatch(name=column.channel, unit=None, rank=0)
             if column.source in wanted:
                 match = NameMatch(name=wanted[column.source], unit=match.unit if match else None, rank=-1)
-            given = asked.unit_map.get(column.source) or (asked.unit_map.get(match.name) if match else None)
-            yield replace(column, unit=given) if given else column, match
+            yield column, match
 
     return sorted(pairs(), key=lambda pair: pair[1].rank if pair[1] else 9)
+
+
+def unit_of(column: Track, match: NameMatch | None, asked: Asked) -> str | None:
+    """Return the unit of a column: that which the user gives it, else that of the file, else that of its name."""
+    given = asked.unit_map.get(column.source) or (asked.unit_map.get(match.name) if match else None)
+    return given or (column.unit if column.unit is not None else match.unit if match else None)
+
+
+def claimed(tracks: Sequence[Track], asked: Asked) -> list[Track]:
+    """Return signals with the channels that they have a claim on, the first claim on one first.
+
+    A heading or roll is told to turn over.
+    """
+    made = []
+    for track, match in by_precedence(tracks, asked):
+        channel, unit, turn = match.name if match else None, unit_of(track, match, asked), None
+        if channel in ANGLES:
+            turn = 2.0 * math.pi / (float(to_si(1.0, unit)[0]) if unit and si_unit(unit) == "rad" else 1.0)
+        made.append(replace(track, channel=channel, unit=track.unit or (match and match.unit), turn=turn))
+    return made
 
 
 def fits(name: str, unit: str | None) -> bool:
@@ -153,7 +154,7 @@ def time_column(columns: Sequence[Track], asked: Asked) -> Track | None:
     """Return the column that is the time axis, with its unit; None where there is none."""
     for column, match in by_precedence(columns, asked):
         if match is not None and match.name == "time":
-            stated = column.unit if column.unit is not None else match.unit
+            stated = unit_of(column, match, asked)
             if match.rank < 0 or fits("time", stated):
                 return replace(column, unit=stated)
     return None

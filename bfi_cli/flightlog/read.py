@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import hashlib
 import os
@@ -26,7 +27,7 @@ from .plausible import RIGHT, assumed_units, time_scale
 from .px4 import folder_digest, read_folder, read_topic_file, read_ulog_topics
 from .quality import is_uniform
 from .rates import boot_starts
-from .raw import Asked, RawLog, Track, by_precedence, different_length, fits, left_out, time_column
+from .raw import Asked, RawLog, Track, by_precedence, different_length, fits, left_out, time_column, unit_of
 from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
 from .resampling import with_filled, with_single_samples
@@ -178,8 +179,7 @@ def _require_no_columns(path: str, asked: Asked) -> None:
 
 def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None) -> FlightLog:
     """Return the log of a file; of one whose clock starts again the boot that is asked for, or that flies longest."""
-    raw = raw if raw.boots or raw.faults is not None else on_one_clock(path, raw, asked)
-    boots = raw.boots or _boots(raw, asked)
+    boots = _boots(path, raw, asked)
     if boot is not None and not 1 <= boot <= len(boots):
         raise LogError(f"{path}: --boot {boot}: the log has {len(boots)}; give one of them, or leave it out")
     logs = [_assemble(path, one, asked, sha256) for one in boots]
@@ -201,8 +201,26 @@ def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None
     return replace(logs[chosen], notes=(note, *logs[chosen].notes))
 
 
-def _boots(raw: RawLog, asked: Asked) -> tuple[RawLog, ...]:
-    """Return the columns between the restarts of the clock, those of less than two samples left out."""
+def _boots(path: str, raw: RawLog, asked: Asked) -> Sequence[RawLog]:
+    """Return the columns, on one time axis, between the restarts of the clock; those of less than two samples left out.
+
+    Raises
+    ------
+    LogError : see `clocks.on_one_clock`; no boot has channels.
+    """
+    if raw.boots:
+        boots = []
+        for boot in raw.boots:
+            # One of too few messages is no log; that it was there the numbers of the others tell.
+            with contextlib.suppress(LogError):
+                boots.append(on_one_clock(path, boot, asked))
+        if not boots:
+            raise LogError(
+                f"{path}: none of its {len(raw.boots)} boots has channels; give a log that was recorded in flight"
+            )
+        return boots
+    if raw.faults is None:
+        raw = on_one_clock(path, raw, asked)
     time = time_column(raw.columns, asked) if asked.sample_rate_hz is None else None
     if time is None:
         return (raw,)
@@ -313,12 +331,12 @@ def _with_spread(
 def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[Note]]:
     """Return the columns as channels by their names in the log, the time axis among them, and sentences on it."""
     taken, notes = dict[str, Channel](), list(raw.notes)
-    own_units = {column.source: column.unit for column in raw.columns}
     for column, match in by_precedence(raw.columns, asked):
-        stated = column.unit if column.unit is not None else (match.unit if match else None)
-        name, own = column.source, own_units[column.source]
-        if own and own != stated and si_unit(own) is not None:
-            notes.append(Note.method(f"'{name}' is in '{own}' by the file and was read in '{stated}', as --unit asks"))
+        name, stated, in_file = column.source, unit_of(column, match, asked), column.unit
+        if in_file and in_file != stated and si_unit(in_file) is not None:
+            notes.append(
+                Note.method(f"'{name}' is in '{in_file}' by the file and was read in '{stated}', as --unit asks")
+            )
         if match is not None:
             if match.rank >= 0 and not fits(match.name, stated):
                 notes.append(Note.method(f"'{name}' is in '{stated}', so it is not taken for {match.name}"))

@@ -14,10 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ..channels import NameMatch, match_name
+from ..channels import match_name
 from ..errors import LogError
 from ..notes import Note
-from .rates import one_base
 from .raw import (
     DAY_S,
     Asked,
@@ -25,7 +24,6 @@ from .raw import (
     RawLog,
     Track,
     choose_group,
-    clocked,
     from_midnight,
     left_out,
     parsing,
@@ -61,13 +59,9 @@ class _Signal:
     is_moment: bool
 
     @property
-    def match(self) -> NameMatch:
-        """The standard channel that its name stands for, of the highest rank where it is none."""
-        return match_name(self.source) or NameMatch(name="", unit=None, rank=9)
-
-    @property
     def is_time(self) -> bool:
-        return self.is_moment or self.match.name == "time"
+        match = match_name(self.source)
+        return self.is_moment or (match is not None and match.name == "time")
 
 
 def read_tdms(path: str, asked: Asked) -> RawLog:
@@ -113,10 +107,11 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
         day = min((one.clock.day for one in signals if one.clock and one.clock.day is not None), default=None)
         if day is not None:
             notes.append(from_midnight(day))
-        tracks = [_track(one, day, asked) for one in sorted(signals, key=lambda one: one.match.rank)]
+        times = [_times(one, day) for one in signals]
         if len({(one.clock, one.values.size) for one in signals}) > 1:
-            return one_base(path, tracks, output=asked.channel_map.get("tas"), notes=notes)
-        columns.insert(0, Track(source="time", values=tracks[0].time_s, unit="s", channel="time"))
+            columns = [replace(column, time_s=time_s) for column, time_s in zip(columns, times, strict=True)]
+        else:
+            columns.insert(0, Track(source="time", values=times[0], unit="s", channel="time"))
     return RawLog(columns=columns, sample_rate_hz=stated_rate, notes=tuple(notes))
 
 
@@ -186,19 +181,12 @@ def _number(stated: object) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _track(signal: _Signal, day: np.datetime64 | None, asked: Asked) -> Track:
-    """Return a signal with its times, from midnight of `day` where the log has days."""
+def _times(signal: _Signal, day: np.datetime64 | None) -> FloatArray:
+    """Return the times of a waveform, from midnight of `day` where the log has days."""
     clock = signal.clock
     assert clock is not None
     days = 0.0 if day is None or clock.day is None else float((clock.day - day) / np.timedelta64(1, "D"))
-    return clocked(
-        signal.source,
-        signal.values,
-        DAY_S * days + clock.start_s + clock.step_s * np.arange(signal.values.size, dtype=np.float64),
-        asked,
-        unit=signal.unit,
-        known=signal.match,
-    )
+    return DAY_S * days + clock.start_s + clock.step_s * np.arange(signal.values.size, dtype=np.float64)
 
 
 def _with_time(signals: Sequence[_Signal]) -> tuple[list[Track], list[Note]]:

@@ -6,8 +6,6 @@ recorder's signs and conventions into those of `bfi_cli.channels`.
 
 from __future__ import annotations
 
-import contextlib
-import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -20,8 +18,7 @@ from ..channels import REPEATED, STANDARD
 from ..errors import LogError
 from ..notes import Note
 from ..units import DEGREE, G
-from .rates import one_base
-from .raw import ANGLES, Asked, FloatArray, RawLog, Track
+from .raw import Asked, FloatArray, RawLog, Track
 
 Recorder = Literal["px4", "ardupilot", "mavlink", "garmin"]
 RECORDERS: dict[Recorder, str] = {"px4": "PX4", "ardupilot": "ArduPilot", "mavlink": "MAVLink", "garmin": "Garmin"}
@@ -347,7 +344,6 @@ def tracks_of(recorder: Recorder, topics: Sequence[Topic], wanted: Sequence[str]
                     time_s=topic.time_s,
                     values=values,
                     is_state=row.is_state,
-                    turn=2.0 * math.pi if row.channel in ANGLES else None,
                 )
 
     tracks = list(mapped())
@@ -373,30 +369,22 @@ def log_of_topics(
 
     Parameters
     ----------
-    asked : the source of its airspeed gives the time base.
     more : fields that are to be signals beside the channels and those of `asked`, as `topic.field`.
     notes : sentences on the topics.
 
     Raises
     ------
-    LogError : no signals, see `one_base`.
+    LogError : no signals.
     """
+    parts = [topics]
     boots = sorted({int(k) for topic in topics if topic.boot is not None for k in np.unique(topic.boot)})
     if len(boots) > 1:
-        parts = []
-        for boot in boots:
-            own = (topic if topic.boot is None else topic.part(topic.boot == boot) for topic in topics)
-            several = [replace(topic, boot=None) for topic in own if topic.time_s.size > 1]
-            # A boot of too few messages is no log; that it was there the numbers of the others tell.
-            with contextlib.suppress(LogError):
-                parts.append(log_of_topics(path, recorder, several, asked, more=more, notes=notes))
-        if not parts:
-            raise LogError(
-                f"{path}: none of its {len(boots)} boots has channels; give a log that was recorded in flight"
-            )
-        return replace(parts[0], boots=tuple(parts))
-    tracks = tracks_of(recorder, [completed(topic) for topic in topics], (*asked.sources, *more))
-    if not tracks:
+        parts = [[t if t.boot is None else t.part(t.boot == boot) for t in topics] for boot in boots]
+        parts = [[topic for topic in part if topic.time_s.size > 1] for part in parts]
+    wanted = (*asked.sources, *more)
+    tracks = [tracks_of(recorder, [completed(topic) for topic in part], wanted) for part in parts]
+    logs = [RawLog(columns=columns, notes=tuple(notes)) for columns in tracks if columns]
+    if not logs:
         has = ", ".join(topic.label for topic in topics) or "none"
         raise LogError(f"{path}: no channels in its messages ({has}); give a log that was recorded in flight")
-    return one_base(path, tracks, output=asked.channel_map.get("tas"), notes=notes)
+    return logs[0] if len(parts) == 1 else replace(logs[0], boots=tuple(logs))

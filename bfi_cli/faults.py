@@ -124,7 +124,7 @@ class FaultEstimate:
 
 def has_channel(shape: Shape) -> bool:
     """Say whether faults of this shape are of one channel; those of a pressure line are of all that follow from it."""
-    return SHAPES[shape].acts_on in ("channel", "reading", "course")
+    return SHAPES[shape].acts_on in ("channel", "reading", "held", "course")
 
 
 def active_samples(fault: Fault, time_s: FloatArray) -> NDArray[np.bool_]:

@@ -2,7 +2,8 @@
 
 Whatever else names a shape (the JSON of a fault, the dictionary's YAML and its schema, the shapes that the scan can
 look for, help texts and labels) is made from the entries of `SHAPES`. Most add a signal to one channel; `scale` adds a
-part of the channel's own reading, and a fault of a pressure line moves every channel that follows from its pressure.
+part of the channel's own reading, `frozen` holds it, and a fault of a pressure line moves every channel that follows
+from its pressure.
 """
 
 from __future__ import annotations
@@ -120,9 +121,10 @@ class FaultShape:
     is_scanned : whether `bfi start-time` can look for it.
     magnitude_unit : from the channel's unit and the keys, the unit of the magnitude; "" for a pure number.
     physical : from the magnitude, the channel's unit and the keys, what the magnitude means: value and unit.
-    acts_on : the channel, to which magnitude x signal is added; its reading, of which that share is added; the
-        pressure of a line, of which `lines` makes another, and which is no channel that a fault could name; or a
-        channel, to which a course is added that nobody knows and an analysis estimates: the signal is where it acts.
+    acts_on : the channel, to which magnitude x signal is added; its reading, of which that share is added, or which
+        is held; the pressure of a line, of which `lines` makes another, and which is no channel that a fault could
+        name; or a channel, to which a course is added that nobody knows and an analysis estimates: the signal is where
+        it acts.
     has_magnitude : whether it has one; without, it is whole.
     lines : from static and total pressure (n_samples,), the same at the onset, the cabin's pressure, Pa, and
         magnitude x signal (n_samples,), the static and total pressure that the instruments get.
@@ -140,7 +142,7 @@ class FaultShape:
     is_scanned: bool = False
     magnitude_unit: Callable[..., str] = lambda channel_unit, **_: channel_unit
     physical: Callable[..., tuple[float, str]] = lambda magnitude, channel_unit, **_: (magnitude, channel_unit)
-    acts_on: Literal["channel", "reading", "p_static", "p_total", "course"] = "channel"
+    acts_on: Literal["channel", "reading", "held", "p_static", "p_total", "course"] = "channel"
     has_magnitude: bool = True
     lines: Callable[..., tuple[FloatArray, FloatArray]] | None = None
     loss: float | None = None
@@ -328,6 +330,15 @@ SHAPES: Mapping[str, FaultShape] = {
         label="scale error",
         acts_on="reading",
     ),
+    "frozen": FaultShape(
+        signal=_ones,
+        formula="The channel keeps its reading at the onset.",
+        kind="slow",  # its error grows as the reading should have changed
+        build_up_s=lambda **_: None,
+        label="frozen sensor",
+        acts_on="held",
+        has_magnitude=False,
+    ),
     "pitot_blocked": FaultShape(
         signal=_ones,
         formula="p_total keeps its value at the onset (tube and drain blocked).",
@@ -395,11 +406,13 @@ SHAPES: Mapping[str, FaultShape] = {
 }
 # Those whose signal is the same whatever the log shows. A dictionary holds them, and those that depend on the reading
 # of a channel, on pressures that the log still tells, or are estimated; a trapped line leaves no trace of the pressure
-# that its signal would need.
+# that its signal would need, nor a frozen sensor of its reading.
 ADDITIVE: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.acts_on == "channel")
 OF_LINES: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.lines is not None)
 IN_DICTIONARY: tuple[str, ...] = tuple(
-    name for name, shape in SHAPES.items() if shape.lines is None or shape.loss is not None
+    name
+    for name, shape in SHAPES.items()
+    if (shape.lines is None or shape.loss is not None) and shape.acts_on != "held"
 )
 SCANNED: tuple[str, ...] = tuple(name for name, shape in SHAPES.items() if shape.is_scanned)
 # Those that a dictionary may hold as a kind of fault, without an onset: what the scan over all onsets looks for, and

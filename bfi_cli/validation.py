@@ -18,7 +18,7 @@ from pydantic_core import ErrorDetails
 from .errors import BfiError
 from .faults import did_you_mean, shown, unknown_key
 from .printable import shortened
-from .shapes import lies_inside
+from .shapes import SHAPES, lies_inside
 
 Number = Annotated[float, Strict(), Field(allow_inf_nan=False)]
 Positive = Annotated[float, Strict(), Field(allow_inf_nan=False, gt=0)]
@@ -151,7 +151,7 @@ def _place(loc: Loc, kind: str) -> str:
     for before, part in zip((None, *loc), loc, strict=False):
         if isinstance(part, int):
             path += f"[{part}]"
-        elif not (isinstance(before, int) or BRANCH.fullmatch(part)):
+        elif not (BRANCH.fullmatch(part) or (isinstance(before, int) and part in SHAPES)):
             key = shortened(part, KEY_LETTERS)
             path += f".{key}" if path else key or "''"
     # A union without a tag of its own complains about the whole entry, and means its `shape`.

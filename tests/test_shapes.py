@@ -36,6 +36,7 @@ FORMULAS = [
     ("decaying_bias", {"time_constant_s": 2.0}, lambda t: np.exp(-(t - 3.0) / 2.0)),
     ("free", {}, lambda t: 1.0 + 0.0 * t),
     ("scale", {}, lambda t: 1.0 + 0.0 * t),
+    ("frozen", {}, lambda t: 1.0 + 0.0 * t),
     ("pitot_blocked", {}, lambda t: 1.0 + 0.0 * t),
     ("static_blocked", {}, lambda t: 1.0 + 0.0 * t),
     ("pitot_leak", {"time_constant_s": 2.0}, lambda t: 1.0 - np.exp(-(t - 3.0) / 2.0)),

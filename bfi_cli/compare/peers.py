@@ -143,14 +143,28 @@ def by_null_space(problem: Problem) -> Statement:
 
 
 def _identified(result: IdentifyResult) -> Statement:
-    """State what is identified; the score is the largest magnitude of an entry over its standard deviation."""
+    """State what is identified; the score is the largest magnitude of an entry over its standard deviation.
+
+    Of a method that knows no standard deviation it is twice the log of the likelihood ratio of all that it declares.
+    """
     sizes = [
         abs(one.magnitude) / one.sd
         for one in result.candidates
         if one.magnitude is not None and one.sd is not None and one.sd > 0.0
     ]
     suspects = tuple(map(_suspect, result.faults))
-    return Statement(decision=result.decision, suspects=suspects, score=max(sizes, default=None))
+    score = max(sizes) if sizes else _gain(result) if result.outputs else None
+    return Statement(decision=result.decision, suspects=suspects, score=score)
+
+
+def _gain(result: IdentifyResult) -> float:
+    """Return twice the log of the likelihood ratio of the model with the declared faults to that without any."""
+    gain = 0.0
+    for one in result.outputs:
+        known = np.isfinite(one.prediction_error) & np.isfinite(one.plain_residual)
+        squares, plain = (float(np.sum(errors[known] ** 2)) for errors in (one.prediction_error, one.plain_residual))
+        gain += np.count_nonzero(known) * float(np.log(plain / squares)) if 0.0 < squares < plain else 0.0
+    return gain
 
 
 def _suspect(found: FaultEstimate) -> Suspect:

@@ -176,11 +176,24 @@ def _stored(
 
 def _changes(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) -> dict[str, FloatArray]:
     """Return by channel what a fault changes in a part of the log, as if it acted throughout; gaps are bridged."""
-    if SHAPES[fault.shape].acts_on == "reading":
-        changes = {fault.channel: amount * log.channels[fault.channel].values[part]}
+    acts_on = SHAPES[fault.shape].acts_on
+    if acts_on in ("reading", "held"):
+        reading = log.channels[fault.channel].values[part]
+        of_reading = reading if acts_on == "reading" else _at_onset(log, fault) - reading
+        changes = {fault.channel: amount * of_reading}
     else:
         changes = _differences(log, fault, amount, part)
     return {channel: bridged(change) for channel, change in changes.items()}
+
+
+def _at_onset(log: FlightLog, fault: Fault) -> float:
+    """Return what a channel reads at the onset, or at the first sample after it where that is known."""
+    values = log.channels[fault.channel].values
+    known = np.isfinite(values)
+    if not known.any():
+        raise LogError(f"{_place(log, fault)}: '{fault.channel}' has no value; choose another channel")
+    onset_s = max(fault.onset_s, float(log.time_s[known][0]))
+    return float(np.interp(onset_s, log.time_s[known], values[known]))
 
 
 def _under(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) -> tuple[AirData, FloatArray, FloatArray]:

@@ -158,9 +158,16 @@ class InjectedFault(Rules):
         return replace(fault_from_dict(given), onset_range_s=(self.onset_s or Interval()).ends())
 
 
-FaultOrNone = Annotated[
-    Annotated[InjectedFault, Tag("<fault>")] | Annotated[None, Tag("<none>")],
-    Discriminator(lambda value: "<none>" if value is None else "<fault>"),
+def _none_one_or_several(value: object) -> str:
+    return "<none>" if value is None else "<list>" if isinstance(value, list | tuple) else "<fault>"
+
+
+# Of a trial: none, one, or several at once.
+InjectedFaults = Annotated[
+    Annotated[InjectedFault, Tag("<fault>")]
+    | Annotated[tuple[InjectedFault, ...], Field(min_length=1), Tag("<list>")]
+    | Annotated[None, Tag("<none>")],
+    Discriminator(_none_one_or_several),
 ]
 RecordSource = Annotated[
     Annotated[FlownModel, Tag("<model>")] | Annotated[RecordedLog, Tag("<log>")], Discriminator(_log_or_model)
@@ -214,8 +221,9 @@ class SweepRules(Rules):
     """Channel: standard deviation of white noise added to it, in its unit; one or several."""
     active: Annotated[tuple[Count, ...], Some, BeforeValidator(_listed)]
     """How many faults of the dictionary act at once; one or several."""
-    inject: Annotated[tuple[FaultOrNone, ...], Some, BeforeValidator(_listed)] = (None,)
-    """A fault that is in every trial beside those drawn, whether the dictionary has it or not; one or several."""
+    inject: Annotated[tuple[InjectedFaults, ...], Some, BeforeValidator(_listed)] = (None,)
+    """Faults that are in every trial beside those drawn, whether the dictionary has them or not; each entry of the list
+    is null, a fault, or a list of faults that act together, and makes a scenario of its own."""
     magnitudes: Magnitudes = Span(low=1, high=10)
     """What the magnitude of each is drawn from: {low, high} or a list."""
     trials: Natural = 100
@@ -237,6 +245,11 @@ class SweepRules(Rules):
         if self.identify.dictionary is not None or "dictionary" in self.grid:
             raise ValueError("a dictionary stands in identify or grid; name it at the top, as dictionary")
         return self
+
+    @property
+    def injections(self) -> tuple[tuple[InjectedFault, ...], ...]:
+        """The faults that are in every trial, of each scenario."""
+        return tuple(() if one is None else one if isinstance(one, tuple) else (one,) for one in self.inject)
 
     @property
     def sizes(self) -> tuple[float, ...]:

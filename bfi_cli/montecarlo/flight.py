@@ -18,7 +18,7 @@ from ..flightlog.record import frozen_array
 from ..flightlog.recorder import recorder_filters
 from ..kernels import FloatArray
 from ..shapes import OF_LINES, SHAPES
-from .definition import FlownModel, RecordedLog
+from .definition import FlownModel, InjectedFault, RecordedLog
 from .scenarios import Setting
 
 # Records that a worker keeps: a sweep's trials go through its records in turn.
@@ -72,14 +72,21 @@ def faulty(log: FlightLog, setting: Setting, faults: Sequence[Fault], rng: np.ra
     ------
     LogError, DictionaryError : the log has no such channel, or does not tell what a fault changes.
     """
-    for fault in faults:
-        added = {name: log.channels[name].values + change for name, change in _changes(log, setting, fault).items()}
-        log = _with_values(log, added)
+    # A frozen sensor holds a reading, noise and all.
+    held = [fault for fault in faults if SHAPES[fault.shape].acts_on == "held"]
+    log = _with_faults(log, setting, [fault for fault in faults if fault not in held])
     noisy: dict[str, FloatArray] = {}
     for (name, sd), stream in zip(setting.noise, rng.spawn(len(setting.noise)), strict=True):
         channel = log.channel(name)
         noisy[channel.name] = noisy.get(channel.name, channel.values) + sd * stream.standard_normal(log.n_samples)
-    return _with_values(log, noisy)
+    return _with_faults(_with_values(log, noisy), setting, held)
+
+
+def _with_faults(log: FlightLog, setting: Setting, faults: Sequence[Fault]) -> FlightLog:
+    for fault in faults:
+        added = {name: log.channels[name].values + change for name, change in _changes(log, setting, fault).items()}
+        log = _with_values(log, added)
+    return log
 
 
 def _with_values(log: FlightLog, values: Mapping[str, FloatArray]) -> FlightLog:
@@ -101,33 +108,30 @@ def largest_errors(log: FlightLog, setting: Setting, fault: Fault) -> dict[str, 
 
 def faults_of(
     log: FlightLog, setting: Setting, truth: Mapping[str, float], rng: np.random.Generator
-) -> tuple[list[Fault], Fault | None]:
-    """Return the drawn faults with their magnitudes, and the injected one, times on the log's axis.
+) -> dict[str, Fault]:
+    """Return the drawn faults with their magnitudes, then the injected ones, by name, times on the log's axis.
 
     Parameters
     ----------
     truth : magnitude by name of the entries drawn.
-    rng : of the onsets that are not stated; the injected fault's comes first.
+    rng : of the onsets that are not stated; those of injected faults come first.
     """
     span_s = _window_s(log, setting)
-    fault = _injected(setting, span_s[0])
-    if setting.injected is not None and fault is not None and fault.onset_range_s is None:
-        later = setting.injected.onset_spread_s * float(rng.uniform(-1.0, 1.0))
-        fault = _injected(setting, span_s[0], later)
-    fault = None if fault is None else _begun(fault, span_s, rng)
-    drawn = [
-        replace(_begun(atom, span_s, rng), magnitude=truth[atom.name or atom.shape])
+    injected = {}
+    for name, one in zip(setting.right, setting.injected, strict=True):
+        later = one.onset_spread_s * float(rng.uniform(-1.0, 1.0)) if one.fault().onset_range_s is None else 0.0
+        injected[name] = _begun(_on_axis(one, setting, span_s[0], later), span_s, rng)
+    drawn = {
+        name: replace(_begun(atom, span_s, rng), magnitude=truth[name])
         for atom in setting.dictionary.resolved(span_s[0])
-        if (atom.name or atom.shape) in truth
-    ]
-    return drawn, fault
+        if (name := atom.name or atom.shape) in truth
+    }
+    return drawn | injected
 
 
-def _injected(setting: Setting, start_s: float, later_s: float = 0.0) -> Fault | None:
-    """Return the injected fault, times on the log's axis, so much later than stated."""
-    if setting.injected is None:
-        return None
-    fault = setting.injected.fault()
+def _on_axis(injected: InjectedFault, setting: Setting, start_s: float, later_s: float = 0.0) -> Fault:
+    """Return an injected fault, times on the log's axis, so much later than stated."""
+    fault = injected.fault()
     later = later_s + (start_s if setting.dictionary.relative_to == "window" else 0.0)
     return replace(
         fault,
@@ -164,10 +168,10 @@ def check_onsets(log: FlightLog, setting: Setting, *, drawing: bool, where: str)
     ConfigError : it could begin outside the window.
     """
     start_s, stop_s = _window_s(log, setting)
-    fault = _injected(setting, start_s)
+    injected = [_on_axis(one, setting, start_s) for one in setting.injected]
     entries = setting.dictionary.resolved(start_s) if drawing else ()
-    for key, one in (("inject", fault), *(("dictionary", atom) for atom in entries)):
-        if one is None or one.onset_range_s is None:
+    for key, one in (*(("inject", fault) for fault in injected), *(("dictionary", atom) for atom in entries)):
+        if one.onset_range_s is None:
             continue
         first, last = onsets_within(one.onset_range_s, start_s, stop_s)
         if not start_s <= first < last <= stop_s:
@@ -190,7 +194,7 @@ def _changes(log: FlightLog, setting: Setting, fault: Fault) -> dict[str, FloatA
     if fault.shape in OF_LINES:
         return dict(added_by(log, replace(fault, channel=""), response))
     channel = log.channel(fault.channel).name
-    if SHAPES[fault.shape].acts_on == "reading":
+    if SHAPES[fault.shape].acts_on in ("reading", "held"):
         return dict(added_by(log, replace(fault, channel=channel), response))
     signal = recorded_signal(fault, log.time_s, response, window_start_s=_window_s(log, setting)[0])
     return {channel: fault.magnitude * signal}

@@ -52,7 +52,7 @@ class Setting:
     record : what the faults are added to; dictionary : what they are drawn from and looked for in.
     noise : (channel, standard deviation) of the noise added.
     config : of the analysis.
-    injected : the fault that every trial has, None for none.
+    injected : the faults that every trial has.
     peer : the method of `bfi compare` that is run in place of `bfi identify`, with its name; None for none.
     """
 
@@ -61,25 +61,23 @@ class Setting:
     dictionary: Dictionary = field(compare=False)
     noise: tuple[tuple[str, float], ...] = field(compare=False)
     config: Config = field(compare=False)
-    injected: InjectedFault | None = field(compare=False, default=None)
+    injected: tuple[InjectedFault, ...] = field(compare=False, default=())
     peer: tuple[str, Peer] | None = field(compare=False, default=None)
 
     @property
-    def right(self) -> tuple[str, ...]:
-        """Entries of the dictionary that are right answers to the injected fault: the stated ones, else that fault."""
-        if self.injected is None:
-            return ()
-        if self.injected.right is not None:
-            return self.injected.right
-        fault = self.injected.fault()
-        return tuple(atom.name or atom.shape for atom in self.dictionary.atoms if is_one_of(fault, atom))
+    def right(self) -> dict[str, tuple[str, ...]]:
+        """Entries of the dictionary that are right answers to each injected fault, by what that is called."""
+        return {
+            injected.name or (right[0] if right else injected.shape): right
+            for injected, right in ((one, self._right_for(one)) for one in self.injected)
+        }
 
-    @property
-    def injected_name(self) -> str:
-        """What the injected fault is called; "" without one."""
-        if self.injected is None:
-            return ""
-        return self.injected.name or (self.right[0] if self.right else self.injected.shape)
+    def _right_for(self, injected: InjectedFault) -> tuple[str, ...]:
+        """Return the entries of the dictionary that are stated to be right answers, else those that are that fault."""
+        if injected.right is not None:
+            return injected.right
+        fault = injected.fault()
+        return tuple(atom.name or atom.shape for atom in self.dictionary.atoms if is_one_of(fault, atom))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,7 +191,7 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
         "dictionary": _labelled([Path(d.path).stem for d in dictionaries], list(enumerate(dictionaries))),
         **{f"noise.{name}": [(f"{sd:g}", sd) for sd in sizes] for name, sizes in rules.noise.items()},
         "active": [(str(n), n) for n in rules.active],
-        "inject": _labelled([_label_of(one) for one in rules.inject], rules.inject),
+        "inject": _labelled([_label_of(faults) for faults in rules.injections], rules.injections),
         "identify": configs,
         "compare": [("", None)] if rules.compare is None else [(one[0], one) for one in rules.compare.peers.items()],
     }
@@ -206,9 +204,7 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
         settings, config = value["identify"]
         noise = tuple((name, value[f"noise.{name}"]) for name in rules.noise)
         parts = [value["record"].model_dump(mode="json"), dictionary.sha256, noise, config.model_dump(mode="json")]
-        injected = value["inject"]
-        if injected is not None:
-            parts.append(injected.model_dump(mode="json"))
+        parts += [injected.model_dump(mode="json") for injected in value["inject"]]
         if rules.compare is not None:
             parts.append(["compare", method := chosen["compare"][0], rules.compare.programs.get(method, "")])
         words = [f"{name}={chosen[name][0]}" if name != "identify" else chosen[name][0] for name in varying]
@@ -221,11 +217,11 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
             dictionary=dictionary,
             noise=noise,
             config=config,
-            injected=injected,
+            injected=value["inject"],
             peer=value["compare"],
         )
-        _check_injected(setting, value["active"], where, rules.inject.index(injected))
-        left_out = {"identify", *(["inject"] * (rules.inject == (None,))), *(["compare"] * (rules.compare is None))}
+        _check_injected(setting, value["active"], f"{where}: inject[{rules.injections.index(setting.injected)}]")
+        left_out = {"identify", *(["inject"] * (rules.injections == ((),))), *(["compare"] * (rules.compare is None))}
         labels = {name: label for name, (label, _) in chosen.items() if name not in left_out}
         scenarios.append(
             Scenario(
@@ -281,35 +277,33 @@ def size_of(fault: Fault) -> float:
     return fault.magnitude if SHAPES[fault.shape].has_magnitude else 1.0
 
 
-def _check_injected(setting: Setting, n_active: int, where: str, k: int) -> None:
-    """Refuse an injected fault whose right answers, or whose name, the dictionary does not leave clear."""
-    names = [atom.name or atom.shape for atom in setting.dictionary.atoms]
-    for name in setting.right:
-        if name not in names:
+def _check_injected(setting: Setting, n_active: int, where: str) -> None:
+    """Refuse injected faults whose right answers, or whose names, the dictionary does not leave clear."""
+    path, names = setting.dictionary.path, [atom.name or atom.shape for atom in setting.dictionary.atoms]
+    if len(setting.right) < len(setting.injected):
+        called = ", ".join(f"'{name}'" for name in setting.right)
+        raise ConfigError(f"{where}: name: two faults are called the same, got {called}; give each a name")
+    for injected, (called, right) in zip(setting.injected, setting.right.items(), strict=True):
+        for name in right:
+            if name not in names:
+                raise ConfigError(f"{where}.right: no entry of {path}, got '{name}'{did_you_mean(name, names)}")
+        if called in names and called not in right:
             raise ConfigError(
-                f"{where}: inject[{k}].right: no entry of {setting.dictionary.path}, got '{name}'"
-                f"{did_you_mean(name, names)}"
+                f"{where}.name: is another entry of {path}, got '{called}'; choose another, or name that entry in right"
             )
-    if setting.injected_name in names and setting.injected_name not in setting.right:
-        raise ConfigError(
-            f"{where}: inject[{k}].name: is another entry of {setting.dictionary.path}, got '{setting.injected_name}'; "
-            "choose another, or name that entry in right"
-        )
-    if setting.injected is not None and size_of(setting.injected.fault()) == 0.0:
-        raise ConfigError(f"{where}: inject[{k}].magnitude: 0 is no fault; write null in its place for none")
-    left = len(names) - len(setting.right)
+        if size_of(injected.fault()) == 0.0:
+            raise ConfigError(f"{where}.magnitude: 0 is no fault; write null in its place for none")
+    left = len(set(names) - {name for right in setting.right.values() for name in right})
     if n_active > left:
+        file, _, _ = where.rpartition(": ")
         raise ConfigError(
-            f"{where}: active: more than the {left} faults of {setting.dictionary.path} beside the injected one, "
-            f"got {n_active}; lower it"
+            f"{file}: active: more than the {left} faults of {path} beside the injected ones, got {n_active}; lower it"
         )
 
 
-def _label_of(injected: InjectedFault | None) -> str:
-    if injected is None:
-        return "none"
-    size = "" if injected.magnitude is None else f"_{injected.magnitude:g}"
-    return injected.name or f"{injected.shape}{size}"
+def _label_of(faults: Sequence[InjectedFault]) -> str:
+    sizes = ["" if one.magnitude is None else f"_{one.magnitude:g}" for one in faults]
+    return "+".join(one.name or f"{one.shape}{size}" for one, size in zip(faults, sizes, strict=True)) or "none"
 
 
 def _labelled(labels: Sequence[str], values: Sequence[Any]) -> list[tuple[str, Any]]:

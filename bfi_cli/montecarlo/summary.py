@@ -142,7 +142,7 @@ def summarise(sweep: Sweep, done: Sequence[tuple[Row, float]]) -> Summary:
     healthy = {
         _of_methods(s.axes): _scores(by_name[s.name])
         for s in sweep.scenarios
-        if s.n_active == 0 and s.setting.injected is None
+        if s.n_active == 0 and not s.setting.injected
     }
     scenarios = []
     for s in sweep.scenarios:

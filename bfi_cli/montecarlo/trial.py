@@ -124,13 +124,13 @@ def rounded(value: float, digits: int = ESTIMATE_DIGITS) -> float:
 def run_trial(trial: Trial) -> Row:
     """Return the row of a trial; it depends on the trial alone. A trial that fails is a row that says why."""
     faults, gusts, noise, onsets = np.random.default_rng(trial.seed).spawn(4)
-    truth, injected = draw(trial, faults), trial.scenario.setting.injected
-    if injected is not None:
-        truth[trial.scenario.setting.injected_name] = size_of(injected.fault())
+    setting = trial.scenario.setting
+    truth = draw(trial, faults)
+    truth |= {name: size_of(one.fault()) for name, one in zip(setting.right, setting.injected, strict=True)}
     row = Row(scenario=trial.scenario.name, trial=trial.number, seed=trial.seed, truth=truth)
     try:
         record = _flown(trial, truth, (gusts, noise, onsets))
-        return _identified(row, trial, record) if trial.scenario.setting.peer is None else _compared(row, trial, record)
+        return _identified(row, trial, record) if setting.peer is None else _compared(row, trial, record)
     except BfiError as error:
         why = str(error)
     except Exception as error:
@@ -140,7 +140,7 @@ def run_trial(trial: Trial) -> Row:
 
 def draw(trial: Trial, rng: np.random.Generator) -> dict[str, float]:
     """Return magnitude by name of the faults of a trial, in the order of the dictionary; that of a whole one is 1."""
-    taken = trial.scenario.setting.right
+    taken = {name for right in trial.scenario.setting.right.values() for name in right}
     atoms = [atom for atom in trial.scenario.setting.dictionary.atoms if _name(atom) not in taken]
     active = np.sort(rng.choice(len(atoms), trial.scenario.n_active, replace=False))
     sizes = rng.choice(trial.scenario.sizes, trial.scenario.n_active)
@@ -166,8 +166,7 @@ def _flown(trial: Trial, truth: Mapping[str, float], streams: Sequence[np.random
     """Return the log of a trial; the streams are of gusts, noise and onsets."""
     setting = trial.scenario.setting
     record = record_of(setting, streams[0])
-    drawn, injected = faults_of(record, setting, truth, streams[2])
-    added = {_name(fault): fault for fault in drawn} | ({} if injected is None else {setting.injected_name: injected})
+    added = faults_of(record, setting, truth, streams[2])
     return Flown(record=record, log=faulty(record, setting, list(added.values()), streams[1]), added=added)
 
 
@@ -175,12 +174,11 @@ def _identified(row: Row, trial: Trial, flown: Flown) -> Row:
     """Return the row with the answer of `bfi identify` beside the truth."""
     setting, truth = trial.scenario.setting, row.truth
     record, log, added = flown.record, flown.log, flown.added
-    own, right = setting.injected_name, setting.right
     # Where a shared record gives no answer, the whole one says if the data could tell.
     answer = _shared_answer(setting, truth) or _whole_answer(log, setting)
-    # The entry that is taken for the injected fault: of the right ones the first declared.
-    entry = next((name for name in right if name in answer.estimate), right[0] if right else None)
-    called = {name: own if name == entry else name for name in answer.estimate}
+    entries = _entries_of(setting, answer.estimate)
+    names = {entry: own for own, entry in entries.items()}
+    called = {name: names.get(name, name) for name in answer.estimate}
     estimate = {called[name]: z for name, z in answer.estimate.items()}
     hits = onset_errors = None
     if answer.faults is not None:
@@ -190,11 +188,11 @@ def _identified(row: Row, trial: Trial, flown: Flown) -> Row:
             ends = {called[one.name]: one.ci95 for one in answer.faults}
             alike = [name for name, one in told.items() if one.shape == added[name].shape]
             hits = [ends[name][0] <= truth[name] <= ends[name][1] for name in alike]
-    outside = () if setting.injected is None or right else (own,)
+    outside = tuple(own for own in setting.right if own not in entries)
     comparison = compare_faults(estimate, {k: z for k, z in truth.items() if k not in outside}, unknown=outside)
     error = comparison.magnitude_error
     shapes = {_name(atom): atom.shape for atom in setting.dictionary.atoms}
-    if own in estimate and entry is not None and own in added and shapes[entry] != added[own].shape:
+    if any(own in estimate and shapes[entry] != added[own].shape for own, entry in entries.items()):
         error = None  # magnitudes of different shapes have nothing in common
     window = setting.config.window
     tolerances = tolerances_of(log, log.window(window.from_s, window.to_s), setting.config.outputs, setting.config)
@@ -210,7 +208,7 @@ def _identified(row: Row, trial: Trial, flown: Flown) -> Row:
         abrupt=answer.verdicts["abrupt"],
         oscillating=answer.verdicts["oscillating"],
         slow=answer.verdicts["slow"],
-        states={name: answer.states.get((entry or name) if name == own else name) for name in truth},
+        states={name: answer.states.get(entries.get(name, name)) for name in truth},
         beyond_tolerance=tuple(beyond),
         wrong_no_fault=tuple(name for name, kind in beyond.items() if answer.verdicts[kind] == "no_fault"),
         isolated=comparison.isolated,
@@ -221,6 +219,16 @@ def _identified(row: Row, trial: Trial, flown: Flown) -> Row:
         covered=None if hits is None else sum(hits),
         onset_error_s=onset_errors,
     )
+
+
+def _entries_of(setting: Setting, estimate: Mapping[str, float]) -> dict[str, str]:
+    """Return the entry that is taken for each injected fault that has any: of the right ones the first declared."""
+    entries: dict[str, str] = {}
+    for own, right in setting.right.items():
+        free = [name for name in right if name not in entries.values()]
+        if free:
+            entries[own] = next((name for name in free if name in estimate), free[0])
+    return entries
 
 
 def _compared(row: Row, trial: Trial, flown: Flown) -> Row:
@@ -345,7 +353,7 @@ def shared_record(setting: Setting) -> SharedRecord | None:
     asked = published and config.conditioning.rate_hz == "none" and config.model.order != "auto"
     silent = all(sd == 0.0 for _, sd in setting.noise)
     # A fault that depends on what the log shows is not one column of the factor in the clean and in the faulty record.
-    added = setting.injected is None and all(
+    added = not setting.injected and all(
         atom.shape in ADDITIVE and atom.onset_range_s is None for atom in setting.dictionary.atoms
     )
     if not (asked and silent and added and is_shared(setting) and len(config.outputs) == 1):

@@ -214,6 +214,17 @@ def test_a_scale_is_a_share_of_the_channels_own_reading():
     assert set(scaled.truth.clean) == {"tas"}
 
 
+def test_a_frozen_sensor_keeps_its_reading_at_the_onset_noise_and_all():
+    noisy = LOG.channel("tas").values + np.random.default_rng(0).standard_normal(N)
+    log = replace(LOG, channels={**LOG.channels, "tas": replace(LOG.channels["tas"], values=noisy)})
+    frozen = inject(log, [fault("frozen", channel="tas", offset_s=OFFSET_S)])
+    held = AFTER & (OFFSET_S - 1e-6 > T)
+    kept = frozen.channel("tas").values
+    np.testing.assert_allclose(kept, np.where(held, noisy[np.argmax(held)], noisy), rtol=1e-12)
+    assert frozen.truth is not None
+    assert [*frozen.truth.clean] == ["tas"]
+
+
 def test_faults_follow_one_another_and_the_clean_signal_is_that_before_the_first():
     first, second = fault("static_blocked"), fault("bias", channel="cas", magnitude=2.0, onset_s=1060.0)
     both = inject(LOG, [first, second])

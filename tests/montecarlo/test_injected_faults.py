@@ -39,6 +39,7 @@ FAULTS = {
     "static_leak": f"shape: static_leak, {SPAN}, time_constant_s: 1000",
     "scale": f"shape: scale, {SPAN}, magnitude: 0.03",
     "bias": f"shape: bias, {SPAN}, magnitude: 2",
+    "frozen": f"shape: frozen, {SPAN}",
 }
 
 
@@ -59,8 +60,7 @@ def test_the_record_is_what_bfi_inject_makes_of_it(sweep: Callable[..., Sweep], 
     setting = sweep(f"{{{FAULTS[shape]}}}").scenarios[0].setting
     record = record_of(setting, np.random.default_rng(0))
     quiet = replace(setting, noise=())
-    _, fault = faults_of(record, quiet, {}, np.random.default_rng(0))
-    assert fault is not None
+    (fault,) = faults_of(record, quiet, {}, np.random.default_rng(0)).values()
     made, injected = faulty(record, quiet, [fault], np.random.default_rng(0)), inject(record, [fault])
     assert injected.truth is not None
     for name in record.channels:
@@ -111,7 +111,7 @@ def drawn(sweep: Sweep) -> list[dict[str, float]]:
 def test_each_is_a_scenario_and_draws_go_on_beside_it(sweep: Callable[..., Sweep]) -> None:
     made = sweep(f"[null, {{{FAULTS['scale']}}}, {{{FAULTS['pitot_water']}}}]", active="[0, 1]", trials=6)
     assert [one.name for one in made.scenarios][:2] == ["active=0 inject=none", "active=0 inject=scale_0.03"]
-    assert [one.setting.injected_name for one in made.scenarios][:3] == ["", "scale", "water"]
+    assert [[*one.setting.right] for one in made.scenarios][:3] == [[], ["scale"], ["water"]]
     truths = drawn(made)
     assert [len(truth) for truth in truths[:6]] == [0, 0, 0, 1, 1, 1]
     assert not any("water" in truth for truth in truths[5::6])
@@ -140,8 +140,7 @@ def onsets(made: Sweep) -> list[float]:
     drawn = []
     for trial in made.trials():
         setting, (_, gusts, _, rng) = trial.scenario.setting, np.random.default_rng(trial.seed).spawn(4)
-        _, fault = faults_of(record_of(setting, gusts), setting, {}, rng)
-        assert fault is not None
+        (fault,) = faults_of(record_of(setting, gusts), setting, {}, rng).values()
         assert fault.onset_range_s is None
         drawn.append(fault.onset_s)
     return drawn
@@ -177,14 +176,13 @@ def test_kinds_of_a_dictionary_begin_at_any_time_and_are_the_right_answers(sweep
     path = Path(made.path).parent / "dictionary.yaml"
     path.write_text(f"relative_to: window\natoms: [{entries}, {{name: at_6, shape: bias, onset_s: 6}}]\n")
     made = load_sweep(made.path, trials=8)
-    assert made.scenarios[0].setting.right == ("kind", "at_6")
+    assert made.scenarios[0].setting.right == {"kind": ("kind", "at_6")}
     for trial in made.trials():
         streams = np.random.default_rng(trial.seed).spawn(4)
         truth = draw(trial, streams[0])
         assert list(truth) == ["late"]
         setting = trial.scenario.setting
-        (late,), fault = faults_of(record_of(setting, streams[1]), setting, truth, streams[3])
-        assert fault is not None
+        late, fault = faults_of(record_of(setting, streams[1]), setting, truth, streams[3]).values()
         assert 5.0 <= fault.onset_s <= 9.0 < 12.0 <= late.onset_s <= 25.0
         assert late.onset_range_s is None
 
@@ -278,6 +276,14 @@ def test_icing_of_a_recorded_flight_is_named_and_its_interval_covers(
         ("[null, {shape: bias, right: stp}]", "0", "inject[1].right: no entry of "),
         ("{shape: scale, name: step}", "0", "inject[0].name: is another entry of "),
         (f"{{{FAULTS['bias']}}}", "3", "active: more than the 2 faults of "),
+        ("[[]]", "0", "inject[0]: "),
+        ("[[{shape: bias}, {shape: bais}]]", "0", "inject[0][1].shape: no such shape, got 'bais'"),
+        (
+            "[[{shape: bias, magnitude: 1, onset_s: 9}, {shape: bias, onset_s: 20, magnitude: 2}]]",
+            "0",
+            "called the same",
+        ),
+        ("{shape: frozen, magnitude: 2}", "0", "inject[0]: magnitude: not a key of this shape"),
         ("{shape: bias, onset_spread_s: -1}", "0", "inject[0].onset_spread_s: "),
         (
             "{shape: bias, onset_s: {from: 9, to: 5}}",
@@ -302,3 +308,28 @@ def test_what_cannot_be_meant_is_said_in_a_line(
     assert message in str(refusal.value)
     assert "\n" not in str(refusal.value)
     assert json.dumps(str(refusal.value))
+
+
+def test_several_act_together_and_each_is_scored(sweep: Callable[..., Sweep]) -> None:
+    both = "{shape: bias, magnitude: 3, onset_s: 20}, {shape: sine, frequency_hz: 0.5, magnitude: 2, onset_s: 8}"
+    path = Path(sweep("null").path)
+    entries = "{name: step, shape: bias, onset_s: 20}, {name: wave, shape: sine, frequency_hz: 0.5, onset_s: 8}"
+    (path.parent / "dictionary.yaml").write_text(f"relative_to: window\natoms: [{entries}]\n")
+    path.write_text(f"{RECORD}active: 0\ninject: [null, [{both}]]\n")
+    made = load_sweep(path, trials=1)
+    assert [one.name for one in made.scenarios] == ["inject=none", "inject=bias_3+sine_2"]
+    none, row = rows_of(made)
+    assert (none.truth, row.truth) == ({}, {"step": 3.0, "wave": 2.0})
+    assert row.isolated
+    assert row.estimate == {"step": pytest.approx(3.0, rel=0.1), "wave": pytest.approx(2.0, rel=0.1)}
+    assert row.states == {"step": "declared", "wave": "declared"}
+
+
+def test_a_sensor_that_freezes_holds_its_noise_too(sweep: Callable[..., Sweep]) -> None:
+    made = sweep("{shape: frozen, onset_s: 10}", trials=1)
+    (trial,) = made.trials()
+    setting = replace(trial.scenario.setting, noise=(("tas", 0.5),))
+    record = record_of(setting, np.random.default_rng(1))
+    faults = list(faults_of(record, setting, {}, np.random.default_rng(2)).values())
+    held = faulty(record, setting, faults, np.random.default_rng(3)).channel("tas").values[record.time_s > 10.0]
+    assert np.ptp(held) < 1e-9

@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
 RATE_HZ = 5.0
 INPUTS = ("elevator", "pitch", "longitudinal_acc")
-ONSETS_S = (610.0, 650.0, 690.0, 730.0, 770.0, 810.0)[:: 1 if FULL else 2]
+ONSETS_S = (610.0, 650.0, 690.0, 730.0, 770.0, 810.0)[:: 1 if FULL else 3]
 LONG = pytest.mark.skipif(not FULL, reason="minutes: only where BFI_FULL=1 is set")
 MAGNITUDE = -3.0
 GRAVITY = 9.80665
@@ -90,7 +90,7 @@ def test_a_bias_is_located_with_the_default_calibration(
     ((first_s, last_s),) = airborne_stretches(log, suspects=["tas"])
     stated = "none" if recorder is None else recorder.edge_hz
     response = IDENTITY if recorder is None else response_of([recorder], RATE_HZ)
-    located, alarms, healthy = 0, 0, np.arange(first_s, last_s - length_s, (0.5 if FULL else 2.0) * length_s)
+    located, alarms, healthy = 0, 0, np.arange(first_s, last_s - length_s, (0.5 if FULL else 4.0) * length_s)
 
     def located_at(one: FlightLog, from_s: float) -> float | None:
         window = {"from_s": from_s, "to_s": from_s + length_s}

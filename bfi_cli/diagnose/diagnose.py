@@ -297,7 +297,7 @@ def _event(flight: Flight, draft: Draft) -> Event:
 
 
 def _state(flight: Flight, draft: Draft) -> tuple[State, str]:
-    """Return whether an event is declared, or only suspected since something else may imitate it."""
+    """Return whether an event is declared, or only suspected: something may imitate it, or its interval holds none."""
     one = draft.finding
     if one.doubt:
         return "suspected", one.doubt
@@ -305,6 +305,8 @@ def _state(flight: Flight, draft: Draft) -> tuple[State, str]:
         return "suspected", f"it may be an after-effect of the fault of {' and '.join(draft.lasting)}"
     if not is_certain(draft):
         return "suspected", "a healthy flight of this length shows as much once on average"
+    if one.magnitude is not None and one.sd is not None and abs(one.magnitude) < TWO_SIDED_95 * one.sd:
+        return "suspected", "its size cannot be told from none"
     if one.stage == "scan" and one.p_value is None:
         return "suspected", "no shipped table fits this log, so that the rate of false alarms of steps is not known"
     if one.stage == "scan" and overlaps(draft.window, flight.moved):

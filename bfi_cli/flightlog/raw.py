@@ -140,7 +140,7 @@ def claimed(tracks: Sequence[Track], asked: Asked) -> list[Track]:
         channel, unit, turn = match.name if match else None, unit_of(track, match, asked), None
         if channel in ANGLES:
             turn = 2.0 * math.pi / (float(to_si(1.0, unit)[0]) if unit and si_unit(unit) == "rad" else 1.0)
-        made.append(replace(track, channel=channel, unit=track.unit or (match and match.unit), turn=turn))
+        made.append(replace(track, channel=channel, unit=track.unit or (match.unit if match else None), turn=turn))
     return made
 
 

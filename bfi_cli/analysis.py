@@ -11,7 +11,16 @@ from dataclasses import fields, replace
 
 from .channels import INDEPENDENT
 from .config import Config, merge
-from .decision import KINDS, UNTESTED, Evidence, decide, verdicts_of
+from .decision import (
+    KINDS,
+    UNTESTED,
+    Evidence,
+    decide,
+    not_excluded_by,
+    onsets_checked,
+    verdicts_of,
+    with_limit_of_scan,
+)
 from .dictionary import Dictionary, dead_sentences
 from .errors import DictionaryError
 from .faults import Fault, FaultEstimate
@@ -25,7 +34,7 @@ from .identify.result import AgainstTruth, IdentifyResult, ScanSummary
 from .identify.shared_model import with_those_that_share
 from .kernels.progress import Progress, unseen
 from .notes import Note
-from .onset import STANDS_FOR, OnsetResult, find_onset, scan_beside, search_onsets, why_not_scanned, with_limit_of_scan
+from .onset import OnsetResult, find_onset, scan_beside, search_onsets, why_not_scanned
 from .onset.shapes import scanned_shape
 from .preprocessing.defaults import require_one_trim
 from .preprocessing.window import with_inputs_of
@@ -249,7 +258,10 @@ def _identify_entries(
         found = found if exact else _within_tolerance(found, None, config)
         result = concluded(log, config, found, [found.evidence, physics])
         return _with_scan(replace(result, notes=(*result.notes, *physics.notes)), None, searched)
-    found = _as_measured(_within_tolerance(found, searched, config), searched)
+    found = _within_tolerance(found, searched, config)
+    if found.result.faults:
+        candidates = not_excluded_by(found.result.candidates, searched.candidates)
+        found = replace(found, result=replace(found.result, candidates=candidates))
     sources = [found.evidence, _beside_entries(searched, looked_for), physics]
     result = concluded(log, config, found, sources)
     result = replace(result, notes=(*result.notes, *physics.notes))
@@ -268,27 +280,6 @@ def _within_tolerance(found: Identification, searched: OnsetResult | None, confi
     covered_s = None if searched is None else searched.covered_s
     candidates = tuple(
         with_limit_of_scan(one, limit, covered_s) for one, limit in zip(found.result.candidates, limits, strict=True)
-    )
-    return replace(found, result=replace(found.result, candidates=candidates))
-
-
-def _as_measured(found: Identification, searched: OnsetResult) -> Identification:
-    """Return an identification with no claim on a kind of which the search of the window as measured makes none.
-
-    What is declared may stand for another fault, as a lag and a step do for a slow oscillation of another frequency
-    than the entries'. The window less it does not show that fault any more.
-    """
-    if not found.result.faults:
-        return found
-    verdicts = verdicts_of(found.result.candidates)
-    open_kinds = {
-        one.kind for one in searched.candidates if one.state == "not_seen" and verdicts[one.kind] == "no_fault"
-    }
-    candidates = tuple(
-        replace(one, state="not_seen", excluded_above=None, effect=None, note=STANDS_FOR)
-        if one.kind in open_kinds and one.state == "excluded"
-        else one
-        for one in found.result.candidates
     )
     return replace(found, result=replace(found.result, candidates=candidates))
 
@@ -336,9 +327,7 @@ def _with_checked_onsets(result: IdentifyResult) -> IdentifyResult:
     if not untested or not counted:
         return result
     begin = f"{untested} others start" if untested > 1 else "another one starts"
-    note = Note.limit(
-        f"checked for entries that start at {instant(min(counted))} to {instant(max(counted))} s; {begin} {UNTESTED}"
-    )
+    note = onsets_checked("for entries", min(counted), max(counted), f"{begin} {UNTESTED}")
     return replace(result, notes=(*result.notes, note))
 
 

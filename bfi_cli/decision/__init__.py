@@ -3,21 +3,24 @@
 from .candidate import (
     BUILD_UP_S,
     KINDS,
-    UNTESTED,
     Candidate,
     State,
     beyond_tolerance,
+    candidate_of,
     estimate_of,
     finite,
     kind_of,
     shown_limit,
     state_of,
     two_digits,
+    with_limit,
 )
 from .conclude import Conclusion, conclude
 from .evidence import Evidence
+from .limits import UNTESTED, ScanLimit, not_excluded_by, onsets_checked, untested, with_limit_of_scan, worst_view
 from .verdict import decide, summarise, verdicts_of
 
-__all__ = ["BUILD_UP_S", "KINDS", "UNTESTED", "Candidate", "Conclusion", "Evidence", "State", "beyond_tolerance"]
-__all__ += ["conclude", "decide", "estimate_of", "finite"]
-__all__ += ["kind_of", "shown_limit", "state_of", "summarise", "two_digits", "verdicts_of"]
+__all__ = ["BUILD_UP_S", "KINDS", "UNTESTED", "Candidate", "Conclusion", "Evidence", "ScanLimit", "State"]
+__all__ += ["beyond_tolerance", "candidate_of", "conclude", "decide", "estimate_of", "finite", "kind_of"]
+__all__ += ["not_excluded_by", "onsets_checked", "shown_limit", "state_of", "summarise", "two_digits", "untested"]
+__all__ += ["verdicts_of", "with_limit", "with_limit_of_scan", "worst_view"]

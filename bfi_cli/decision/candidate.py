@@ -11,12 +11,12 @@ not_seen   : none of these: a fault beyond the tolerance could be there unseen.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
 from ..channels import LARGEST_ERROR
 from ..display_units import SI, Units
-from ..faults import Fault, FaultEstimate, build_up_s, magnitude_unit, physical
+from ..faults import Fault, FaultEstimate, build_up_s, magnitude_unit, meaning, physical
 from ..kernels.normal import TWO_SIDED_95
 from ..shapes import SHAPES, Kind
 
@@ -25,8 +25,6 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 # A lag of 5 s reaches nine tenths of its size in 11.5 s, a ramp over 10 s in 9 s: those that a claim about steps covers
 # (`onset.claims.BUILT_UP`). What takes longer cannot be told from a drift in a window of a minute or two.
 BUILD_UP_S = 12.0
-# The note of an entry of a dictionary that counts for no verdict, since no analysis of the window could tell.
-UNTESTED = "too near an end of the window"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,6 +104,14 @@ def state_of(*, declared: bool, suspected: bool, effect: float | None, tolerance
     return "excluded"
 
 
+def with_limit(candidate: Candidate, effect: float | None, excluded_above: float | None, **changes: Any) -> Candidate:
+    """Return a candidate with another limit and the state that follows; a declared or suspected one keeps its own."""
+    state = candidate.state
+    if state in ("excluded", "not_seen"):
+        state = state_of(declared=False, suspected=False, effect=effect, tolerance=candidate.tolerance)
+    return replace(candidate, **{"state": state, "effect": effect, "excluded_above": excluded_above, **changes})
+
+
 def beyond_tolerance(effect: float, magnitude: float, sd: float, tolerance: float | None) -> bool | None:
     """Return whether the error of a fault surely exceeds, or surely keeps within, a tolerance; None where neither.
 
@@ -119,6 +125,47 @@ def beyond_tolerance(effect: float, magnitude: float, sd: float, tolerance: floa
     if effect * (1.0 + spread) <= tolerance:
         return False
     return True if effect * (1.0 - spread) > tolerance else None
+
+
+def candidate_of(
+    fault: Fault,
+    channel_unit: str,
+    *,
+    declared: bool = False,
+    suspected: bool = False,
+    magnitude: float | None = None,
+    sd: float | None = None,
+    effect: float | None = None,
+    tolerance: float | None = None,
+    **others: Any,
+) -> Candidate:
+    """Return what became of a fault that was looked for, with the kind and the state that follow.
+
+    Parameters
+    ----------
+    magnitude, sd, effect, tolerance : see `Candidate`; None or not finite where unknown.
+    others : further attributes of `Candidate`, or some in place of those that follow; the name is that of the fault, or
+        its shape, where none is given.
+    """
+    scale, unit = meaning(fault, channel_unit)
+    told = {
+        "name": fault.name or fault.shape,
+        "kind": kind_of(fault, declared=declared),
+        "state": state_of(declared=declared, suspected=suspected, effect=effect, tolerance=tolerance),
+    }
+    return Candidate(
+        shape=fault.shape,
+        channel=fault.channel,
+        magnitude=finite(magnitude),
+        unit=magnitude_unit(fault, channel_unit),
+        sd=finite(sd),
+        effect=effect,
+        tolerance=tolerance,
+        channel_unit=channel_unit,
+        physical_scale=scale,
+        physical_unit=unit,
+        **{**told, **others},
+    )
 
 
 def estimate_of(
@@ -164,9 +211,9 @@ def shown_limit(one: Candidate, units: Units = SI) -> str | None:
     return two_digits(value) if shown.unit == "1" else f"{two_digits(value)} {shown.unit}".rstrip()
 
 
-def finite(value: float) -> float | None:
-    """Return a number, None for one that is not finite."""
-    return float(value) if math.isfinite(value) else None
+def finite(value: float | None) -> float | None:
+    """Return a number, None for one that is unknown or not finite."""
+    return None if value is None or not math.isfinite(value) else float(value)
 
 
 def two_digits(value: float) -> str:

@@ -15,7 +15,7 @@ from ..faults import Decision, FaultEstimate, build_up_s
 from ..notes import Note
 from ..report.text import instant, quantity
 from ..shapes import SHAPES, Kind
-from .candidate import Candidate, state_of
+from .candidate import Candidate, with_limit
 from .evidence import Evidence
 from .verdict import decide, summarise, verdicts_of
 
@@ -154,5 +154,4 @@ def _with_least_limit(candidate: Candidate, evidence: Sequence[Evidence]) -> Can
         return candidate
     scale = None if candidate.effect in (None, 0.0) else least / candidate.effect
     above = None if scale is None or candidate.excluded_above is None else scale * candidate.excluded_above
-    state = state_of(declared=False, suspected=False, effect=least, tolerance=candidate.tolerance)
-    return replace(candidate, effect=least, excluded_above=above, state=state)
+    return with_limit(candidate, least, above)

@@ -9,7 +9,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..config import Config
-from ..decision import Candidate, Evidence, conclude, finite, shown_limit, state_of
+from ..decision import Candidate, Evidence, candidate_of, conclude, finite, onsets_checked, shown_limit
+from ..faults import Fault
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels.progress import Report, silent
@@ -106,20 +107,17 @@ def _candidates(prepared: PreparedRecord, found: Detection, tolerances: Mapping[
             clearest = int(np.argmax(np.abs(limits.size[:, i]) / np.maximum(limits.sd[:, i], np.finfo(float).tiny)))
             if limits.sd[clearest, i] > 0.0:
                 size, sd = finite(limits.size[clearest, i]), finite(limits.sd[clearest, i])
-        one = Candidate(
+        one = candidate_of(
+            Fault(shape="bias", channel=channel),
+            unit,
             name="bias" if len(prepared.outputs) == 1 else f"bias on {channel}",
-            shape="bias",
-            channel=channel,
-            kind="abrupt",
-            state=state_of(declared=channel in declared, suspected=False, effect=hidden, tolerance=tolerances[channel]),
+            declared=channel in declared,
             magnitude=size,
-            unit=unit,
             sd=sd,
             minimal_detectable=detectable,
             excluded_above=hidden,
             effect=hidden,
             tolerance=tolerances[channel],
-            channel_unit=unit,
         )
         if limits is not None and one.state == "not_seen" and hidden is not None:
             worst = instant(limits.onset_s[limits.hidden[:, i].argmax()])
@@ -134,10 +132,8 @@ def _notes(prepared: PreparedRecord, config: Config, found: Detection, unseen: l
     """Say which onsets the claims cover, what would help with what is not seen, and what is not looked for."""
     limits, notes = found.limits, []
     if limits is not None and len(limits.onset_s):
-        first_s, last_s = (instant(float(limits.onset_s[k])) for k in (0, -1))
-        notes.append(
-            Note.limit(f"checked for steps that start at {first_s} to {last_s} s; earlier ones pass for normal")
-        )
+        first_s, last_s = (float(limits.onset_s[k]) for k in (0, -1))
+        notes.append(onsets_checked("for steps", first_s, last_s, "earlier ones pass for normal"))
     if unseen:
         used = (*prepared.inputs, *prepared.outputs)
         idle = [name for name in FELT if name in prepared.part.channels and name not in used]

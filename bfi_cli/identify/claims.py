@@ -12,24 +12,23 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..decision import UNTESTED, Candidate, State, finite, kind_of, state_of
-from ..faults import magnitude_unit, meaning
+from ..decision import Candidate, candidate_of, finite, untested
 from ..kernels.lagged import constants_and_signals
 from ..kernels.normal import ONE_SIDED_95
+from ..kernels.onset.scan import ENDING, STARTING
 from ..kernels.variable_projection import fit_magnitudes, without_signal
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.tolerance import is_any
 from ..preprocessing.window import PreparedWindow
-from .magnitudes import FreeOutcome, MethodResult
+from .magnitudes import MethodResult
 from .methods import METHODS
 
 __all__ = ["claims_of"]
 
 # Multiples of the limit at which the profile is asked, until it excludes one.
 MULTIPLES = (1.0, 1.5, 2.25, 3.5, 6.0)
-# Seconds after the window's start and before its end in which no claim is made, in orders of the model: the same as
-# those of the scan over all onsets (`kernels.onset.scan`).
-STARTING, ENDING = 3, 2
+# Coherence of two entries that are one signal: what `preprocessing.window` calls dependent.
+SAME = 1.0 - 1e-7
 
 
 def claims_of(
@@ -48,60 +47,29 @@ def claims_of(
     regression : of the window; outcome : of the method on it.
     tolerances : by output.
     """
-    place = {entry: n for n, entry in enumerate(window.live)}
     twins = _twins(window)
-    known: dict[int, Candidate] = {}
-    for entry in window.live:
-        known[entry] = _claim(window, regression, outcome, method, tolerances, entry, place[entry])
-    free = {one.entry: one for one in outcome.free}
-    candidates = []
-    for entry, fault in enumerate(window.faults):
-        if entry in free:
-            candidates.append(_claim_of_course(window, free[entry]))
-            continue
-        if entry in known:
-            candidates.append(known[entry])
-            continue
-        channel = window.log.channels.get(fault.channel)
-        twin = known.get(twins.get(entry, -1))
-        scale, unit = meaning(fault, "" if channel is None else channel.unit)
-        candidates.append(
-            Candidate(
-                name=window.names[entry],
-                shape=fault.shape,
-                channel=fault.channel,
-                kind=kind_of(fault, declared=False) if twin is None else twin.kind,
-                state=None if twin is None else twin.state,
-                magnitude=None,
-                unit=magnitude_unit(fault, "" if channel is None else channel.unit),
-                sd=None,
-                channel_unit="" if channel is None else channel.unit,
-                onset_s=fault.onset_s,
-                note=window.reasons.get(entry),
-                physical_scale=scale,
-                physical_unit=unit,
-            )
+    known = {entry: _claim(window, regression, outcome, method, tolerances, n) for n, entry in enumerate(window.live)}
+    # Of all that an entry of unknown course may do, nothing is excluded.
+    for course in outcome.free:
+        fault = window.faults[course.entry]
+        known[course.entry] = candidate_of(
+            fault,
+            window.log.channel(fault.channel).unit,
+            declared=course.declared,
+            suspected=course.suspected,
+            magnitude=float(course.value[course.peak]),
+            sd=float(course.sd[course.peak]),
+            onset_s=fault.onset_s,
+            note=course.note,
         )
-    return tuple(candidates)
-
-
-def _claim_of_course(window: PreparedWindow, one: FreeOutcome) -> Candidate:
-    """Return the candidate of an entry of unknown course: of all that it may do, nothing is excluded."""
-    fault = window.faults[one.entry]
-    unit, at = window.log.channel(fault.channel).unit, one.peak
-    return Candidate(
-        name=window.names[one.entry],
-        shape=fault.shape,
-        channel=fault.channel,
-        kind=kind_of(fault, declared=one.declared),
-        state=state_of(declared=one.declared, suspected=one.suspected, effect=None, tolerance=None),
-        magnitude=float(one.value[at]),
-        unit=unit,
-        sd=float(one.sd[at]),
-        channel_unit=unit,
-        onset_s=fault.onset_s,
-        note=one.note,
-    )
+    for entry, reason in window.reasons.items():
+        fault, twin = window.faults[entry], known.get(twins.get(entry, -1))
+        channel = window.log.channels.get(fault.channel)
+        as_twin = {"state": None} if twin is None else {"state": twin.state, "kind": twin.kind}
+        known[entry] = candidate_of(
+            fault, "" if channel is None else channel.unit, onset_s=fault.onset_s, note=reason, **as_twin
+        )
+    return tuple(known[entry] for entry in range(len(window.faults)))
 
 
 def _claim(
@@ -110,14 +78,12 @@ def _claim(
     outcome: MethodResult,
     method: str,
     tolerances: Mapping[str, float],
-    entry: int,
     n: int,
 ) -> Candidate:
-    """Return the candidate of a live entry, the n-th of them."""
-    fault, magnitudes, seen = window.faults[entry], outcome.magnitudes, outcome.converged
+    """Return the candidate of the n-th live entry."""
+    entry, magnitudes, seen = window.live[n], outcome.magnitudes, outcome.converged
+    fault, declared, suspected = window.faults[entry], n in outcome.atoms, n in outcome.declined
     channel = window.log.channel(fault.channel)
-    tolerance = tolerances[channel.name]
-    declared = n in outcome.atoms
     z, sd = float(magnitudes.value[n]), float(np.sqrt(magnitudes.variance[n])) if seen else np.nan
     detectable = float(magnitudes.minimal_detectable[n]) if seen else np.nan
     limit = effect = note = None
@@ -130,32 +96,24 @@ def _claim(
             if is_any(effect, window.log, channel.name):
                 limit = effect = None
                 note = "a fault as large as all that the channel reads could hide"
-    suspected = n in outcome.declined
-    scale, unit = meaning(fault, channel.unit)
-    state: State | None = state_of(declared=declared, suspected=suspected, effect=effect, tolerance=tolerance)
-    tested = _onset_is_covered(window, outcome.order, fault.onset_s)
-    if not (declared or suspected or tested) and METHODS[method].intervals and seen:
-        # It narrows the claim, and is no doubt of it.
-        state, note, limit, effect = None, UNTESTED, None, None
-    return Candidate(
-        name=window.names[entry],
-        shape=fault.shape,
-        channel=fault.channel,
-        kind=kind_of(fault, declared=declared),
-        state=state,
-        magnitude=finite(z),
-        unit=magnitude_unit(fault, channel.unit),
-        sd=finite(sd),
+    claim = candidate_of(
+        fault,
+        channel.unit,
+        declared=declared,
+        suspected=suspected,
+        magnitude=z,
+        sd=sd,
         minimal_detectable=finite(detectable),
         excluded_above=limit,
         effect=effect,
-        tolerance=tolerance,
-        channel_unit=channel.unit,
+        tolerance=tolerances[channel.name],
         onset_s=fault.onset_s,
         note=outcome.declined.get(n, note),
-        physical_scale=scale,
-        physical_unit=unit,
     )
+    # As of a scan over all onsets, none is made some samples from the ends of the window.
+    rate_hz, time_s, order = window.signals.rate_hz, window.signals.time_s, outcome.order
+    tested = time_s[0] + STARTING * order / rate_hz <= fault.onset_s <= time_s[-1] - ENDING * order / rate_hz
+    return claim if tested or not (METHODS[method].intervals and seen) else untested(claim)
 
 
 def _limit(regression: RegressionData, outcome: MethodResult, n: int, limit: float) -> float | None:
@@ -181,11 +139,6 @@ def _limit(regression: RegressionData, outcome: MethodResult, n: int, limit: flo
     return None
 
 
-def _onset_is_covered(window: PreparedWindow, order: int, onset_s: float) -> bool:
-    rate, time_s = window.signals.rate_hz, window.signals.time_s
-    return bool(time_s[0] + STARTING * order / rate <= onset_s <= time_s[-1] - ENDING * order / rate)
-
-
 def _twins(window: PreparedWindow) -> dict[int, int]:
     """Return, for entries left out because they are another's signal, that other entry."""
     if not window.reasons:
@@ -200,7 +153,3 @@ def _twins(window: PreparedWindow) -> dict[int, int]:
             if likeness[best] >= SAME:
                 twins[entry] = window.live[best]
     return twins
-
-
-# Coherence of two entries that are one signal: what `preprocessing.window` calls dependent.
-SAME = 1.0 - 1e-7

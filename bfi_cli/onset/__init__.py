@@ -1,7 +1,6 @@
 """When did a fault start, of which shape is it and how large: the scan over all onsets (docs/theory.md, 9)."""
 
-from .beside import scan_beside, why_not_scanned, with_limit_of_scan
-from .claims import STANDS_FOR
+from .beside import scan_beside, why_not_scanned
 from .decision import calibration_windows, table_of_windows, windows_of
 from .detection import find_onset, search_onsets
 from .report import onset_content, onset_document
@@ -12,7 +11,7 @@ from .result import (
     ShapeProfile,
 )
 
-__all__ = ["STANDS_FOR", "CalibrationUse", "OnsetResult", "OnsetSeries", "ShapeProfile"]
+__all__ = ["CalibrationUse", "OnsetResult", "OnsetSeries", "ShapeProfile"]
 __all__ += [
     "calibration_windows",
     "find_onset",
@@ -21,4 +20,4 @@ __all__ += [
     "search_onsets",
     "table_of_windows",
 ]
-__all__ += ["scan_beside", "why_not_scanned", "windows_of", "with_limit_of_scan"]
+__all__ += ["scan_beside", "why_not_scanned", "windows_of"]

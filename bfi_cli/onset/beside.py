@@ -8,10 +8,8 @@ and what could have been missed is told by the scan, which looks at all of them.
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 
 from ..config import Config, merge
-from ..decision import UNTESTED, Candidate, State, state_of
 from ..errors import ConfigError, LogError
 from ..faults import Fault
 from ..flightlog import FlightLog
@@ -19,9 +17,9 @@ from ..kernels.progress import Progress, unseen
 from ..preprocessing.window import must_resample
 from ..shapes import Kind
 from .detection import search_onsets
-from .result import OnsetResult, ScanLimit
+from .result import OnsetResult
 
-__all__ = ["scan_beside", "why_not_scanned", "with_limit_of_scan"]
+__all__ = ["scan_beside", "why_not_scanned"]
 
 # A longer record, counted at the rate that is asked for or at 10 Hz, would take minutes.
 MOST_SAMPLES, FASTEST_HZ = 20_000, 10.0
@@ -73,36 +71,3 @@ def why_not_scanned(window: FlightLog, config: Config, *, exact: bool) -> str | 
     if n_samples > MOST_SAMPLES:
         return f"not scanned for other onsets: {n_samples} samples are more than {MOST_SAMPLES}; cut the window"
     return None
-
-
-def with_limit_of_scan(
-    candidate: Candidate, limit: ScanLimit | None, covered_s: tuple[float, float] | None
-) -> Candidate:
-    """Return a candidate whose onset is known to a tolerance only, excluded by what the scan excludes.
-
-    One that begins where the scan makes no claim counts for no verdict: it narrows the claim, and is no doubt of it.
-
-    Parameters
-    ----------
-    limit : of the scan, None where it has none.
-    covered_s : between which onsets the scan's claims hold.
-    """
-    if candidate.state is None:
-        return candidate
-    if candidate.state not in ("excluded", "not_seen"):
-        return candidate
-    excluded = effect = note = None
-    onset_s = candidate.onset_s
-    if limit is not None:
-        excluded, effect = limit.excluded_above, limit.effect
-    elif covered_s is None:
-        note = "no claim where its onset is not exact and the window is not scanned (--onset-tolerance 0)"
-    else:
-        note = "no claim where its onset is not exact: the scan does not look for it (--onset-tolerance 0)"
-    state: State | None = state_of(declared=False, suspected=False, effect=effect, tolerance=candidate.tolerance)
-    too_late = covered_s is not None and onset_s is not None and not covered_s[0] <= onset_s <= covered_s[1]
-    if too_late or (limit is not None and not limit.covered):
-        state, note, excluded, effect = None, UNTESTED, None, None
-    if candidate.magnitude is None:  # left out as the same signal as another entry, which the note says
-        note = candidate.note
-    return replace(candidate, effect=effect, excluded_above=excluded, state=state, note=note)

@@ -18,8 +18,8 @@ from operator import itemgetter
 
 import numpy as np
 
-from ..decision import KINDS, UNTESTED, Candidate, finite, kind_of, state_of
-from ..faults import Fault, magnitude_unit
+from ..decision import KINDS, UNTESTED, Candidate, ScanLimit, candidate_of, finite, kind_of, with_limit, worst_view
+from ..faults import Fault
 from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.normal import ONE_SIDED_90, ONE_SIDED_95
 from ..kernels.onset.frequency import PEAKS, frequency_grid, screen_grid
@@ -32,12 +32,11 @@ from ..preprocessing.tolerance import is_any
 from ..shapes import SHAPES, Kind, Shape
 from .decision import Rule
 from .estimate import Estimate, subtract_faults
-from .result import ScanLimit
 from .scan import HypothesisScan, Peak, scan_of
 from .scan_record import ScanRecord
 from .shapes import LARGEST_SHARE, ShapeHypothesis, fault_of, waveform
 
-__all__ = ["OLDER_NOTE", "STANDS_FOR", "claims_of", "covered_s", "limits_near_onsets"]
+__all__ = ["claims_of", "covered_s", "limits_near_onsets"]
 
 # A claim of no oscillation holds for those with at least so many cycles in the window, of which two are left after the
 # onset: slower ones are bends, which a change of thrust or wind makes as well. With four cycles in place of six the
@@ -66,8 +65,6 @@ PER_DECADE = 6
 ERRORS = np.geomspace(0.1, 100.0, 3 * PER_DECADE + 1)
 # Scan shape that also covers this shape.
 LIKE = {"cosine": "sine"}
-STANDS_FOR = "excluded only if the declared fault is right, which may itself be of this kind"
-OLDER_NOTE = "earlier ones cannot be excluded"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -88,10 +85,10 @@ class Limits:
     excluded: FloatArray
     effect: FloatArray
 
-    @property
-    def worst(self) -> int:
-        """Index of the onset where the hidden error is largest."""
-        return int(np.argmax(self.effect))
+    def hidden(self, near: BoolArray | None = None) -> tuple[float, float]:
+        """Return magnitude and error that are excluded at the worst onset, of those `near` (n_onsets,) or of all."""
+        worst = int(np.argmax(self.effect if near is None else np.where(near, self.effect, -1.0)))
+        return float(self.excluded[worst]), float(self.effect[worst])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,10 +114,11 @@ class Likeliness:
     tolerance: float
     detected: float | None
 
-    def excluded(self, near: BoolArray | None = None) -> float | None:
-        """Return the largest error that may hide at 95 %, at the onsets `near` (n_onsets,) or at all; None for any."""
+    def hidden(self, near: BoolArray | None = None) -> tuple[float, float]:
+        """Return magnitude and error that are excluded at 95 %, at the onsets `near` (n_onsets,) or at all."""
         ratios = self.ratios if near is None else self.ratios[:, near]
-        return finite(excluded_error(self.errors, ratios.mean(axis=1), EXCLUDED))
+        error = excluded_error(self.errors, ratios.mean(axis=1), EXCLUDED)
+        return error, error
 
     @property
     def beyond(self) -> float:
@@ -166,74 +164,41 @@ def claims_of(
     ]
     for (shape, output), of_shape in parts(report, wanted):
         channel, scale = settings.outputs[output], float(record.unit[output])
-        on_channel = f"{shape} on {channel}"
-        own = [one for one in estimates if (one.form.shape, one.form.output) == (shape, output)]
+        declared = next((one for one in estimates if (one.form.shape, one.form.output) == (shape, output)), None)
         peak = None if shape in beside else _peak_of(first, shape, output)
-        form = own[0].form if own else _built_up(record, shape, output)[0] if peak is None else peak.form
-        fault, unit = fault_of(form, channel, magnitude=1.0, onset_s=0.0), log.channel(channel).unit
-        kind = SHAPES[shape].kind if shape in WEIGHED else kind_of(fault, declared=bool(own))
-        if own:
-            said = Said(z=own[0].z, sd=own[0].sd)
-        elif kind not in claims:
-            said = Said()
-        else:
-            tolerance = tolerances[channel]
-            of_views = [
-                _said(record, scan, rule, shape, output, peak, tolerance, own_report)
-                for scan, own_report in parts(of_shape, views[output])
-            ]
-            said = _worst(of_views, tolerance / scale)
-        suspicion = None if own or peak is None else _suspicion(rule, first, estimates, peak, order)
-        suspicion = None if own else doubted.get((shape, output)) or suspicion or said.suspicion
-        if kind not in claims and not own and suspicion is None:
-            continue
-        effect = None if said.effect is None else scale * said.effect
-        if effect is None or is_any(effect, log, channel):
-            said, effect = replace(said, excluded=None), None
-        candidates.append(
-            Candidate(
-                name=record.kinds.names.get((shape, output), shape if len(settings.outputs) == 1 else on_channel),
-                shape=shape,
-                channel=channel,
-                kind=kind,
-                state=state_of(
-                    declared=bool(own),
-                    suspected=suspicion is not None,
-                    effect=effect,
-                    tolerance=tolerances[channel],
-                ),
-                magnitude=finite(scale * said.z),
-                unit=magnitude_unit(fault, unit),
-                sd=finite(scale * said.sd),
-                minimal_detectable_scan=None if said.detectable is None else finite(scale * said.detectable),
-                excluded_above=None if said.excluded is None else finite(scale * said.excluded),
-                effect=effect,
-                tolerance=tolerances[channel],
-                channel_unit=unit,
-                note=suspicion or _narrowed(record, shape, output, order, said.note),
-                onsets_checked=None if own else _checked(record, shape, output, order),
-            )
+        form = _built_up(record, shape, output)[0] if peak is None else peak.form
+        form = form if declared is None else declared.form
+        fault = fault_of(form, channel, magnitude=1.0, onset_s=0.0)
+        kind = SHAPES[shape].kind if shape in WEIGHED else kind_of(fault, declared=declared is not None)
+        called = shape if len(settings.outputs) == 1 else f"{shape} on {channel}"
+        candidate = candidate_of(
+            fault,
+            log.channel(channel).unit,
+            name=record.kinds.names.get((shape, output), called),
+            kind=kind,
+            declared=declared is not None,
+            magnitude=None if declared is None else scale * declared.z,
+            sd=None if declared is None else scale * declared.sd,
+            tolerance=tolerances[channel],
         )
+        if declared is not None:
+            candidates.append(replace(candidate, note=_narrowed(record, shape, output, order, None)))
+            continue
+        suspicion = doubted.get((shape, output))
+        if suspicion is None and peak is not None:
+            suspicion = _suspicion(rule, first, estimates, peak, order)
+        if kind in claims:
+            view = _weighed if shape in WEIGHED else _sized
+            of_views = parts(of_shape, views[output])
+            candidate = worst_view([view(record, scan, rule, candidate, form, peak, own) for scan, own in of_views])
+        elif suspicion is None:
+            continue
+        if suspicion is not None:
+            candidate = replace(candidate, state="suspected", note=suspicion)
+        elif candidate.state != "suspected":
+            candidate = replace(candidate, note=_narrowed(record, shape, output, order, candidate.note))
+        candidates.append(replace(candidate, onsets_checked=_checked(record, shape, output, order)))
     return tuple(candidates)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Said:
-    """What is said of one shape on one output: magnitudes scaled, see `bfi_cli.decision.Candidate`; None where unknown.
-
-    Attributes
-    ----------
-    z, sd : the likeliest magnitude and its standard deviation.
-    suspicion : why it is suspected; note : what the claim covers.
-    """
-
-    z: float = math.nan
-    sd: float = math.nan
-    detectable: float | None = None
-    excluded: float | None = None
-    effect: float | None = None
-    suspicion: str | None = None
-    note: str | None = None
 
 
 def _peak_of(first: HypothesisScan, shape: str, output: int) -> Peak:
@@ -278,113 +243,98 @@ def views_of(
     return views
 
 
-def _said(
+def _sized(
     record: ScanRecord,
     scan: Scan,
     rule: Rule,
-    shape: Shape,
-    output: int,
+    candidate: Candidate,
+    form: ShapeHypothesis,
     peak: Peak | None,
-    tolerance: float,
     report: Report,
-) -> Said:
-    """Return what one view of the record says of a shape that is not declared."""
-    if shape in WEIGHED:
-        return _weighed(record, scan, rule, shape, output, peak, tolerance, report)
-    return Said() if peak is None else _sized(record, scan, rule.threshold(shape), peak)
-
-
-def _worst(views: Sequence[Said], tolerance: float) -> Said:
-    """Return what is said of the record less the declared faults, with the largest limits of all views.
-
-    Parameters
-    ----------
-    tolerance : of the channel, scaled.
-    """
-    said, *others = views
-    for other in others:
-        if said.effect is not None and (other.effect is None or other.effect > said.effect):
-            hides = other.effect is None or other.effect > tolerance >= said.effect
-            note = STANDS_FOR if hides else said.note
-            said = replace(said, excluded=other.excluded, effect=other.effect, note=note)
-    return said
-
-
-def _sized(record: ScanRecord, scan: Scan, threshold: float, peak: Peak) -> Said:
-    """Return what is said of a shape that is excluded by the size that it would have needed at the worst onset."""
-    every = (
-        _limits(record, scan, form, threshold)
-        for form in _claimed(record, scan, peak.form.shape, peak.form.output, peak, silent)
-    )
+) -> Candidate:
+    """Return a candidate of a shape that is excluded by the size that it would have needed at the worst onset."""
+    forms = _claimed(record, scan, form, peak, report)
+    every = [_limits(record, scan, one, rule.threshold(form.shape)) for one in forms]
     limits = [one for one in every if one is not None]
     if not limits:
-        return Said(z=float(peak.profile.z[peak.profile.best]), sd=float(peak.profile.sd[peak.profile.best]))
+        return candidate if peak is None else _bounded(record, candidate, form.output, peak.profile, None)
     worst = max(limits, key=lambda one: float(one.effect.max()))
     likeliest = max((one.profile for one in limits), key=lambda one: float(one.statistic.max()))
-    return Said(
-        z=float(likeliest.z[likeliest.best]),
-        sd=float(likeliest.sd[likeliest.best]),
-        detectable=float(np.median([np.median(one.detected) for one in limits])),
-        excluded=float(worst.excluded[worst.worst]),
-        effect=float(worst.effect[worst.worst]),
-    )
+    detectable = float(np.median([np.median(one.detected) for one in limits]))
+    return _bounded(record, candidate, form.output, likeliest, detectable, *worst.hidden())
 
 
 def _weighed(
     record: ScanRecord,
     scan: Scan,
     rule: Rule,
-    shape: Shape,
-    output: int,
+    candidate: Candidate,
+    form: ShapeHypothesis,
     peak: Peak | None,
-    tolerance: float,
     report: Report,
-) -> Said:
-    """Return what is said of a shape that is excluded by how likely the record is with and without it.
+) -> Candidate:
+    """Return a candidate of a shape that is excluded by how likely the record is with and without it.
 
     Parameters
     ----------
     peak : of the shape where it is looked for.
-    tolerance : of the channel, SI.
     """
     searching, weighing = shares(report, 1, 2)
-    forms = _claimed(record, scan, shape, output, peak, searching)
+    shape, forms = form.shape, _claimed(record, scan, form, peak, searching)
     if not forms:
-        return Said(note="the window is too short for an oscillation")
-    scale, threshold = float(record.unit[output]), None if peak is None else rule.threshold(shape)
-    every = [_likeliness(record, scan, form, tolerance / scale, threshold) for form, _ in parts(weighing, forms)]
+        return replace(candidate, note="the window is too short for an oscillation")
+    assert candidate.tolerance is not None
+    tolerance = candidate.tolerance / float(record.unit[form.output])
+    threshold = None if peak is None else rule.threshold(shape)
+    every = [_likeliness(record, scan, one, tolerance, threshold) for one, _ in parts(weighing, forms)]
     known = [one for one in every if one is not None]
     if not known:
-        return Said()
+        return candidate
     detectable = None if peak is None else float(np.median([one.detected for one in known]))
-    likeliest = max(known, key=lambda one: one.beyond)
-    best, profile = likeliest.profile.best, likeliest.profile
-    errors = [one.excluded() for one in known]
-    hidden = None if None in errors else max(error for error in errors if error is not None)
-    values = [form.parameter or 0.0 for form in forms]
+    likeliest, values = max(known, key=lambda one: one.beyond), [one.parameter or 0.0 for one in forms]
     if shape == "sine":
-        note = f"of {min(values):.2g} to {max(values):.2g} Hz"
-        named = f"an oscillation of {likeliest.parameter:.3g} Hz"
+        note, named = f"of {min(values):.2g} to {max(values):.2g} Hz", f"an oscillation of {likeliest.parameter:.3g} Hz"
     elif shape == "bias":
         note, named = None, "a step"
     else:
         note = f"over up to {max(values):.3g} s"
         named = f"a {'lag' if shape == 'lagged_bias' else 'ramp'} over {likeliest.parameter:.3g} s"
-    suspicion = None
     if likeliest.beyond >= SUSPECTED:
-        suspicion = (
+        candidate = replace(candidate, state="suspected")
+        note = (
             f"the log is {likeliest.beyond:.2g} times as likely with {named} beyond the tolerance as without, most of "
-            f"all from {likeliest.onset_s[best]:.6g} s on; see --shape {shape}"
+            f"all from {likeliest.onset_s[likeliest.profile.best]:.6g} s on; see --shape {shape}"
         )
-    return Said(
-        z=float(profile.z[best]),
-        sd=float(profile.sd[best]),
-        detectable=detectable,
-        excluded=hidden,
-        effect=hidden,
-        suspicion=suspicion,
-        note=note,
+    hidden = max(one.hidden() for one in known)
+    return _bounded(record, candidate, form.output, likeliest.profile, detectable, *hidden, note=note)
+
+
+def _bounded(
+    record: ScanRecord,
+    candidate: Candidate,
+    output: int,
+    profile: Profile,
+    detectable: float | None,
+    excluded: float = np.inf,
+    effect: float = np.inf,
+    **changes: str | None,
+) -> Candidate:
+    """Return a candidate with its likeliest magnitude and its limits.
+
+    Parameters
+    ----------
+    profile : over the onsets; detectable, excluded, effect : magnitudes and error, scaled, infinite for any.
+    """
+    scale, best = float(record.unit[output]), profile.best
+    sized = replace(
+        candidate,
+        magnitude=finite(scale * float(profile.z[best])),
+        sd=finite(scale * float(profile.sd[best])),
+        minimal_detectable_scan=None if detectable is None else finite(scale * detectable),
     )
+    if is_any(scale * effect, record.window.log, candidate.channel):
+        return with_limit(sized, None, None, **changes)
+    return with_limit(sized, scale * effect, finite(scale * excluded), **changes)
 
 
 def _likeliness(
@@ -480,20 +430,13 @@ def _near(limits: Limits | Likeliness | None, onset_s: float, near_s: float) -> 
     None where no onset near it is covered.
     """
     near = np.zeros(0, dtype=bool) if limits is None else np.abs(limits.onset_s - onset_s) <= near_s
-    if limits is None or not near.any():
-        return None
-    if isinstance(limits, Likeliness):
-        error = limits.excluded(near)
-        error = np.inf if error is None else error
-        return error, error
-    worst = int(np.argmax(np.where(near, limits.effect, -1.0)))
-    return float(limits.excluded[worst]), float(limits.effect[worst])
+    return limits.hidden(near) if limits is not None and near.any() else None
 
 
 def _claimed(
-    record: ScanRecord, scan: Scan, shape: Shape, output: int, peak: Peak | None, report: Report
+    record: ScanRecord, scan: Scan, form: ShapeHypothesis, peak: Peak | None, report: Report
 ) -> list[ShapeHypothesis]:
-    """Return the hypotheses that a claim about a shape must cover: frequencies, time constants or durations.
+    """Return the hypotheses that a claim about the shape of one must cover: frequencies, time constants or durations.
 
     Oscillations are those of some frequencies in the whole band, of those that stand out most on the scan's grid, which
     one of any other frequency hardly does more, and of the likeliest.
@@ -502,6 +445,7 @@ def _claimed(
     ----------
     peak : of the shape where it is looked for.
     """
+    shape, output = form.shape, form.output
     if shape in BUILT_UP:
         return _built_up(record, shape, output)
     if shape != "sine":

@@ -10,7 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..config import Config, merge
-from ..decision import KINDS, Evidence, conclude
+from ..decision import KINDS, Evidence, conclude, onsets_checked
 from ..errors import ConfigError
 from ..faults import Fault, FaultEstimate, magnitude_unit
 from ..flightlog import FlightLog
@@ -23,7 +23,7 @@ from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity
 from ..shapes import Kind
-from .claims import OLDER_NOTE, claims_of, covered_s, limits_near_onsets, views_of
+from .claims import claims_of, covered_s, limits_near_onsets, views_of
 from .confirmation import unconfirmed
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults
@@ -211,11 +211,7 @@ def search_onsets(
             ),
         )
     earliest_s, latest_s = covered_s(record, order)
-    notes.append(
-        Note.limit(
-            f"checked at 95 % for faults that start at {instant(earliest_s)} to {instant(latest_s)} s; {OLDER_NOTE}"
-        )
-    )
+    notes.append(onsets_checked("at 95 % for faults", earliest_s, latest_s, "earlier ones cannot be excluded"))
     return replace(
         result,
         candidates=candidates,

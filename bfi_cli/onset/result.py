@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..decision import KINDS, Candidate, Evidence, estimate_of
+from ..decision import KINDS, Candidate, Evidence, ScanLimit, estimate_of
 from ..faults import Decision, Fault, FaultEstimate, magnitude_unit
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
@@ -20,9 +20,6 @@ from .estimate import Estimate, subtract_faults
 from .scan import HypothesisScan
 from .scan_record import ScanRecord
 from .shapes import fault_of
-
-# What the proposed dictionary is called where a file would be named.
-DICTIONARY_NAME = "onset scan"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,22 +78,6 @@ class OnsetSeries:
     corrected: FloatArray
     plain_alarms_s: tuple[float, ...]
     plain_sd: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScanLimit:
-    """What a scan says of a fault of a dictionary, the worst of the onsets it may have; None where it has no limit.
-
-    Magnitudes and effect in SI, see `bfi_cli.decision.Candidate`.
-
-    Attributes
-    ----------
-    covered : whether the scan claims anything of faults of this shape that begin there.
-    """
-
-    excluded_above: float | None = None
-    effect: float | None = None
-    covered: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from ..config import Config
-from ..decision import Candidate, kind_of
+from ..decision import candidate_of
 from ..errors import ConfigError
 from ..flightlog import FlightLog
 from ..kernels.lagged import compress
@@ -140,18 +140,8 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
         own = next((one for one in result.faults if one.fault.shape == shown.shape), None)
         fault = fault_of(form_of[shown.shape], shown.channel, magnitude=1.0, onset_s=0.0)
         best = int(np.argmax(np.abs(shown.magnitude)))
-        candidates.append(
-            Candidate(
-                name=shown.shape,
-                shape=shown.shape,
-                channel=shown.channel,
-                kind=kind_of(fault, declared=own is not None),
-                state="not_seen" if own is None else "declared",
-                magnitude=float(shown.magnitude[best]),
-                unit=shown.unit,
-                sd=None,
-            )
-        )
+        unit, size = log.channel(shown.channel).unit, float(shown.magnitude[best])
+        candidates.append(candidate_of(fault, unit, name=shown.shape, declared=own is not None, magnitude=size))
     return replace(
         result,
         candidates=tuple(candidates),

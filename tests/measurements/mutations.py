@@ -128,13 +128,13 @@ LINES = (
         ONSET_CLAIMS,
     ),
     Line(
-        "onset/claims.py",
-        "if said.effect is not None and (other.effect is None or other.effect > said.effect):",
+        "decision/limits.py",
+        "if worst.effect is not None and (other.effect is None or other.effect > worst.effect):",
         (
-            "if said.effect is not None and (other.effect is None or other.effect < said.effect):",
-            "if said.effect is not None and other.effect is not None and other.effect > said.effect:",
+            "if worst.effect is not None and (other.effect is None or other.effect < worst.effect):",
+            "if worst.effect is not None and other.effect is not None and other.effect > worst.effect:",
         ),
-        ONSET_CLAIMS,
+        ("tests/decision/test_limits.py",),
     ),
     Line(
         "onset/claims.py",

@@ -61,8 +61,7 @@ def excluded(record: ScanRecord, y: np.ndarray, form: ShapeHypothesis, unit: flo
         return float(limits.effect.max())
     likeliness = claims._likeliness(record, scan, form, unit)
     assert likeliness is not None
-    limit = likeliness.excluded()
-    return np.inf if limit is None else limit
+    return likeliness.hidden()[1]
 
 
 def counted(form: ShapeHypothesis, seeds: Sequence[int]) -> dict[float, list[bool]]:

@@ -1,4 +1,4 @@
-"""What a scan claims: sizes that would be declared, the level of its limits, the onsets covered, the worst view."""
+"""What a scan claims: sizes that would be declared, the level of its limits, the onsets covered."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ import pytest
 from scipy import optimize, stats
 
 from bfi_cli.config import Config, merge
+from bfi_cli.decision import candidate_of
 from bfi_cli.kernels import normal
 from bfi_cli.onset import claims
-from bfi_cli.onset.claims import STANDS_FOR, Said
 from bfi_cli.onset.scan import scan_of
 from bfi_cli.onset.scan_record import ScanRecord, prepare_record
-from bfi_cli.onset.shapes import ShapeHypothesis, waveform
+from bfi_cli.onset.shapes import ShapeHypothesis, fault_of, waveform
 
 ORDER, RATE_HZ = 4, 10.0
 BIAS = ShapeHypothesis(shape="bias", output=0, parameter=None, file=None)
@@ -95,7 +95,7 @@ def test_no_onset_that_is_covered_is_passed_over(record: ScanRecord, form: Shape
 
 def test_oscillations_that_are_claimed_have_six_cycles_of_which_two_are_left(record: ScanRecord):
     scan = scan_of(record, record.y, ORDER, output=0)
-    forms = claims._claimed(record, scan, "sine", 0, None, lambda _: None)
+    forms = claims._claimed(record, scan, replace(BIAS, shape="sine"), None, lambda _: None)
     lowest = min(form.parameter or 0.0 for form in forms)
     assert lowest == pytest.approx(6.0 / record.settings.duration_s, rel=1e-9)
     slow = replace(BIAS, shape="sine", parameter=lowest)
@@ -119,28 +119,9 @@ def test_a_lag_is_suspected_where_the_record_is_likelier_with_one_beyond_the_tol
         assert 0.5 < beyond(z) < 2.0
         scan = scan_of(record, record.y + z * theta, ORDER, output=0)
         rule = None  # of a shape that is not looked for no threshold is asked
-        said = claims._weighed(record, scan, rule, "lagged_bias", 0, None, tolerance, lambda _: None)
-        assert (said.suspicion is not None) is suspected
-
-
-@pytest.mark.parametrize(
-    ("effects", "expected", "hides"),
-    [
-        ((1.0, 2.0), 2.0, False),
-        ((2.0, 1.0), 2.0, False),
-        ((1.0, 4.0), 4.0, True),
-        ((1.0, None), None, True),
-        ((None, 1.0), None, False),
-        ((4.0, 5.0), 5.0, False),
-        ((3.0, 3.5), 3.5, True),
-        ((1.0, 3.0), 3.0, False),
-    ],
-)
-def test_the_larger_limit_of_two_views_counts(effects, expected, hides):
-    """With a tolerance of 3 the second view hides a fault where it alone exceeds that."""
-    worst = claims._worst([Said(effect=one, excluded=one, note="own") for one in effects], 3.0)
-    assert (worst.effect, worst.excluded) == (expected, expected)
-    assert worst.note == (STANDS_FOR if hides else "own")
+        looked_for = candidate_of(fault_of(LAG, "tas", magnitude=1.0, onset_s=0.0), "m/s", tolerance=tolerance)
+        candidate = claims._weighed(record, scan, rule, looked_for, LAG, None, lambda _: None)
+        assert (candidate.state == "suspected") is suspected
 
 
 def test_limits_near_an_onset_are_of_the_onsets_within_the_tolerance(record: ScanRecord):

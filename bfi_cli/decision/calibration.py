@@ -16,9 +16,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import ConfigError
+from ..kernels import FloatArray
 from ..kernels.exponential_tail import ExcessTail
 from ..notes import Note, unique
 from ..provenance import Provenance
@@ -42,7 +42,6 @@ __all__ += [
 ]
 __all__ += ["summary", "table_notes", "wrong_statistics"]
 
-FloatArray = NDArray[np.float64]
 
 # A million windows of three shapes, decades of flight: 20 letters for each number.
 MAX_BYTES = 64_000_000

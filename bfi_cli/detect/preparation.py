@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..channels import INPUTS
 from ..config import Config
@@ -16,7 +15,7 @@ from ..flightlog import FlightLog, require_usable, resample
 from ..flightlog.derived import with_derived
 from ..flightlog.phases import APART_S, flight_stretches, phases_of
 from ..flightlog.recorder import recorder_filters
-from ..kernels import FloatArray
+from ..kernels import BoolArray, FloatArray
 from ..kernels.atom_signals import AtomSignals
 from ..kernels.decimation import WHITE, decimate, lost_samples, lowpass_taps
 from ..kernels.input_directions import directions, independent, moments
@@ -25,8 +24,6 @@ from ..preprocessing.regression import Signals
 from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
 from ..preprocessing.window import moves, must_resample, require_outputs_move
 from ..report.text import instant
-
-BoolArray = NDArray[np.bool_]
 
 # What is watched where the user names nothing, and the controls of the other axes, which then are no inputs.
 OUTPUTS = ("tas", "tas_rate", "aoa", "pitch", "pitch_rate", "altitude_rate", "altitude")

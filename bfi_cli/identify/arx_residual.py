@@ -21,7 +21,7 @@ from ..preprocessing.magnitudes import magnitudes_of_fit
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
 from .magnitudes import MethodResult
-from .maximum_likelihood import select
+from .maximum_likelihood import none_of, select
 from .result import SolverSummary
 
 __all__ = ["identify_by_residual"]
@@ -40,9 +40,7 @@ def identify_by_residual(
     2. An alarm is a residual of more than five robust standard deviations.
     3. Of the entries that begin at an alarm, that which explains most alone is declared, with its own magnitude.
     """
-    extended = config.selection.criterion == "ebic"
-    fitting = partial(progress, "the model without faults")
-    plain = select(regression, evidence=0.0, extended=extended, max_active=0, report=fitting)
+    plain = select(regression, none_of(config.selection), partial(progress, "the model without faults"))
     fit, error = plain.best.fit, plain.unfolded.error
     estimates = magnitudes_of_fit(regression, plain.best, plain.penalty)
     rows_s = window.signals.time_s[-len(error) :]

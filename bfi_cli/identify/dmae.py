@@ -12,7 +12,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..aircraft import MODELS, Discretisation, LinearModel, discretise
 from ..config import Config
@@ -20,6 +19,7 @@ from ..errors import ConfigError, LogError
 from ..faults import did_you_mean
 from ..flightlog import FlightLog, require_usable
 from ..flightlog.record import frozen_array
+from ..kernels import FloatArray
 from ..kernels.decimation import decimate
 from ..kernels.kalman import FAULT, NO_FAULT, Gaussian, RandomWalk, StateSpace, double_model, state_and_fault
 from ..kernels.model_selection import Penalty
@@ -34,7 +34,6 @@ from .result import SolverSummary
 
 __all__ = ["DmaeResult", "DmaeSettings", "Reference", "dmae", "dmae_of", "identify_by_dmae"]
 
-FloatArray = NDArray[np.float64]
 Variances = float | Sequence[float]
 Reference = Literal["trim", "start"]
 
@@ -317,28 +316,20 @@ def identify_by_dmae(
                 "magnitudes have no intervals"
             ),
         )
-    unknown, nan = np.full(value.size, np.nan), float("nan")
     error = [at_rate(run.innovation[:, hypothesis, output])[:, None] for hypothesis in (NO_FAULT, FAULT)]
     return MethodResult(
         atoms=atoms,
-        magnitudes=MagnitudeEstimates(
-            value=value,
-            variance=unknown,
-            sampling=unknown,
-            minimal_detectable=unknown,
-            covariance=np.full((len(atoms), len(atoms)), nan),
-            degrees=nan,
-        ),
+        magnitudes=MagnitudeEstimates.without_variances(value, len(atoms)),
         error=error[NO_FAULT if run.onset_s is None else FAULT],
         plain_error=error[NO_FAULT],
         order=len(model.states),
         feedthrough=bool(np.any(model.D)),
-        condition_number=nan,
+        condition_number=np.nan,
         solver=SolverSummary(
             method=config.method,
             termination="one pass of both filters over the samples",
             iterations=log.n_samples,
-            condition_number=nan,
+            condition_number=np.nan,
         ),
         fires=run.onset_s is not None,
         notes=notes,

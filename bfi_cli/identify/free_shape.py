@@ -17,12 +17,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import Config
 from ..faults import Fault, active_samples
 from ..flightlog.record import frozen_array
-from ..kernels import FloatArray
+from ..kernels import BoolArray, FloatArray
 from ..kernels.decimation import decimate
 from ..kernels.free_course import CourseFit, course_problem, fit_course, redrawn, walk_columns
 from ..kernels.model_selection import Penalty
@@ -34,7 +33,6 @@ from .magnitudes import FreeOutcome, MethodResult
 
 __all__ = ["identify_with_courses"]
 
-BoolArray = NDArray[np.bool_]
 
 # Of the walk: a second, in which the motion of an aircraft changes, is as short as a cell is made; and at most so many.
 # With half a second courses on the nonlinear simulation were found as well, with two seconds less of a bump.
@@ -82,14 +80,8 @@ def identify_with_courses(
     identify : the method for named entries.
     """
     plain = identify(window, regression, config, progress)
-    effective = regression.effective_rows(plain.error)
-    penalty = Penalty(
-        n_rows=regression.n_rows,
-        n_effective=min(max(effective, 2.0 * regression.data.columns.n_base), float(regression.n_rows)),
-        n_candidates=len(window.live) + len(window.free),
-        evidence=config.selection.evidence,
-        extended=config.selection.criterion == "ebic",
-    )
+    effective = regression.effective_rows(plain.error, regression.data.columns.n_base)
+    penalty = regression.penalty(config.selection, len(window.live) + len(window.free), effective)
     without = min(
         penalty.criterion(fit_magnitudes(regression.problem(order), plain.atoms)) for order in regression.orders
     )

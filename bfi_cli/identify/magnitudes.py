@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..kernels import FloatArray
 from ..kernels.termination import Termination
 from ..notes import Note
 from ..preprocessing.magnitudes import MagnitudeEstimates
@@ -18,8 +18,6 @@ from .result import SolverSummary
 from .selection import Selection
 
 __all__ = ["FreeOutcome", "MethodResult", "result_of_selection"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

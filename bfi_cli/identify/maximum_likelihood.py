@@ -12,10 +12,11 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import STRONG_EVIDENCE, Config
+from ..config import Selection as Rules
 from ..errors import DictionaryError, LogError
+from ..kernels import FloatArray
 from ..kernels.model_selection import (
     BACKWARD_LIMIT,
     OrderSearch,
@@ -51,7 +52,6 @@ from .supports import propose_supports
 
 __all__ = ["Selection", "best_of", "identify_by_likelihood", "select"]
 
-FloatArray = NDArray[np.float64]
 
 # Steps to the magnitude at which the signal of a fault of a pressure line is taken, and the relative change of it that
 # ends them: far below the standard deviation of any magnitude that is declared.
@@ -89,7 +89,7 @@ def identify_by_likelihood(
     window, regression = _at_own_sizes(window, regression, config)
     at_stated = (window, regression)
     rules, searching = config.selection, partial(progress, "search for the faults")
-    choose = partial(select, evidence=rules.evidence, extended=rules.criterion == "ebic", max_active=rules.max_active)
+    choose = partial(select, rules=rules)
     selection = choose(regression, report=searching)
     moved = Moved(window=window, regression=regression, selection=selection, shifts_s={}, prices={})
     stated = given or rules.threshold is not None
@@ -287,21 +287,15 @@ def _with_secants(
     return other, there, choose(there), []
 
 
-def select(
-    regression: RegressionData, *, evidence: float, extended: bool, max_active: int | None, report: Report = silent
-) -> Selection:
-    """Search supports at every order on common rows and take the best.
+def none_of(rules: Rules) -> Rules:
+    """Return the rules by which no fault is declared, and only the order selected."""
+    return rules.model_copy(update={"evidence": 0.0, "max_active": 0})
 
-    Parameters
-    ----------
-    evidence, extended : see `Penalty`.
-    max_active : largest support; None for no limit.
-    report : told how far it is.
-    """
-    n_atoms, n_rows = len(regression.atoms), regression.n_rows
-    penalty = Penalty(
-        n_rows=n_rows, n_effective=float(n_rows), n_candidates=n_atoms, evidence=evidence, extended=extended
-    )
+
+def select(regression: RegressionData, rules: Rules, report: Report = silent) -> Selection:
+    """Search supports at every order on common rows and take the best."""
+    n_atoms, max_active = len(regression.atoms), rules.max_active
+    penalty = regression.penalty(rules, n_atoms)
     preparing, proposing, searching = shares(report, 1, 2, 4)
     problems = [regression.problem(order) for order, _ in parts(preparing, regression.orders)]
     atoms, proposals = range(n_atoms), tuple[Proposal, ...]()
@@ -313,8 +307,8 @@ def select(
     searching(1.0)
     selection = best_of(regression, searches, penalty)
     per_output = selection.best.fit.n_parameters / regression.layout.y.shape[1]
-    effective = max(regression.effective_rows(selection.unfolded.weighted_error), 2.0 * per_output)
-    if effective >= n_rows:
+    effective = regression.effective_rows(selection.unfolded.weighted_error, per_output)
+    if effective >= regression.n_rows:
         return selection
     penalty = replace(penalty, n_effective=effective)
     searches, _ = refine_supports(problems, atoms, penalty, known=searches, max_active=max_active, dropping_only=True)

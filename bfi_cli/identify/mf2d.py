@@ -13,7 +13,7 @@ import numpy as np
 
 from ..config import Config
 from ..kernels.mf2d import largest_weight, solve_mf2d
-from ..kernels.model_selection import Penalty, Proposal, refine_supports
+from ..kernels.model_selection import Proposal, refine_supports
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.variable_projection import Fit, ProjectedRegression
 from ..notes import Note
@@ -37,14 +37,8 @@ def identify_by_mf2d(
     window: PreparedWindow, regression: RegressionData, config: Config, progress: Progress = unseen
 ) -> MethodResult:
     """Solve a path of weights at every order, and choose order and support by the criterion after re-solving."""
-    n_atoms, n_rows = len(regression.atoms), regression.n_rows
-    penalty = Penalty(
-        n_rows=n_rows,
-        n_effective=float(n_rows),
-        n_candidates=n_atoms,
-        evidence=config.selection.evidence,
-        extended=config.selection.criterion == "ebic",
-    )
+    n_atoms = len(regression.atoms)
+    penalty = regression.penalty(config.selection, n_atoms)
     problems = [regression.problem(order) for order in regression.orders]
     proposals, iterations = _path(problems, n_atoms, progress)
     searches, _ = refine_supports(

@@ -21,7 +21,6 @@ from ..kernels.mfddfd import (
     standardised,
     time_courses,
 )
-from ..kernels.model_selection import Penalty
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.variable_projection import fit_magnitudes
 from ..notes import Note
@@ -76,19 +75,11 @@ def identify_by_mfddfd(
     value = np.full(len(regression.atoms), np.nan)
     for atom in named.values():
         value[atom] = of_sensors[atom][0] * regression.magnitude_unit[atom]
-    nothing = np.full(len(regression.atoms), np.nan)
     atoms = tuple(sorted(named.values()))
     plain = fit_magnitudes(regression.problem(lowest.order), ())
     return MethodResult(
         atoms=atoms,
-        magnitudes=MagnitudeEstimates(
-            value=value,
-            variance=nothing,
-            sampling=nothing,
-            minimal_detectable=nothing,
-            covariance=np.full((len(atoms), len(atoms)), np.nan),
-            degrees=np.nan,
-        ),
+        magnitudes=MagnitudeEstimates.without_variances(value, len(atoms)),
         error=_errors(regression, best) * regression.unit,
         plain_error=regression.unfold(plain).error * regression.unit,
         order=best.order,
@@ -115,28 +106,18 @@ def _with_those_worth_it(regression: RegressionData, best: _Choice, config: Conf
     error = error if weights is None else error * weights[regression.layout.first :, None]
     problem = regression.problem(best.order)
     blocks = block_regression(problem, best.courses)
-    effective = max(regression.effective_rows(error), 2.0 * blocks.n_free)
+    effective = regression.effective_rows(error, blocks.n_free)
     if effective >= regression.n_rows:
         return best
-    penalty = replace(_penalty(regression, len(best.courses), config), n_effective=effective)
+    penalty = regression.penalty(config.selection, len(best.courses), effective)
     return replace(best, fit=best_within(blocks, best.fit.support, penalty))
-
-
-def _penalty(regression: RegressionData, n_courses: int, config: Config) -> Penalty:
-    return Penalty(
-        n_rows=regression.n_rows,
-        n_effective=float(regression.n_rows),
-        n_candidates=n_courses,
-        evidence=config.selection.evidence,
-        extended=config.selection.criterion == "ebic",
-    )
 
 
 def _chosen(regression: RegressionData, order: int, config: Config) -> _Choice:
     """Return the best support of one order: the best of the path, with the blocks dropped that are not worth it."""
     problem = regression.problem(order)
     courses = time_courses(problem, SAME)
-    penalty = _penalty(regression, len(courses), config)
+    penalty = regression.penalty(config.selection, len(courses))
     blocks = block_regression(problem, courses)
     none = path = solve_on_support(blocks, (), penalty)
     standard = standardised(blocks)

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..faults import Fault, active_samples, unit_signal
 from ..flightlog.record import frozen_array
+from ..kernels import FloatArray
 from ..kernels.decimation import decimate
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
 from ..preprocessing.window import PreparedWindow
@@ -21,7 +21,6 @@ from .result import AgainstTruth, OutputSeries, ResidualSummary
 
 __all__ = ["against_truth", "output_series", "residual_summaries", "true_faults", "with_heads"]
 
-FloatArray = NDArray[np.float64]
 
 # An injected fault is an entry of the dictionary if it differs from a multiple of it by less than resampling does.
 SAME_SIGNAL = 1e-6

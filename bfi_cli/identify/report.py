@@ -9,10 +9,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..decision import Candidate
 from ..display_units import SI, Units
+from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
 from ..printable import shortened
 from ..report.claims import (
@@ -45,7 +45,6 @@ from .result import IdentifyResult, OutputSeries, ResidualSummary
 
 __all__ = ["DRAWINGS", "TABLES", "content_of_document", "identify_content", "shown_candidates"]
 
-FloatArray = NDArray[np.float64]
 
 DRAWINGS = ("hidden", "outputs", "fault", "magnitudes", "residuals", "orders")
 TABLES = ("faults", "candidates", "residuals", "truth", "orders", "series")

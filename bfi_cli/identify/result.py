@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..decision import Candidate
 from ..faults import Decision, FaultEstimate
+from ..kernels import FloatArray
 from ..notes import Note
 from ..plausibility.finding import Implausible
 from ..preprocessing.summary import LogSummary, ModelSummary
@@ -17,8 +15,6 @@ from ..shapes import Kind
 
 __all__ = ["AgainstTruth", "IdentifyResult", "OutputSeries", "ResidualSummary", "ScanSummary", "SolverSummary"]
 __all__ += ["SparsityRun", "SparsitySummary"]
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

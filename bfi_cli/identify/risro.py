@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..config import Config
 from ..errors import ConfigError, LogError
+from ..kernels import FloatArray
 from ..kernels.model_selection import Penalty, ScoredFit, refine_supports
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.risro_varx import VarxSolution
@@ -27,13 +28,12 @@ from ..preprocessing.magnitudes import magnitudes_of_fit
 from ..preprocessing.regression import RegressionData, as_published, decides_by_rule, solve, stage_of, stopping_of
 from ..preprocessing.window import PreparedWindow
 from .magnitudes import MethodResult, result_of_selection
-from .maximum_likelihood import best_of, select
+from .maximum_likelihood import best_of, none_of, select
 from .result import SolverSummary, SparsityRun, SparsitySummary
 from .supports import proposals_of, stage_runs
 
 __all__ = ["THRESHOLD", "declared", "identify_by_risro", "solve"]
 
-FloatArray = NDArray[np.float64]
 
 # T section 5-1: a fault is a magnitude whose share of the norm is larger.
 THRESHOLD = 1e-3
@@ -66,13 +66,7 @@ def identify_by_risro(
             f"{regression.signals.path}: too few samples to estimate all {n_atoms} magnitudes at once; choose a longer "
             "window, a smaller dictionary or a lower --order"
         )
-    penalty = Penalty(
-        n_rows=regression.n_rows,
-        n_effective=float(regression.n_rows),
-        n_candidates=n_atoms,
-        evidence=config.selection.evidence,
-        extended=config.selection.criterion == "ebic",
-    )
+    penalty = regression.penalty(config.selection, n_atoms)
     if decides_by_rule(config):
         return _by_rule(window, regression, config, penalty, progress)
     return _by_stage(window, regression, config, penalty, progress)
@@ -165,7 +159,7 @@ def _by_rule(
     estimates = magnitudes_of_fit(regression, ScoredFit(criterion=criteria[order], fit=whole), penalty)
     fit = fit_magnitudes(problem, active, solution.z[active])
     unfolded = regression.unfold(fit)
-    plain = select(regression, evidence=0.0, extended=True, max_active=0)
+    plain = select(regression, none_of(config.selection))
     notes = [
         Note.limit(
             "the published rule declares every magnitude above a share of the largest; it has no false-alarm rate"

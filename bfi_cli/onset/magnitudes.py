@@ -16,9 +16,10 @@ from ..config import Config
 from ..dictionary import Dictionary
 from ..errors import DictionaryError, LogError
 from ..flightlog import FlightLog
-from ..kernels.model_selection import Penalty, ScoredFit
+from ..kernels.model_selection import Penalty
 from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import fit_magnitudes
+from ..preprocessing.fault_free_model import scored_by
 from ..preprocessing.magnitudes import at_half_rate, estimate_magnitudes, overdispersion
 from ..preprocessing.window import prepare_window, regression_of
 from .estimate import Estimate
@@ -65,17 +66,13 @@ def measure(
         return list(faults)
     units = np.array([float(record.unit[fault.form.output]) for fault in faults])
     start = np.array([fault.z for fault in faults]) * units / regression.magnitude_unit
-    rows = regression.n_rows
-    penalty = Penalty(n_rows=rows, n_effective=float(rows), n_candidates=len(faults), evidence=0.0)
+    rows = float(regression.n_rows)
+    penalty = Penalty(n_rows=regression.n_rows, n_effective=rows, n_candidates=len(faults), evidence=0.0)
     fits = [
         fit_magnitudes(regression.problem(order), range(len(faults)), start)
         for order, _ in parts(fitting, regression.orders)
     ]
-    best = min(fits, key=penalty.criterion)
-    effective = regression.effective_rows(regression.unfold(best).weighted_error)
-    least = 2.0 * best.n_parameters / regression.layout.y.shape[1]
-    penalty = replace(penalty, n_effective=min(float(rows), max(effective, least)))
-    scored = [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits]
+    scored, penalty = scored_by(regression, fits, penalty)
     dispersion = overdispersion(window, regression, min(scored, key=lambda one: one.criterion).fit, elsewhere)
     coarse = at_half_rate(window, regression, config, halving)
     estimates = estimate_magnitudes(regression, scored, penalty, dispersion, coarse, sizing)

@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..display_units import SI, Units
 from ..faults import FaultEstimate, fault_from_dict, fault_to_dict, physical
@@ -30,7 +29,6 @@ from .result import OnsetResult, ShapeProfile
 
 __all__ = ["onset_content", "onset_document"]
 
-FloatArray = NDArray[np.float64]
 Plain = Mapping[str, Any]
 
 KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s", "file")

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import Config
 from ..flightlog import FlightLog
+from ..kernels import FloatArray
 from ..kernels.coherence import detectable_deviations
 from ..kernels.covariance import FitRows, single_additions, unfold
 from ..kernels.model_selection import Penalty, ScoredFit
@@ -18,8 +19,6 @@ from ..notes import Note
 from .regression import RegressionData, build_regression
 from .summary import ModelSummary, noise_of
 from .window import PreparedWindow
-
-FloatArray = NDArray[np.float64]
 
 # "Minimal detectable" everywhere: declared with 90 % power at 1 % of false alarms shared by the dictionary.
 FALSE_ALARM = 0.01
@@ -104,20 +103,16 @@ def fault_free_fits(regression: RegressionData, config: Config, n_candidates: in
     ----------
     n_candidates : entries of the dictionary that could be declared.
     """
-    penalty = Penalty(
-        n_rows=regression.n_rows,
-        n_effective=float(regression.n_rows),
-        n_candidates=n_candidates,
-        evidence=config.selection.evidence,
-        extended=config.selection.criterion == "ebic",
-    )
     fits = [fit_magnitudes(regression.problem(order), ()) for order in regression.orders]
+    return scored_by(regression, fits, regression.penalty(config.selection, n_candidates))
+
+
+def scored_by(regression: RegressionData, fits: Sequence[Fit], penalty: Penalty) -> tuple[list[ScoredFit], Penalty]:
+    """Return fits scored by a criterion with the effective rows of the best of them, and that criterion."""
     best = min(fits, key=penalty.criterion)
-    effective = max(
-        regression.effective_rows(regression.unfold(best).weighted_error),
-        2.0 * best.n_parameters / regression.layout.y.shape[1],
-    )
-    penalty = replace(penalty, n_effective=min(penalty.n_effective, effective))
+    free = best.n_parameters / regression.layout.y.shape[1]
+    effective = regression.effective_rows(regression.unfold(best).weighted_error, free)
+    penalty = replace(penalty, n_effective=effective)
     return [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits], penalty
 
 

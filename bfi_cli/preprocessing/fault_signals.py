@@ -7,16 +7,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..dictionary import signals
 from ..faults import Fault, tail_of
 from ..filters import recorded_signal
+from ..kernels import FloatArray
 from ..kernels.atom_signals import LONGEST_REACH, AtomSignals, Stretch, Stretches, signal_of
 from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ..kernels.low_pass import Response
-
-FloatArray = NDArray[np.float64]
 
 # Samples of the log that are made at once: 8 MB, and more than any window has that is not a flight of hours.
 BLOCK = 1_000_000

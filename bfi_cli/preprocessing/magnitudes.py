@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from ..config import Config
 from ..errors import LogError
 from ..faults import Fault
+from ..kernels import FloatArray
 from ..kernels.covariance import Adding, adding_to, additions_and_covariance
 from ..kernels.model_selection import Penalty, ScoredFit
 from ..kernels.normal import ONE_SIDED_90
@@ -27,8 +27,6 @@ from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes
 from .fault_free_model import fault_free_fits
 from .regression import RegressionData, build_regression, decimate_native
 from .window import PreparedWindow, regression_of, shifts_within, signals_of_faults, with_onsets
-
-FloatArray = NDArray[np.float64]
 
 CONFIDENCE = 0.95  # of intervals
 CLOSE = 20.0  # orders whose criterion is further from the best weigh less than exp(-10) and are not worth their time
@@ -74,6 +72,19 @@ class MagnitudeEstimates:
     minimal_detectable: FloatArray
     covariance: FloatArray
     degrees: float
+
+    @classmethod
+    def without_variances(cls, value: FloatArray, n_declared: int) -> MagnitudeEstimates:
+        """Return magnitudes (n_live,) of which nothing else is known."""
+        unknown = np.full(len(value), np.nan)
+        return cls(
+            value=value,
+            variance=unknown,
+            sampling=unknown,
+            minimal_detectable=unknown,
+            covariance=np.full((n_declared, n_declared), np.nan),
+            degrees=np.nan,
+        )
 
     @property
     def quantile(self) -> float:

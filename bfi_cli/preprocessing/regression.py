@@ -6,15 +6,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..config import Config
+from ..config import Config, Selection
 from ..errors import LogError
 from ..flightlog import FlightLog
+from ..kernels import FloatArray
 from ..kernels.atom_signals import AtomSignals, standardised
 from ..kernels.covariance import FitRows, Layout, unfold_own
 from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
 from ..kernels.lagged import Compressed, EarlierRows, restrict, with_fault, with_scaled_outputs
+from ..kernels.model_selection import Penalty
 from ..kernels.progress import Report, silent
 from ..kernels.risro_varx import VarxSolution, risro_varx
 from ..kernels.running import running_weights
@@ -23,8 +24,6 @@ from ..kernels.termination import StoppingRule
 from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes, project_inputs
 from ..kernels.whiteness import effective_rows
 from .fault_signals import FaultSignals
-
-FloatArray = NDArray[np.float64]
 
 # Samples of a log up to which its channels are filtered together.
 MOST_AT_ONCE = 1_000_000
@@ -213,9 +212,24 @@ class RegressionData:
         """Rows of the regression, those of earlier records too: all orders are fitted on those of the largest."""
         return self.data.n_rows
 
-    def effective_rows(self, error: FloatArray) -> float:
-        """Return how many independent rows there are, where those of the record have a prediction error."""
-        return effective_rows(error) * self.n_rows / len(error)
+    def effective_rows(self, error: FloatArray, n_free: float = 0.0) -> float:
+        """Return how many independent rows there are, where those of the record have a prediction error.
+
+        Parameters
+        ----------
+        n_free : coefficients of an output, twice of which are the least.
+        """
+        return min(max(effective_rows(error) * self.n_rows / len(error), 2.0 * n_free), float(self.n_rows))
+
+    def penalty(self, rules: Selection, n_candidates: int, n_effective: float | None = None) -> Penalty:
+        """Return the criterion of a selection among some atoms, every row of which counts where none is told."""
+        return Penalty(
+            n_rows=self.n_rows,
+            n_effective=float(self.n_rows) if n_effective is None else n_effective,
+            n_candidates=n_candidates,
+            evidence=rules.evidence,
+            extended=rules.criterion == "ebic",
+        )
 
     @property
     def rows_s(self) -> FloatArray:

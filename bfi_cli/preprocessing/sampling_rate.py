@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import Config
 from ..faults import Fault
 from ..kernels.lagged import compress
 from .regression import EXACT, NativeSignals, Signals
 
-FloatArray = NDArray[np.float64]
 Purpose = Literal["estimate", "scan", "detect"]
 
 # Rigid-body modes lie below 2 Hz; at 100 Hz a few lags span hundredths of a second and turn white noise of 0.01 m/s

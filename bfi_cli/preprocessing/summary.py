@@ -6,9 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-FloatArray = NDArray[np.float64]
+from ..kernels import FloatArray
 
 # Rows whose squares are taken at once, for memory.
 AT_ONCE = 262_144

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import Config, merge
 from ..dictionary import Dictionary, dead_reason, no_signal
@@ -19,6 +18,7 @@ from ..flightlog.derived import with_derived
 from ..flightlog.injection import added_by, line_signals
 from ..flightlog.quality import held_hz, is_uniform
 from ..flightlog.recorder import recorder_filters
+from ..kernels import FloatArray
 from ..kernels.atom_signals import AtomSignals
 from ..kernels.decimation import WHITE, Lowpass
 from ..kernels.lagged import constants_and_signals
@@ -29,8 +29,6 @@ from .fault_signals import FaultSignals, LogSignal
 from .regression import NativeSignals, RegressionData, Signals, build_regression, decimate_native, longest_order
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .summary import LogSummary, log_summary
-
-FloatArray = NDArray[np.float64]
 
 # Inputs of "auto": what moves a longitudinal motion, and what else of it a log may show. In recorded flights they cut
 # the largest statistic of healthy windows from 129 to 39 and made the thresholds of two flights agree; the price is

@@ -98,7 +98,7 @@ def test_an_entry_that_is_not_declared_is_moved_to_its_best_other_onset(flight, 
     log = late(flight(3), thesis, "bias_13.8", 2.0, shift_s)
     window = prepare_window(log, thesis, Config())
     regression = regression_of(window, Config())
-    choose = partial(select, evidence=Config().selection.evidence, extended=True, max_active=None)
+    choose = partial(select, rules=Config().selection)
     entry = [window.names[one] for one in window.live].index("bias_13.8")
     at_stated = Moved(window=window, regression=regression, selection=choose(regression), shifts_s={}, prices={})
     moved = move_entry(at_stated, entry, window, regression, Config(), choose)

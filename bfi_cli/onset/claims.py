@@ -361,7 +361,7 @@ def _likeliness(
     return Likeliness(
         profile=profile,
         parameter=form.parameter or 0.0,
-        onset_s=_onsets_s(record, onsets),
+        onset_s=record.onsets_s(onsets + record.sampling.lead),
         errors=errors,
         ratios=likelihood_ratios(scan, wave, onsets, errors[:, None] / reach, dispersion=dispersion),
         tolerance=tolerance,
@@ -484,10 +484,6 @@ def _covered(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> IntArray:
     return onsets
 
 
-def _onsets_s(record: ScanRecord, onsets: IntArray) -> FloatArray:
-    return np.array([record.onset_s(int(k) + record.sampling.lead) for k in onsets])
-
-
 def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: float) -> Limits | None:
     """Return the limits of a hypothesis at every onset; None where none is covered."""
     wave, onsets = waveform(form, replace(record.sampling, n_samples=scan.n_samples)), _covered(record, scan, form)
@@ -499,7 +495,7 @@ def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: fl
     reach: FloatArray = np.maximum.accumulate(np.abs(wave.samples * wave.unit))[scan.n_samples - 1 - onsets]
     return Limits(
         profile=profile,
-        onset_s=_onsets_s(record, onsets),
+        onset_s=record.onsets_s(onsets + record.sampling.lead),
         detected=detected,
         excluded=excluded,
         effect=excluded * reach,

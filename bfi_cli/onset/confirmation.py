@@ -17,7 +17,7 @@ from ..kernels import FloatArray
 from ..preprocessing.window import with_inputs_of
 from .estimate import Estimate, subtract_faults
 from .scan import lasting_peak, scan_of
-from .scan_record import Likelihood, ScanRecord, prepare_record
+from .scan_record import ScanRecord, prepare_record
 
 __all__ = ["unconfirmed"]
 
@@ -68,13 +68,12 @@ def unconfirmed(
 
 def _statistic_of(record: ScanRecord, y: FloatArray, fault: Estimate, order: int) -> float:
     """Return the statistic of a fault as it was estimated, or of one that begins near it where that is larger."""
-    likelihood = Likelihood(record=record, y=y, order=order)
+    likelihood = record.likelihood(y, order)
     theta = np.zeros((*y.shape, 1))
     theta[:, fault.form.output, 0] = fault.signal / fault.z
     same = likelihood.n_rows * (likelihood.fit(theta[:, :, :0]).log_det - likelihood.fit(theta).log_det)
     if fault.offset_s is not None:
         return same
     profile = lasting_peak(record, scan_of(record, y, order, output=fault.form.output), fault.form).profile
-    onsets_s = np.array([record.onset_s(int(k)) for k in profile.onsets])
-    near = np.abs(onsets_s - fault.onset_s) <= NEAR_S
+    near = np.abs(record.onsets_s(profile.onsets) - fault.onset_s) <= NEAR_S
     return max(same, float(profile.statistic[near].max(initial=0.0)))

@@ -39,7 +39,7 @@ from .scan import (
     scan_hypothesis,
     scan_of,
 )
-from .scan_record import Likelihood, ScanRecord, prepare_record
+from .scan_record import ScanRecord, prepare_record
 from .shapes import SCANNED_AS, fault_of
 from .thesis import find_onset_as_published
 
@@ -368,7 +368,7 @@ def refine_jointly(record: ScanRecord, faults: list[Estimate], order: int, repor
                 theta = np.zeros((*record.y.shape, len(z)))
                 for j, fault in enumerate(moved):
                     theta[:, fault.form.output, j] = fault.signal / fault.z
-                best = Likelihood(record=record, y=record.y, order=order).fit(theta, z).z
+                best = record.likelihood(record.y, order).fit(theta, z).z
                 moved = [
                     replace(fault, z=float(new), signal=fault.signal * (new / fault.z))
                     for fault, new in zip(moved, best, strict=True)
@@ -429,7 +429,7 @@ def _dispersion(record: ScanRecord, y: FloatArray, fault: Estimate, order: int) 
 
 def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
     """Return twice the negative log-likelihood of the record less the faults."""
-    likelihood = Likelihood(record=record, y=subtract_faults(record.y, *faults), order=order)
+    likelihood = record.likelihood(subtract_faults(record.y, *faults), order)
     return likelihood.n_rows * likelihood.fit(np.zeros((*record.y.shape, 0))).log_det
 
 

@@ -20,7 +20,7 @@ from ..kernels.progress import Report, Step, silent, steps
 from ..shapes import Shape
 from .oscillation import estimate_oscillation, oscillation_search
 from .scan import Peak, lasting_peak, scan_of
-from .scan_record import DECIMALS, Likelihood, ScanRecord
+from .scan_record import DECIMALS, ScanRecord
 from .shapes import ShapeHypothesis, SubsampleIndex, signal, subsample_index, waveform
 
 # Quantile of the normal distribution for an interval of 95 %; an onset's holds what is within its square of the best
@@ -135,7 +135,7 @@ def estimate(
     step, form, drop = steps(report, STEPS), peak.form, DROP * dispersion
     record, peak, sd_of_recorder = with_likeliest_recorder(record, y, peak, order=order, dispersion=dispersion)
     if form.shape == "sine":
-        search = oscillation_search(Likelihood(record=record, y=y, order=order, step=step), peak)
+        search = oscillation_search(record.likelihood(y, order, step), peak)
         jump = None if jump_s is None else record.native(jump_s)
         sinusoid = estimate_oscillation(search, dispersion=dispersion, jump=jump)
         form = replace(form, parameter=sinusoid.frequency_hz, phase_rad=sinusoid.phase_rad)

@@ -138,7 +138,7 @@ class OscillationSearch:
 
     def fit(self, signals: FloatArray, start: FloatArray | None) -> Fit:
         """Return the fit of the magnitudes of signals (n_samples, n_signals) of the output."""
-        theta = np.zeros((*self.likelihood.y.shape, signals.shape[1]))
+        theta = np.zeros((*self.likelihood.layout.y.shape, signals.shape[1]))
         theta[:, self.form.output] = signals
         return self.likelihood.fit(theta, start)
 
@@ -163,7 +163,7 @@ class OscillationSearch:
 
 def oscillation_search(likelihood: Likelihood, peak: Peak) -> OscillationSearch:
     """Return the search around a peak of the scan, of the record and at the order of `likelihood`."""
-    record, order = likelihood.record, likelihood.order
+    record, order = likelihood.record, likelihood.layout.first
     factor, lead, n = record.sampling.factor, record.sampling.lead, record.sampling.n_samples
     assert peak.form.parameter is not None
     return OscillationSearch(
@@ -181,7 +181,7 @@ def oscillation_search(likelihood: Likelihood, peak: Peak) -> OscillationSearch:
         ),
         first=(order + lead) * factor,
         last=(n - 1 - order) * factor,
-        log_det=likelihood.fit(np.zeros((*likelihood.y.shape, 0))).log_det,
+        log_det=likelihood.fit(np.zeros((*likelihood.layout.y.shape, 0))).log_det,
     )
 
 

@@ -184,7 +184,7 @@ def assemble_result(
                 channel=channel,
                 unit=magnitude_unit(fault, log.channel(channel).unit),
                 frequency_hz=fault.frequency_hz,
-                onset_s=frozen_array([record.onset_s(int(k)) for k in peak.profile.onsets]),
+                onset_s=frozen_array(record.onsets_s(peak.profile.onsets)),
                 statistic=frozen_array(peak.profile.statistic),
                 magnitude=frozen_array(scale * peak.profile.z),
                 sd=frozen_array(scale * peak.profile.sd),

@@ -93,6 +93,10 @@ class ScanRecord:
         after = (sample + phase / self.sampling.factor) / self.sampling.rate_hz
         return round(float(self.time_s[0]) + after, DECIMALS)
 
+    def onsets_s(self, samples: IntArray) -> FloatArray:
+        """Return the times of conditioned samples."""
+        return np.array([self.onset_s(int(k)) for k in samples])
+
     def native(self, time_s: float) -> int:
         """Return the sample of the log's own rate at a time, counted from the first conditioned one."""
         return round((time_s - float(self.time_s[0])) * self.sampling.rate_hz * self.sampling.factor)
@@ -107,8 +111,12 @@ class ScanRecord:
 
     def without_fault(self, y: FloatArray, order: int) -> FitRows:
         """Return the fault-free model of scaled outputs y (n_samples, n_outputs), evaluated on its rows."""
-        fit = Likelihood(record=self, y=y, order=order).fit(np.zeros((*y.shape, 0)))
-        return unfold(replace(self.layout, y=y, first=order), fit)
+        likelihood = self.likelihood(y, order)
+        return unfold(likelihood.layout, likelihood.fit(np.zeros((*y.shape, 0))))
+
+    def likelihood(self, y: FloatArray, order: int, step: Step | None = None) -> Likelihood:
+        """Return the likelihood of scaled outputs y (n_samples, n_outputs) at an order of the model."""
+        return Likelihood(record=self, layout=replace(self.layout, y=y, first=order), step=step)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -117,27 +125,26 @@ class Likelihood:
 
     Attributes
     ----------
-    y : (n_samples, n_outputs) scaled outputs.
+    layout : of the record with the outputs, the order its first row.
     step : called at every fit; it reports the progress of a search that makes many fits.
     """
 
     record: ScanRecord
-    y: FloatArray
-    order: int
-    step: Step | None = None
+    layout: Layout
+    step: Step | None
 
     @property
     def n_rows(self) -> int:
         """Rows of the regression."""
-        return len(self.y) - self.order
+        return len(self.layout.y) - self.layout.first
 
     def fit(self, theta: FloatArray, start: FloatArray | None = None) -> Fit:
         """Return the maximum over the magnitudes of signals theta (n_samples, n_outputs, n_signals)."""
         if self.step is not None:
             self.step()
-        record = self.record
-        layout = replace(record.layout, y=self.y, theta=AtomSignals.sampled(theta), first=self.order)
-        problem = project_inputs(layout.factor(), self.order, floor=FLOOR if record.floor is None else record.floor)
+        data = replace(self.layout, theta=AtomSignals.sampled(theta)).factor()
+        floor = FLOOR if self.record.floor is None else self.record.floor
+        problem = project_inputs(data, self.layout.first, floor=floor)
         return fit_magnitudes(problem, range(theta.shape[2]), start, tolerance=TOLERANCE)
 
 

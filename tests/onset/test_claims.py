@@ -87,7 +87,7 @@ def test_of_one_onset_5_percent_of_faults_of_the_worst_size_are_excluded():
 def test_no_onset_that_is_covered_is_passed_over(record: ScanRecord, form: ShapeHypothesis):
     """A fault that begins between two onsets that are looked at looks like neither."""
     scan = scan_of(record, record.y, ORDER, output=0)
-    onset_s = claims._onsets_s(record, claims._covered(record, scan, form))
+    onset_s = record.onsets_s(claims._covered(record, scan, form) + record.sampling.lead)
     np.testing.assert_allclose(np.diff(onset_s), 1.0 / RATE_HZ, atol=1e-6)
     earliest_s, latest_s = claims.covered_s(record, ORDER)
     assert (onset_s[0], onset_s[-1]) == pytest.approx((earliest_s, latest_s), abs=1e-6)

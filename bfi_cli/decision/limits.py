@@ -81,8 +81,7 @@ def worst_view(views: Sequence[Candidate]) -> Candidate:
     for other in others:
         if worst.effect is not None and (other.effect is None or other.effect > worst.effect):
             bounded = with_limit(worst, other.effect, other.excluded_above)
-            hides = worst.state != "suspected" and (other.effect is None or bounded.state != worst.state)
-            worst = replace(bounded, note=STANDS_FOR) if hides else bounded
+            worst = bounded if bounded.state == worst.state else replace(bounded, note=STANDS_FOR)
     return worst
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from ..kernels import FloatArray
 from ..kernels.nullspace import Criteria, criteria, past_rank
 from ..notes import Note
-from ..preprocessing.regression import Signals
+from ..preprocessing.signals import Signals
 from .preparation import BoolArray, PreparedRecord
 from .result import Alarm, Detection, StepLimits
 

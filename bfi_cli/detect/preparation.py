@@ -20,8 +20,8 @@ from ..kernels.atom_signals import AtomSignals
 from ..kernels.decimation import WHITE, decimate, lost_samples, lowpass_taps
 from ..kernels.input_directions import directions, independent, moments
 from ..notes import Note
-from ..preprocessing.regression import Signals
 from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
+from ..preprocessing.signals import Signals
 from ..preprocessing.window import moves, must_resample, require_outputs_move
 from ..report.text import instant
 

@@ -25,7 +25,8 @@ from ..kernels.normal import ONE_SIDED_90
 from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes, with_unit_root, without_signal
 from .fault_free_model import fault_free_fits
-from .regression import RegressionData, build_regression, decimate_native
+from .regression import RegressionData, build_regression
+from .signals import decimate_native
 from .window import PreparedWindow, regression_of, shifts_within, signals_of_faults, with_onsets
 
 CONFIDENCE = 0.95  # of intervals
@@ -288,8 +289,9 @@ def limits_within_tolerance(
         charged = searched(penalty, max(own.size for own in shifts.values()))
         at_half = None
         if coarse is not None:
-            faults, rate = moved.native.faults, (coarse.signals.factor, window.lowpass)
-            at_half = coarse.with_dictionary(faults.decimated(*rate)[0], coarse.atoms, slopes=faults.slopes_at(*rate))
+            native, rate = moved.native, (coarse.signals.factor, window.lowpass)
+            theta, _ = native.theta_decimated(*rate)
+            at_half = coarse.with_dictionary(theta, coarse.atoms, slopes=native.slopes_at(*rate))
         estimates = estimate_magnitudes(there, fits, charged, overdispersion, at_half, sizing)
         return profiled_limits(there, best, estimates, charged, overdispersion)
 

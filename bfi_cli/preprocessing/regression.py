@@ -9,11 +9,9 @@ import numpy as np
 
 from ..config import Config, Selection
 from ..errors import LogError
-from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.atom_signals import AtomSignals, standardised
 from ..kernels.covariance import FitRows, Layout, unfold_own
-from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples
 from ..kernels.lagged import Compressed, EarlierRows, restrict, with_fault, with_scaled_outputs
 from ..kernels.model_selection import Penalty
 from ..kernels.progress import Report, silent
@@ -23,10 +21,8 @@ from ..kernels.sparsity import SparseStage
 from ..kernels.termination import StoppingRule
 from ..kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes, project_inputs
 from ..kernels.whiteness import effective_rows
-from .fault_signals import FaultSignals
+from .signals import Signals
 
-# Samples of a log up to which its channels are filtered together.
-MOST_AT_ONCE = 1_000_000
 # Smallest standard deviation of a prediction error, over that of the output: round-off at the log's own rate, and what
 # decimation leaves unpredicted even of a record that a VARX explains exactly. Smaller errors are no noise.
 ROUND_OFF = 1e-10
@@ -40,143 +36,6 @@ RUNNING_S, UNEQUAL = 10.0, 2.0
 ROWS_PER_REGRESSOR = 2.0
 # Stretches of rows over which the slope of a signal by its output is averaged; it changes slowly.
 MOST_SLOPES = 512
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Signals:
-    """Inputs, outputs and dictionary of a window at one rate, in SI units.
-
-    Attributes
-    ----------
-    path : of the log, for messages.
-    factor : by which they were decimated, 1 at the log's own rate.
-    time_s : (n_samples,), u : (n_samples, n_inputs), y : (n_samples, n_outputs),
-    theta : (n_samples, n_outputs, n_atoms), every entry of the dictionary; in stretches where these are many numbers.
-    scaling : entries whose signal is the output itself.
-    slopes : by entry whose signal changes with the outputs otherwise, by how much, (n_samples, n_outputs).
-    earlier : of other records of the aircraft without a fault, which have the same model but for its constant.
-    weight : of the rows of one of these.
-    """
-
-    path: str
-    rate_hz: float
-    factor: int
-    time_s: FloatArray
-    u: FloatArray
-    y: FloatArray
-    theta: AtomSignals
-    scaling: tuple[int, ...] = ()
-    slopes: Mapping[int, FloatArray] = field(default_factory=dict)
-    earlier: tuple[Signals, ...] = ()
-    weight: float = 1.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class NativeSignals:
-    """The window of a log, as `Signals` of its own rate are made of it: of a large log only when they are asked for.
-
-    Attributes
-    ----------
-    log : the window; inputs, outputs : names of its channels.
-    faults : what makes the signals of the dictionary.
-    earlier : of other records, see `Signals`; weight : of one of these.
-    """
-
-    log: FlightLog
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-    faults: FaultSignals
-    earlier: tuple[NativeSignals, ...] = ()
-    weight: float = 1.0
-
-    @property
-    def path(self) -> str:
-        """Of the log, for messages."""
-        return self.log.path
-
-    @property
-    def rate_hz(self) -> float:
-        """Of the log."""
-        return self.log.rate_hz
-
-    @property
-    def time_s(self) -> FloatArray:
-        """(n_samples,)."""
-        return self.log.time_s
-
-    @property
-    def u(self) -> FloatArray:
-        """(n_samples, n_inputs)."""
-        return self.log.signals(self.inputs)
-
-    @property
-    def y(self) -> FloatArray:
-        """(n_samples, n_outputs)."""
-        return self.log.signals(self.outputs)
-
-    def between(self, rows: slice) -> Signals:
-        """Return the signals of these samples."""
-        return Signals(
-            path=self.path,
-            rate_hz=self.rate_hz,
-            factor=1,
-            time_s=self.time_s[rows],
-            u=np.column_stack([self.log.channel(name).between(rows) for name in self.inputs]),
-            y=np.column_stack([self.log.channel(name).between(rows) for name in self.outputs]),
-            theta=AtomSignals.sampled(self.faults.between(rows)),
-            scaling=self.faults.scaling,
-            slopes={j: slopes[rows] for j, slopes in self.faults.slopes.items()},
-        )
-
-
-def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE) -> tuple[Signals, FloatArray]:
-    """Filter and decimate all signals alike, those of the dictionary one by one.
-
-    Returns
-    -------
-    The signals, and (n_faults,) the largest value of each entry's at the log's own rate.
-
-    Raises
-    ------
-    LogError : the window is shorter than the filter.
-    """
-    try:
-        u, y = (_decimated_channels(native.log, names, factor, lowpass) for names in (native.inputs, native.outputs))
-    except ValueError as problem:
-        raise LogError(f"{native.path}: {problem}; give a higher --rate or a longer window") from None
-    theta, largest = native.faults.decimated(factor, lowpass)
-    start = lost_samples(factor, lowpass)[0]
-    signals = Signals(
-        path=native.path,
-        rate_hz=native.rate_hz / factor,
-        factor=factor,
-        time_s=native.time_s[start::factor][: len(y)],
-        u=u,
-        y=y,
-        theta=theta,
-        scaling=native.faults.scaling,
-        slopes=native.faults.slopes_at(factor, lowpass),
-        earlier=tuple(decimate_native(one, factor, lowpass)[0] for one in native.earlier),
-        weight=native.weight,
-    )
-    return signals, largest
-
-
-def _decimated_channels(log: FlightLog, names: Sequence[str], factor: int, lowpass: Lowpass) -> FloatArray:
-    """Return (n_rows, n_channels) channels filtered and decimated.
-
-    Those of a long log are filtered one after the other, some samples at a time, for memory.
-    """
-    if factor == 1 or log.n_samples <= MOST_AT_ONCE:
-        return decimate(log.signals(names), factor, lowpass)
-    reach, step = sum(lost_samples(factor, lowpass)), MOST_AT_ONCE // factor * factor or factor
-    # Pieces overlap by the filter's reach; each gives the rows that begin in it.
-    pieces = [slice(k, k + step - factor + 1 + reach) for k in range(0, log.n_samples - reach, step)]
-    made = np.empty(((log.n_samples - reach - 1) // factor + 1, len(names)))
-    for i, name in enumerate(names):
-        channel = log.channel(name)
-        made[:, i] = np.concatenate([decimate(channel.between(rows), factor, lowpass) for rows in pieces])
-    return made
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

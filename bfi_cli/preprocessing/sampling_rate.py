@@ -11,7 +11,8 @@ import numpy as np
 from ..config import Config
 from ..faults import Fault
 from ..kernels.lagged import compress
-from .regression import EXACT, NativeSignals, Signals
+from .regression import EXACT
+from .signals import NativeSignals, Signals
 
 Purpose = Literal["estimate", "scan", "detect"]
 

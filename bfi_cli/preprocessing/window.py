@@ -25,9 +25,9 @@ from ..kernels.lagged import constants_and_signals
 from ..kernels.low_pass import Response
 from ..kernels.progress import Report, parts, silent
 from ..shapes import SHAPES
-from .fault_signals import FaultSignals, LogSignal
-from .regression import NativeSignals, RegressionData, Signals, build_regression, decimate_native, longest_order
+from .regression import RegressionData, build_regression, longest_order
 from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
+from .signals import LogSignal, NativeSignals, Signals, decimate_native
 from .summary import LogSummary, log_summary
 
 # Inputs of "auto": what moves a longitudinal motion, and what else of it a log may show. In recorded flights they cut
@@ -132,31 +132,32 @@ def prepare_window(
     native_rate_hz, faults = part.rate_hz, dictionary.resolved(span[0])
     filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
     resamples = must_resample(part, used, rate_hz)
-    made, reasons, free = _signals_of_entries(
-        log if resamples else part, faults, config.outputs, span, response_of(filters, native_rate_hz), courses=courses
+    native, reasons, free = _signals_of_entries(
+        log if resamples else part, faults, config, span, response_of(filters, native_rate_hz), courses=courses
     )
     if resamples:
         assert not isinstance(rate_hz, str)
-        part, theta = resample_with(log, made.between(slice(None)), rate_hz, from_s=from_s, to_s=to_s)
+        part, theta = resample_with(log, native.theta_between(slice(None)), rate_hz, from_s=from_s, to_s=to_s)
         require_usable(part, used)
         filters = (*filters, *(part.filters or ())[len(log.filters or ()) :])
-        of_log = {j: one.at(part.time_s, log.time_s) for j, one in made.of_log.items()}
-        response = response_of(filters, part.rate_hz)
-        made = replace(
-            made, time_s=part.time_s, response=response, of_log=of_log, resampled={j: theta[:, :, j] for j in made.seen}
+        native = replace(
+            native,
+            log=part,
+            response=response_of(filters, part.rate_hz),
+            of_log={j: one.at(part.time_s, log.time_s) for j, one in native.of_log.items()},
+            resampled={j: theta[:, :, j] for j in native.seen},
         )
     _require_movement(part, config)
-    earlier = _earlier_signals(log, part.rate_hz, config, resamples=resamples)
-    native = NativeSignals(log=part, inputs=config.inputs, outputs=config.outputs, faults=made, earlier=earlier)
+    native = replace(native, earlier=_earlier_signals(log, part.rate_hz, config, resamples=resamples))
     lowpass = replace(WHITE, kind=config.conditioning.filter)
     exact = is_exact(native)
     recorder_hz = min((one.edge_hz for one in filters if one.stage == "recorder"), default=None)
-    seen = [faults[j] for j in made.seen]
+    seen = [faults[j] for j in native.seen]
     rate = choose_rate(native, seen, exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose)
     decimated, largest = decimate_native(native, rate.factor, lowpass)
     names = tuple(fault.name or fault.shape for fault in faults)
-    reasons |= unusable_atoms(decimated.theta, names, made.seen, report)
-    live = tuple(j for j in made.seen if j not in reasons)
+    reasons |= unusable_atoms(decimated.theta, names, native.seen, report)
+    live = tuple(j for j in native.seen if j not in reasons)
     if not live and not free:
         first = reasons[min(reasons)] if reasons else "it has no entry; add one"
         raise DictionaryError(f"{dictionary.path}: no live atom: {first}")
@@ -173,7 +174,7 @@ def prepare_window(
         largest=largest,
         rate=rate,
         filters=filters,
-        response=made.response,
+        response=native.response,
         recorder="; ".join(filter(None, (about_recorder, *(one.text for one in log.notes[known:])))),
         recorder_hz=recorder_hz,
         lowpass=lowpass,
@@ -212,35 +213,27 @@ def _earlier_signals(log: FlightLog, rate_hz: float, config: Config, *, resample
                 f"--together: {part.path}: recorded at {part.rate_hz:.4g} Hz, {log.path} at {rate_hz:.4g} Hz; "
                 f"give --rate {min(part.rate_hz, rate_hz):.4g} or less"
             )
-        none = FaultSignals(
-            faults=(),
-            seen=(),
-            outputs=config.outputs,
-            time_s=part.time_s,
-            window_start_s=0.0,
-            response=response_of(part.filters or (), part.rate_hz),
-        )
-        made.append(NativeSignals(log=part, inputs=config.inputs, outputs=config.outputs, faults=none, weight=weight))
+        made.append(NativeSignals(log=part, inputs=config.inputs, outputs=config.outputs, weight=weight))
     return tuple(made)
 
 
 def _signals_of_entries(
     log: FlightLog,
     faults: tuple[Fault, ...],
-    outputs: tuple[str, ...],
+    config: Config,
     span: tuple[float, float],
     response: Response,
     *,
     courses: bool,
-) -> tuple[FaultSignals, dict[int, str], tuple[int, ...]]:
-    """Return what makes the signals of a dictionary, why entries are left out, and those of unknown course.
+) -> tuple[NativeSignals, dict[int, str], tuple[int, ...]]:
+    """Return a log with what makes the signals of a dictionary, why entries are left out, and those of unknown course.
 
     Parameters
     ----------
     span : of the window, s.
     courses : those of unknown course are not left out.
     """
-    dead = ((j, dead_reason(fault, *span, outputs=outputs)) for j, fault in enumerate(faults))
+    dead = ((j, dead_reason(fault, *span, outputs=config.outputs)) for j, fault in enumerate(faults))
     reasons = {j: reason for j, reason in dead if reason is not None}
     unknown = [j for j, one in enumerate(faults) if j not in reasons and SHAPES[one.shape].acts_on == "course"]
     free = tuple(unknown) if courses else ()
@@ -249,22 +242,23 @@ def _signals_of_entries(
     for j, fault in enumerate(faults):
         if j not in reasons and SHAPES[fault.shape].acts_on not in ("channel", "course"):
             try:
-                of_log[j] = _of_log(log, fault, response, outputs)
+                of_log[j] = _of_log(log, fault, response, config.outputs)
             except (DictionaryError, LogError) as problem:
                 if SHAPES[fault.shape].lines is None:
                     raise
                 reasons[j] = str(problem).removeprefix(f"{log.path}: ")
     seen = tuple(j for j in range(len(faults)) if j not in reasons and j not in free)
-    made = FaultSignals(
+    native = NativeSignals(
+        log=log,
+        inputs=config.inputs,
+        outputs=config.outputs,
         faults=faults,
         seen=seen,
-        outputs=outputs,
-        time_s=log.time_s,
         window_start_s=span[0],
         response=response,
         of_log=of_log,
     )
-    return made, reasons, free
+    return native, reasons, free
 
 
 def with_inputs_of(log: FlightLog, config: Config) -> Config:
@@ -343,8 +337,8 @@ def signals_of_faults(window: PreparedWindow, faults: Sequence[Fault], sizes: Se
         if i not in told:
             with contextlib.suppress(DictionaryError, LogError):
                 of_log[i] = _of_log(window.log, fault, window.response, window.outputs, size=size, with_slopes=False)
-    made = window.native.faults.of_others(faults, (*told, *of_log), of_log)
-    return made.decimated(window.rate.factor, window.lowpass, in_stretches=window.signals.theta.in_stretches)[0]
+    made = window.native.of_others(faults, (*told, *of_log), of_log)
+    return made.theta_decimated(window.rate.factor, window.lowpass, in_stretches=window.signals.theta.in_stretches)[0]
 
 
 def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> PreparedWindow:
@@ -374,7 +368,7 @@ def with_sizes(window: PreparedWindow, sizes: Mapping[int, float]) -> PreparedWi
 
 def _with_entries(window: PreparedWindow, faults: Mapping[int, Fault], sizes: Mapping[int, float]) -> PreparedWindow:
     """Return the window with faults in place of some entries, those of pressure lines as secants to some sizes."""
-    native, entries, largest = window.native.faults, list(faults), window.largest.copy()
+    native, entries, largest = window.native, list(faults), window.largest.copy()
     of_log = {
         entry: _of_log(window.log, fault, window.response, window.outputs, size=sizes.get(entry, 0.0))
         for entry, fault in faults.items()
@@ -384,12 +378,12 @@ def _with_entries(window: PreparedWindow, faults: Mapping[int, Fault], sizes: Ma
         list(faults.values()), range(len(faults)), {n: of_log[j] for n, j in enumerate(entries) if j in of_log}
     )
     rate, held = (window.rate.factor, window.lowpass), window.signals.theta
-    own, largest[entries] = alone.decimated(*rate, in_stretches=held.in_stretches)
+    own, largest[entries] = alone.theta_decimated(*rate, in_stretches=held.in_stretches)
     made = native.with_others(faults, of_log)
     return replace(
         window,
         faults=made.faults,
-        native=replace(window.native, faults=made),
+        native=made,
         signals=replace(window.signals, theta=held.replaced(entries, own), slopes=made.slopes_at(*rate)),
         largest=largest,
         sizes=dict(sizes),

@@ -11,7 +11,7 @@ from noted import texts
 from bfi_cli.config import Config, merge
 from bfi_cli.flightlog import inject
 from bfi_cli.identify import identify_faults
-from bfi_cli.preprocessing import fault_signals
+from bfi_cli.preprocessing import signals
 from bfi_cli.preprocessing.window import prepare_window
 
 # A magnitude is the end of an iteration, whose tolerance is 1e-9 of its own standard deviation and more.
@@ -60,6 +60,6 @@ def same_answer(one, other):
 def test_stretches_give_the_answer_of_samples(flight, thesis, monkeypatch, name, shift_s, settings):
     log, config = with_fault(flight(3), thesis, name, 2.0, shift_s), merge(Config(), settings)
     whole = identify_faults(log, thesis, config)
-    monkeypatch.setattr(fault_signals, "PIECEWISE", 0)
+    monkeypatch.setattr(signals, "PIECEWISE", 0)
     assert prepare_window(log, thesis, config).signals.theta.in_stretches
     same_answer(identify_faults(log, thesis, config), whole)

@@ -14,7 +14,7 @@ from bfi_cli.flightlog import inject
 from bfi_cli.identify import identify_faults
 from bfi_cli.identify.maximum_likelihood import select
 from bfi_cli.identify.onset_search import Moved, move_entry
-from bfi_cli.preprocessing.regression import decimate_native
+from bfi_cli.preprocessing.signals import decimate_native
 from bfi_cli.preprocessing.window import prepare_window, regression_of, shifted_signals, shifts_within, with_onsets
 
 MOVING = merge(Config(), {"model.order": 5})
@@ -69,7 +69,7 @@ def test_a_shifted_entry_has_the_signal_of_its_fault(flight, thesis):
     moved = with_onsets(window, {entry: 0.5})
     np.testing.assert_array_equal(theta[:, :, 1], np.asarray(moved.signals.theta)[:, :, entry])
     assert moved.faults[entry].onset_s == pytest.approx(14.3)
-    native = moved.native.faults.between(slice(None))[:, 0, entry]
+    native = moved.native.theta_between(slice(None))[:, 0, entry]
     assert moved.largest[entry] == np.abs(native).max()
     first = int(np.flatnonzero(native)[0])
     assert window.native.time_s[first] == pytest.approx(14.3)
@@ -82,7 +82,7 @@ def test_a_share_of_the_reading_stays_one_when_it_begins_later(flight, shift_s, 
     config = merge(Config(), {"conditioning.rate_hz": rate})
     window = prepare_window(flight(1), entries, config)
     moved = with_onsets(window, {0: shift_s})
-    native = moved.native.faults.between(slice(None))[:, 0, 0]
+    native = moved.native.theta_between(slice(None))[:, 0, 0]
     since_s = moved.native.time_s - moved.faults[0].onset_s + 1e-9
     wanted = np.where(since_s >= 0.0, window.log.channel("tas").values, 0.0)
     clear = np.abs(since_s) > (0.0 if rate != 7.0 else 2.0)  # of the filter that resampling needs

@@ -159,7 +159,7 @@ def test_half_a_leak_is_none() -> None:
 def test_several_outputs_show_it_together() -> None:
     config = merge(CONFIG, {"outputs": ("tas", "altitude")})
     window = prepare_window(flown(0), load_dictionary({"atoms": ENTRIES}), config)
-    moved = np.any(window.native.faults.between(slice(None)), axis=0)
+    moved = np.any(window.native.theta_between(slice(None)), axis=0)
     assert moved.T.tolist() == [[True, False], [True, False], [True, False], [True, True], [True, False]]
 
 

@@ -59,14 +59,14 @@ def test_its_signal_is_the_reading_from_the_onset_on() -> None:
     log = flown(0)
     window = prepare_window(log, load_dictionary({"atoms": [SCALE]}), CONFIG)
     wanted = np.where(TIME_S >= ONSET_S, log.channel("tas").values, 0.0)
-    np.testing.assert_allclose(window.native.faults.between(slice(None))[:, 0, 0], wanted, rtol=1e-12)
+    np.testing.assert_allclose(window.native.theta_between(slice(None))[:, 0, 0], wanted, rtol=1e-12)
 
 
 def test_through_a_recorder_its_signal_is_what_injection_adds() -> None:
     log = replace(flown(0), filters=(Filter(kind="gaussian", edge_hz=0.75, rate_hz=10.0),))
     window = prepare_window(log, load_dictionary({"atoms": [SCALE]}), CONFIG)
     added = scaled(log, 1.0).channel("tas").values - log.channel("tas").values
-    np.testing.assert_allclose(window.native.faults.between(slice(None))[:, 0, 0], added, atol=1e-9)
+    np.testing.assert_allclose(window.native.theta_between(slice(None))[:, 0, 0], added, atol=1e-9)
 
 
 @pytest.mark.parametrize("share", [0.03, -0.03])

@@ -27,7 +27,8 @@ from bfi_cli.preprocessing.magnitudes import (
     profiled_limits,
     statistic_needed,
 )
-from bfi_cli.preprocessing.regression import RegressionData, Signals, build_regression
+from bfi_cli.preprocessing.regression import RegressionData, build_regression
+from bfi_cli.preprocessing.signals import Signals
 
 RATE_HZ, DURATION_S, ONSET_S, ORDER = 2.0, 120.0, 60.0, 4
 UNITS = {"bias": 1.0, "drift": 0.05}

@@ -16,7 +16,8 @@ from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.variable_projection import fit_magnitudes
 from bfi_cli.preprocessing import regression
-from bfi_cli.preprocessing.regression import build_regression, decimate_native, feasible_orders
+from bfi_cli.preprocessing.regression import build_regression, feasible_orders
+from bfi_cli.preprocessing.signals import decimate_native
 from bfi_cli.preprocessing.window import prepare_window, regression_of
 
 ROOT = Path(__file__).parents[2]
@@ -91,7 +92,7 @@ def test_the_response_of_a_window_makes_the_dictionary_at_its_native_rate(log, r
     window = prepare_window(replace(log, filters=(recorder,)), load_dictionary(step), config)
     made = recorded_signal(window.faults[0], window.native.time_s, window.response, window_start_s=0.0)
     # A step that begins between two samples is known to half a sample, in which this one rises by 1.6 per second.
-    own = window.native.faults.between(slice(None))[:, 0, 0]
+    own = window.native.theta_between(slice(None))[:, 0, 0]
     np.testing.assert_allclose(made, own, atol=0.05 + 0.8 / window.native.rate_hz)
 
 

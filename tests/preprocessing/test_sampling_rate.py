@@ -16,10 +16,8 @@ from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.decimation import WHITE, Lowpass
-from bfi_cli.kernels.low_pass import IDENTITY
-from bfi_cli.preprocessing.fault_signals import FaultSignals
-from bfi_cli.preprocessing.regression import NativeSignals, Signals, decimate_native
 from bfi_cli.preprocessing.sampling_rate import SAMPLES_PER_EDGE, candidate_orders, choose_rate, is_exact
+from bfi_cli.preprocessing.signals import NativeSignals, Signals, decimate_native
 
 CITATION = MODELS["citation"]
 BIAS = Fault(shape="bias", channel="tas", onset_s=13.8)
@@ -55,10 +53,7 @@ def record(*, seconds: float = 30.0, rate_hz: float = 100.0, noise_sd: float = 0
 def native(*, seconds: float = 30.0) -> NativeSignals:
     """Fly the Citation; the dictionary holds BIAS, which is not in the record."""
     log = replace(flown(seconds=seconds), path="made.h5")
-    faults = FaultSignals(
-        faults=(BIAS,), seen=(0,), outputs=("tas",), time_s=log.time_s, window_start_s=0.0, response=IDENTITY
-    )
-    return NativeSignals(log=log, inputs=("elevator",), outputs=("tas",), faults=faults)
+    return NativeSignals(log=log, inputs=("elevator",), outputs=("tas",), faults=(BIAS,), seen=(0,))
 
 
 def with_tas(signals: NativeSignals, tas: np.ndarray) -> NativeSignals:
@@ -196,7 +191,7 @@ def test_every_signal_goes_through_the_same_filter(kind, factor):
     """So a fault subtracted before is a fault subtracted after, at the same times."""
     log = native()
     lowpass = Lowpass(half_width=WHITE.half_width, cutoff=WHITE.cutoff, kind=kind)
-    fault = log.faults.between(slice(None))[:, 0, 0]
+    fault = log.theta_between(slice(None))[:, 0, 0]
     faulty, _ = decimate_native(with_tas(log, log.y[:, 0] + 4.0 * fault), factor, lowpass)
     clean, _ = decimate_native(log, factor, lowpass)
     theta = np.asarray(faulty.theta)
@@ -218,7 +213,7 @@ def test_factor_one_leaves_the_record_as_it_is():
     at, _ = decimate_native(log, 1)
     for name in ("time_s", "u", "y"):
         np.testing.assert_array_equal(getattr(at, name), getattr(log, name))
-    np.testing.assert_array_equal(at.theta, log.faults.between(slice(None)))
+    np.testing.assert_array_equal(at.theta, log.theta_between(slice(None)))
 
 
 def test_a_window_shorter_than_the_filter_is_refused():

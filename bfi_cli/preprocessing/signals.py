@@ -1,4 +1,4 @@
-"""What the entries of a dictionary add to the outputs of a log, in pieces: a day at 100 Hz does not fit at once."""
+"""Signals of a window and of a dictionary at one rate, made in pieces: those of a day at 100 Hz do not fit at once."""
 
 from __future__ import annotations
 
@@ -9,12 +9,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..dictionary import signals
+from ..errors import LogError
 from ..faults import Fault, tail_of
 from ..filters import recorded_signal
+from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.atom_signals import LONGEST_REACH, AtomSignals, Stretch, Stretches, signal_of
-from ..kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
-from ..kernels.low_pass import Response
+from ..kernels.decimation import WHITE, Lowpass, decimate, lost_samples, lowpass_taps
+from ..kernels.low_pass import IDENTITY, Response
 
 # Samples of the log that are made at once: 8 MB, and more than any window has that is not a flight of hours.
 BLOCK = 1_000_000
@@ -26,6 +28,37 @@ PIECEWISE, FEWEST = 1_000_000, 10
 # An exponential that falls by more than this from sample to sample is made sample by sample until nothing is left of
 # it, e^-64: over the lags of a model its numbers would leave double precision.
 STEEPEST, GONE = 0.25, 64.0
+# Samples of a log up to which its channels are filtered together.
+MOST_AT_ONCE = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Signals:
+    """Inputs, outputs and dictionary of a window at one rate, in SI units.
+
+    Attributes
+    ----------
+    path : of the log, for messages.
+    factor : by which they were decimated, 1 at the log's own rate.
+    time_s : (n_samples,), u : (n_samples, n_inputs), y : (n_samples, n_outputs),
+    theta : (n_samples, n_outputs, n_atoms), every entry of the dictionary; in stretches where these are many numbers.
+    scaling : entries whose signal is the output itself.
+    slopes : by entry whose signal changes with the outputs otherwise, by how much, (n_samples, n_outputs).
+    earlier : of other records of the aircraft without a fault, which have the same model but for its constant.
+    weight : of the rows of one of these.
+    """
+
+    path: str
+    rate_hz: float
+    factor: int
+    time_s: FloatArray
+    u: FloatArray
+    y: FloatArray
+    theta: AtomSignals
+    scaling: tuple[int, ...] = ()
+    slopes: Mapping[int, FloatArray] = field(default_factory=dict)
+    earlier: tuple[Signals, ...] = ()
+    weight: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,31 +84,69 @@ class LogSignal:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FaultSignals:
-    """The signals of all entries at the log's own rate; those that are not `seen` are zero.
+class NativeSignals:
+    """The window of a log and a dictionary, as `Signals` of its own rate are made of them when they are asked for.
 
     Attributes
     ----------
-    faults : every entry, times on the axis of `time_s`; seen : indices of those that act in the window.
-    outputs : names; time_s : (n_samples,).
+    log : the window; inputs, outputs : names of its channels.
+    faults : every entry, times on the axis of the log; seen : indices of those that act in the window.
     window_start_s : what `phase_reference: window` counts from.
     response : of the filters that the log went through.
     of_log : by index, the signals of entries that depend on what the log shows.
     resampled : by index, (n_samples, n_outputs), those that were resampled with the log.
+    earlier : of other records, see `Signals`; weight : of one of these.
     """
 
-    faults: tuple[Fault, ...]
-    seen: Sequence[int]
-    outputs: Sequence[str]
-    time_s: FloatArray
-    window_start_s: float
-    response: Response
+    log: FlightLog
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    faults: tuple[Fault, ...] = ()
+    seen: Sequence[int] = ()
+    window_start_s: float = 0.0
+    response: Response = IDENTITY
     of_log: Mapping[int, LogSignal] = field(default_factory=dict)
     resampled: Mapping[int, FloatArray] = field(default_factory=dict)
+    earlier: tuple[NativeSignals, ...] = ()
+    weight: float = 1.0
     _even: dict[int, bool] = field(init=False, repr=False, default_factory=dict)  # by factor, once it is known
 
-    def between(self, rows: slice) -> FloatArray:
-        """Return (n_rows, n_outputs, n_faults) of these samples."""
+    @property
+    def rate_hz(self) -> float:
+        """Of the log."""
+        return self.log.rate_hz
+
+    @property
+    def time_s(self) -> FloatArray:
+        """(n_samples,)."""
+        return self.log.time_s
+
+    @property
+    def u(self) -> FloatArray:
+        """(n_samples, n_inputs)."""
+        return self.log.signals(self.inputs)
+
+    @property
+    def y(self) -> FloatArray:
+        """(n_samples, n_outputs)."""
+        return self.log.signals(self.outputs)
+
+    def between(self, rows: slice) -> Signals:
+        """Return the signals of these samples."""
+        return Signals(
+            path=self.log.path,
+            rate_hz=self.rate_hz,
+            factor=1,
+            time_s=self.time_s[rows],
+            u=np.column_stack([self.log.channel(name).between(rows) for name in self.inputs]),
+            y=np.column_stack([self.log.channel(name).between(rows) for name in self.outputs]),
+            theta=AtomSignals.sampled(self.theta_between(rows)),
+            scaling=self.scaling,
+            slopes={j: slopes[rows] for j, slopes in self.slopes.items()},
+        )
+
+    def theta_between(self, rows: slice) -> FloatArray:
+        """Return (n_rows, n_outputs, n_faults) what the entries add in these samples; those not `seen` are zero."""
         time_s = self.time_s[rows]
         theta = np.zeros((len(time_s), len(self.outputs), len(self.faults)))
         stated = [j for j in self.seen if j not in self.given]
@@ -110,14 +181,14 @@ class FaultSignals:
         """Entries whose signal is the output itself."""
         return tuple(j for j, one in self.of_log.items() if one.slopes is None)
 
-    def of_others(self, faults: Sequence[Fault], seen: Sequence[int], of_log: Mapping[int, LogSignal]) -> FaultSignals:
-        """Return the signals of other faults on the same samples, those that are not `seen` zero."""
+    def of_others(self, faults: Sequence[Fault], seen: Sequence[int], of_log: Mapping[int, LogSignal]) -> NativeSignals:
+        """Return the window with other faults, those that are not `seen` zero."""
         made = replace(self, faults=tuple(faults), seen=seen, of_log=of_log, resampled={})
         made._even.update(self._even)
         return made
 
-    def with_others(self, faults: Mapping[int, Fault], of_log: Mapping[int, LogSignal]) -> FaultSignals:
-        """Return the signals with other faults in place of some entries.
+    def with_others(self, faults: Mapping[int, Fault], of_log: Mapping[int, LogSignal]) -> NativeSignals:
+        """Return the window with other faults in place of some entries.
 
         Parameters
         ----------
@@ -130,7 +201,7 @@ class FaultSignals:
             resampled={j: values for j, values in self.resampled.items() if j not in faults},
         )
 
-    def decimated(
+    def theta_decimated(
         self, factor: int, lowpass: Lowpass, *, in_stretches: bool | None = None
     ) -> tuple[AtomSignals, FloatArray]:
         """Return (n_rows, n_outputs, n_faults), filtered and decimated, and (n_faults,) the largest native values.
@@ -284,3 +355,53 @@ class FaultSignals:
             largest = max(largest, float(np.max(np.abs(signal), initial=0.0)))
             pieces.append(decimate(signal[: step - factor + 1 + reach], factor, lowpass))
         return np.concatenate(pieces), largest
+
+
+def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE) -> tuple[Signals, FloatArray]:
+    """Filter and decimate all signals alike, those of the dictionary one by one.
+
+    Returns
+    -------
+    The signals, and (n_faults,) the largest value of each entry's at the log's own rate.
+
+    Raises
+    ------
+    LogError : the window is shorter than the filter.
+    """
+    try:
+        u, y = (_decimated_channels(native.log, names, factor, lowpass) for names in (native.inputs, native.outputs))
+    except ValueError as problem:
+        raise LogError(f"{native.log.path}: {problem}; give a higher --rate or a longer window") from None
+    theta, largest = native.theta_decimated(factor, lowpass)
+    start = lost_samples(factor, lowpass)[0]
+    signals = Signals(
+        path=native.log.path,
+        rate_hz=native.rate_hz / factor,
+        factor=factor,
+        time_s=native.time_s[start::factor][: len(y)],
+        u=u,
+        y=y,
+        theta=theta,
+        scaling=native.scaling,
+        slopes=native.slopes_at(factor, lowpass),
+        earlier=tuple(decimate_native(one, factor, lowpass)[0] for one in native.earlier),
+        weight=native.weight,
+    )
+    return signals, largest
+
+
+def _decimated_channels(log: FlightLog, names: Sequence[str], factor: int, lowpass: Lowpass) -> FloatArray:
+    """Return (n_rows, n_channels) channels filtered and decimated.
+
+    Those of a long log are filtered one after the other, some samples at a time, for memory.
+    """
+    if factor == 1 or log.n_samples <= MOST_AT_ONCE:
+        return decimate(log.signals(names), factor, lowpass)
+    reach, step = sum(lost_samples(factor, lowpass)), MOST_AT_ONCE // factor * factor or factor
+    # Pieces overlap by the filter's reach; each gives the rows that begin in it.
+    pieces = [slice(k, k + step - factor + 1 + reach) for k in range(0, log.n_samples - reach, step)]
+    made = np.empty(((log.n_samples - reach - 1) // factor + 1, len(names)))
+    for i, name in enumerate(names):
+        channel = log.channel(name)
+        made[:, i] = np.concatenate([decimate(channel.between(rows), factor, lowpass) for rows in pieces])
+    return made

@@ -7,7 +7,7 @@ rate of the model by as much as its size).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -45,9 +45,9 @@ from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow, regression_of, with_sizes
 from ..shapes import OF_LINES, SHAPES
 from .magnitudes import MethodResult, result_of_selection
-from .onset_search import Moved, move_entry, move_onsets
+from .onset_search import move_entry, move_onsets
 from .result import SolverSummary
-from .selection import Selection
+from .selection import Selected, Selection
 from .supports import propose_supports
 
 __all__ = ["Selection", "best_of", "identify_by_likelihood", "select"]
@@ -87,54 +87,49 @@ def identify_by_likelihood(
     """
     names, notes, declined = [window.names[j] for j in window.live], list[Note](), dict[int, str]()
     window, regression = _at_own_sizes(window, regression, config)
-    at_stated = (window, regression)
-    rules, searching = config.selection, partial(progress, "search for the faults")
+    rules = config.selection
     choose = partial(select, rules=rules)
-    selection = choose(regression, report=searching)
-    moved = Moved(window=window, regression=regression, selection=selection, shifts_s={}, prices={})
-    stated = given or rules.threshold is not None
-    if stated:
-        selection = _by_threshold(regression, selection, 0.0 if given else rules.threshold or 0.0)
+    selection = choose(regression, report=partial(progress, "search for the faults"))
+    at_stated = now = Selected(window=window, regression=regression, selection=selection)
+    is_stated, threshold = given or rules.threshold is not None, 0.0 if given else rules.threshold or 0.0
+    if is_stated:
+        now = replace(now, selection=_by_threshold(regression, selection, threshold))
     elif rules.max_active != 0:
-        moved = move_onsets(window, regression, selection, config, choose)
-        window, regression, selection = moved.window, moved.regression, moved.selection
-    while not stated and (failed := _not_whole(window, regression, selection)) is not None:
+        now = move_onsets(now, config, choose)
+    while not is_stated and (failed := _not_whole(now)) is not None:
         declined[failed[0]] = failed[1]
         notes.append(Note.limit(f"'{names[failed[0]]}' is not declared: {failed[1]}"))
-        selection = _without(regression, selection, failed[0])
-    if any(window.faults[window.live[n]].shape in OF_LINES for n in selection.best.fit.atoms):
-        refit = partial(_by_threshold, selection=selection, threshold=0.0 if given else rules.threshold or 0.0)
-        window, regression, selection, said = _with_secants(
-            window, regression, selection, config, refit if stated else choose
-        )
-        notes += said
+        now = _without(now, failed[0])
+    if any(now.window.faults[now.window.live[n]].shape in OF_LINES for n in now.selection.best.fit.atoms):
+        refit = partial(_by_threshold, selection=now.selection, threshold=threshold)
+        now, about_signals = _with_secants(now, config, refit if is_stated else choose)
+        notes += about_signals
     # Row by row the fit is made again for the answer: of a day at 100 Hz its errors take 70 MB.
-    bare = replace(selection.unfolded, error=np.zeros((0, 0)), weighted_error=np.zeros((0, 0)))
-    selection = replace(selection, unfolded=bare)
-    moved = replace(moved, window=window, regression=regression, selection=selection)
-    coarse, dispersion, estimates = _estimated(moved, config, progress)
-    penalty, has_lines = selection.penalty, any(window.faults[entry].shape in OF_LINES for entry in window.live)
-    while not stated:
-        failed = _failed_test(regression, selection, estimates, dispersion, moved.prices)
-        failed = failed or _not_whole(window, regression, selection)
-        failed = failed or (_rival(window, regression, selection, config) if exclusive else None)
+    bare = replace(now.selection.unfolded, error=np.zeros((0, 0)), weighted_error=np.zeros((0, 0)))
+    now = replace(now, selection=replace(now.selection, unfolded=bare))
+    coarse, dispersion, estimates = _estimated(now, config, progress)
+    penalty = now.selection.penalty
+    has_lines = any(now.window.faults[entry].shape in OF_LINES for entry in now.window.live)
+    while not is_stated:
+        failed = _failed_test(now, estimates, dispersion) or _not_whole(now)
+        failed = failed or (_rival(now, config) if exclusive else None)
         if failed is None:
             break
         atom, reason = failed
-        if not (declined or has_lines or atom in moved.shifts_s):
+        if not (declined or has_lines or atom in now.shifts_s):
             # What a fault that begins beside its onset leaves there stands out at other onsets too.
-            beside = move_entry(moved, atom, *at_stated, config, choose)
+            beside = move_entry(now, atom, at_stated, config, choose)
             if beside is not None:
                 estimated = _estimated(beside, config, progress)
-                if _failed_test(beside.regression, beside.selection, estimated[2], estimated[1], beside.prices) is None:
-                    moved, (coarse, dispersion, estimates) = beside, estimated
-                    window, regression, selection = moved.window, moved.regression, moved.selection
+                if _failed_test(beside, estimated[2], estimated[1]) is None:
+                    now, (coarse, dispersion, estimates) = beside, estimated
                     break
         notes.append(Note.limit(f"'{names[atom]}' is not declared: {reason}"))
         declined[atom] = reason
-        selection = _without(regression, selection, atom)
+        now = _without(now, atom)
         sizing = partial(progress, f"magnitudes, {len(declined)} declined")
-        estimates = estimate_magnitudes(regression, selection.fits, penalty, dispersion, coarse, sizing)
+        estimates = estimate_magnitudes(now.regression, now.selection.fits, penalty, dispersion, coarse, sizing)
+    window, regression, selection = now.window, now.regression, now.selection
     fit = selection.best.fit
     needed = statistic_needed(penalty, dispersion)
     likely, sized = overdispersion_if_declared(window, regression, fit, dispersion), estimates
@@ -142,16 +137,16 @@ def identify_by_likelihood(
         sizing = partial(progress, "magnitudes that would be declared")
         sized = estimate_magnitudes(regression, selection.fits, penalty, likely, coarse, sizing)
     limits = profiled_limits(regression, fit, sized, penalty, likely)
-    if not stated:
+    if not is_stated:
         sizing = partial(progress, "magnitudes within the onset tolerance")
         within = limits_within_tolerance(window, regression, config, selection.fits, penalty, likely, coarse, sizing)
         limits = np.fmax(limits, within)
     estimates = replace(estimates, minimal_detectable=limits)
     coarse = None  # its memory is wanted for what follows
-    shifts_s = {n: shift_s for n, shift_s in moved.shifts_s.items() if n in fit.atoms}
     notes += [
         Note.limit(f"'{names[n]}' begins {abs(s):.3g} s {'after' if s > 0 else 'before'} the onset stated")
-        for n, s in shifts_s.items()
+        for n, s in now.shifts_s.items()
+        if n in fit.atoms
     ]
     return result_of_selection(
         regression,
@@ -165,23 +160,22 @@ def identify_by_likelihood(
         ),
         declined=declined,
         needed=needed,
-        analysed=(window, regression) if moved.shifts_s or window.sizes else None,
+        analysed=(window, regression) if now.shifts_s or window.sizes else None,
         criterion=regression.n_rows * fit.log_det + fit.n_parameters * float(np.log(regression.n_rows)),
         dispersion=float(np.max(dispersion[list(fit.atoms)], initial=1.0)),
         notes=(*notes, *_rival_note(names, selection), *_near_miss_note(names, selection)),
     )
 
 
-def _rival(
-    window: PreparedWindow, regression: RegressionData, selection: Selection, config: Config
-) -> tuple[int, str] | None:
+def _rival(now: Selected, config: Config) -> tuple[int, str] | None:
     """Return a declared entry that begins with another of its output and explains less alone; None where none does."""
-    fit, near_s = selection.best.fit, 2.0 * config.onset_tolerance_s + 1.0 / window.signals.rate_hz
+    window, fit = now.window, now.selection.best.fit
+    near_s = 2.0 * config.onset_tolerance_s + 1.0 / window.signals.rate_hz
     declared = {n: window.faults[window.live[n]] for n in fit.atoms}
-    problem = regression.problem(fit.order)
-    for n, one in declared.items():
-        beside = [m for m, other in declared.items() if m != n and other.channel == one.channel]
-        for m in (m for m in beside if abs(declared[m].onset_s - one.onset_s) <= near_s):
+    problem = now.regression.problem(fit.order)
+    for n, fault in declared.items():
+        beside = [m for m, other in declared.items() if m != n and other.channel == fault.channel]
+        for m in (m for m in beside if abs(declared[m].onset_s - fault.onset_s) <= near_s):
             without = {k: fit_magnitudes(problem, tuple(a for a in fit.atoms if a != k)).log_det for k in (n, m)}
             dropped = min(without, key=lambda k: without[k])
             kept = window.names[window.live[m if dropped == n else n]]
@@ -190,16 +184,16 @@ def _rival(
 
 
 def _estimated(
-    moved: Moved, config: Config, progress: Progress
+    now: Selected, config: Config, progress: Progress
 ) -> tuple[RegressionData | None, FloatArray, MagnitudeEstimates]:
     """Return the regression at half the rate, (n_live,) overdispersions and the magnitudes of a selection."""
-    coarse = at_half_rate(moved.window, moved.regression, config, partial(progress, "the record at half the rate"))
+    coarse = at_half_rate(now.window, now.regression, config, partial(progress, "the record at half the rate"))
     elsewhere = partial(progress, "the same shapes elsewhere")
-    dispersion = overdispersion(moved.window, moved.regression, moved.selection.best.fit, elsewhere)
+    dispersion = overdispersion(now.window, now.regression, now.selection.best.fit, elsewhere)
     estimates = estimate_magnitudes(
-        moved.regression,
-        moved.selection.fits,
-        moved.selection.penalty,
+        now.regression,
+        now.selection.fits,
+        now.selection.penalty,
         dispersion,
         coarse,
         partial(progress, "magnitudes"),
@@ -245,14 +239,8 @@ def _at_own_sizes(
     return window, regression
 
 
-def _with_secants(
-    window: PreparedWindow,
-    regression: RegressionData,
-    selection: Selection,
-    config: Config,
-    choose: Callable[..., Selection],
-) -> tuple[PreparedWindow, RegressionData, Selection, list[Note]]:
-    """Return window, regression and selection with the signals of chosen faults of a line taken at their magnitudes.
+def _with_secants(now: Selected, config: Config, choose: Callable[..., Selection]) -> tuple[Selected, list[Note]]:
+    """Return what is selected with the signals of chosen faults of a line taken at their magnitudes.
 
     A channel is not proportional to a loss of pressure: at a fifth of it the derivative is off by a fifth. Each step
     takes the signals as the secants to the magnitudes of the last; where they rest, the channel less magnitude x signal
@@ -262,29 +250,29 @@ def _with_secants(
     ----------
     choose : returns the selection on another regression.
     """
-    fit, z = selection.best.fit, selection.best.fit.z
+    fit, z = now.selection.best.fit, now.selection.best.fit.z
     sized = [
         k
         for k, n in enumerate(fit.atoms)
-        if (shape := window.faults[window.live[n]].shape) in OF_LINES and SHAPES[shape].has_magnitude
+        if (shape := now.window.faults[now.window.live[n]].shape) in OF_LINES and SHAPES[shape].has_magnitude
     ]
     if not sized:
-        return window, regression, selection, []
-    other, there = window, regression
+        return now, []
+    window, regression = now.window, now.regression
     for _ in range(SECANTS):
-        magnitude = z * there.magnitude_unit[list(fit.atoms)]
+        magnitude = z * regression.magnitude_unit[list(fit.atoms)]
         sizes = {window.live[fit.atoms[k]]: float(magnitude[k]) for k in sized}
-        rests = all(abs(other.sizes.get(entry, 0.0) - size) <= AT_REST * abs(size) for entry, size in sizes.items())
-        if rests:
+        if all(abs(window.sizes.get(entry, 0.0) - size) <= AT_REST * abs(size) for entry, size in sizes.items()):
             break
         try:
-            other = with_sizes(window, sizes)
+            window = with_sizes(now.window, sizes)
         except (DictionaryError, LogError) as problem:
             words = str(problem).removeprefix(f"{window.log.path}: ")
-            return window, regression, selection, [Note.method(f"its signal is the derivative at no fault: {words}")]
-        there = regression_of(other, config)
-        z = fit_magnitudes(there.problem(fit.order), fit.atoms, magnitude / there.magnitude_unit[list(fit.atoms)]).z
-    return other, there, choose(there), []
+            return now, [Note.method(f"its signal is the derivative at no fault: {words}")]
+        regression = regression_of(window, config)
+        start = magnitude / regression.magnitude_unit[list(fit.atoms)]
+        z = fit_magnitudes(regression.problem(fit.order), fit.atoms, start).z
+    return replace(now, window=window, regression=regression, selection=choose(regression)), []
 
 
 def none_of(rules: Rules) -> Rules:
@@ -340,13 +328,13 @@ def _by_threshold(regression: RegressionData, selection: Selection, threshold: f
     return replace(selection, best=best, fits=fits, searches=tuple(searches), unfolded=unfolded)
 
 
-def _without(regression: RegressionData, selection: Selection, atom: int) -> Selection:
+def _without(now: Selected, atom: int) -> Selected:
     """Return the best selection among the supports visited that leave an atom out."""
     searches = [
         replace(search, visited=tuple(scored for scored in search.visited if atom not in scored.fit.atoms))
-        for search in selection.searches
+        for search in now.selection.searches
     ]
-    return best_of(regression, searches, selection.penalty)
+    return replace(now, selection=best_of(now.regression, searches, now.selection.penalty))
 
 
 def best_of(regression: RegressionData, searches: Sequence[OrderSearch], penalty: Penalty) -> Selection:
@@ -370,18 +358,9 @@ def _refit(regression: RegressionData, search: OrderSearch, fit: Fit, penalty: P
     return ScoredFit(criterion=penalty.criterion(fitted), fit=fitted)
 
 
-def _failed_test(
-    regression: RegressionData,
-    selection: Selection,
-    estimates: MagnitudeEstimates,
-    dispersion: FloatArray,
-    prices: Mapping[int, float],
-) -> tuple[int, str] | None:
-    """Return the least certain active atom that fails a test, and which; None where none does.
-
-    `prices` are what atoms whose onset was chosen need beside the others.
-    """
-    best, penalty = selection.best.fit, selection.penalty
+def _failed_test(now: Selected, estimates: MagnitudeEstimates, dispersion: FloatArray) -> tuple[int, str] | None:
+    """Return the least certain active atom that fails a test, and which; None where none does."""
+    selection, best, penalty = now.selection, now.selection.best.fit, now.selection.penalty
     atoms = list(best.atoms)
     if not atoms:
         return None
@@ -391,8 +370,8 @@ def _failed_test(
     for atom in atoms:
         kept = [n for n, other in enumerate(atoms) if other != atom]
         smaller = replace(best, atoms=tuple(atoms[n] for n in kept), z=best.z[kept])
-        fall = _refit(regression, search, smaller, penalty).fit.log_det - best.log_det
-        margins.append(penalty.n_effective * fall / ((needed + prices.get(atom, 0.0)) * dispersion[atom]))
+        fall = _refit(now.regression, search, smaller, penalty).fit.log_det - best.log_det
+        margins.append(penalty.n_effective * fall / ((needed + now.prices.get(atom, 0.0)) * dispersion[atom]))
     if min(margins) < 1.0:
         atom = atoms[int(np.argmin(margins))]
         return atom, (
@@ -406,15 +385,15 @@ def _failed_test(
     return None
 
 
-def _not_whole(window: PreparedWindow, regression: RegressionData, selection: Selection) -> tuple[int, str] | None:
+def _not_whole(now: Selected) -> tuple[int, str] | None:
     """Return an active atom without a magnitude that the log shows more or less than whole, and the reason; or None.
 
     Its signal is that of all of the fault, so that its magnitude is 1 where it is in the log.
     """
-    fit = selection.best.fit
+    fit, window = now.selection.best.fit, now.window
     sd = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.information, hermitian=True)), 0.0))
     for n, z, spread in zip(fit.atoms, fit.z, sd, strict=True):
-        fault, unit = window.faults[window.live[n]], float(regression.magnitude_unit[n])
+        fault, unit = window.faults[window.live[n]], float(now.regression.magnitude_unit[n])
         if SHAPES[fault.shape].has_magnitude:
             continue
         share, reach = float(z) * unit, TWO_SIDED_95 * float(spread) * unit

@@ -8,7 +8,6 @@ and moved to another one where this lowers the criterion by more than the price 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,9 +20,9 @@ from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..preprocessing.magnitudes import searched
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow, shifted_signals, shifts_within, with_onsets
-from .selection import Selection
+from .selection import Selected, Selection
 
-__all__ = ["Moved", "move_entry", "move_onsets"]
+__all__ = ["move_entry", "move_onsets"]
 
 # Onsets of an entry that are fitted: the best to first order, which may rank neighbours wrongly.
 FITTED = 3
@@ -35,49 +34,26 @@ MOST_MOVED = 4
 KEPT = 10**8
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Moved:
-    """A window whose entries begin where they were found, its regression and the selection on it.
-
-    Attributes
-    ----------
-    shifts_s : by live entry of the selection, how much later it begins than the dictionary states.
-    prices : by live entry, what the choice of its onset costs, on the scale of the criterion.
-    """
-
-    window: PreparedWindow
-    regression: RegressionData
-    selection: Selection
-    shifts_s: Mapping[int, float]
-    prices: Mapping[int, float]
-
-
-def move_onsets(
-    window: PreparedWindow,
-    regression: RegressionData,
-    selection: Selection,
-    config: Config,
-    select: Callable[[RegressionData], Selection],
-) -> Moved:
+def move_onsets(stated: Selected, config: Config, select: Callable[[RegressionData], Selection]) -> Selected:
     """Move the entries whose fault begins beside their onset, the one that gains most first, until none gains.
 
     Parameters
     ----------
-    window, regression, selection : with the onsets of the dictionary.
+    stated : with the onsets of the dictionary.
     select : returns the selection on another regression.
     """
-    now = Moved(window=window, regression=regression, selection=selection, shifts_s={}, prices={})
+    now = stated
     for _ in range(MOST_MOVED):
-        found = _best_move(now, window, config)
-        if found is None:
+        move = _best_move(now, stated.window, config)
+        if move is None:
             break
-        n, shift_s, price = found
+        n, shift_s, price = move
         shifts_s, prices = {**now.shifts_s, n: shift_s}, {**now.prices, n: price}
-        moved = _at(window, regression, shifts_s, prices, select)
+        moved = _at(stated, shifts_s, prices, select)
         chosen = moved.selection.best.fit.atoms
-        left = {one: shift for one, shift in shifts_s.items() if one in chosen}
+        left = {entry: shift for entry, shift in shifts_s.items() if entry in chosen}
         if len(left) < len(shifts_s):  # one that is not declared stays where the dictionary states it
-            moved = _at(window, regression, left, {one: prices[one] for one in left}, select)
+            moved = _at(stated, left, {entry: prices[entry] for entry in left}, select)
         penalty = now.selection.penalty
         if n not in moved.selection.best.fit.atoms or _cost(moved, penalty) >= _cost(now, penalty):
             break
@@ -86,50 +62,46 @@ def move_onsets(
 
 
 def move_entry(
-    moved: Moved,
-    entry: int,
-    window: PreparedWindow,
-    regression: RegressionData,
-    config: Config,
-    select: Callable[[RegressionData], Selection],
-) -> Moved | None:
+    now: Selected, entry: int, stated: Selected, config: Config, select: Callable[[RegressionData], Selection]
+) -> Selected | None:
     """Move one entry to its best onset besides the stated one, None where it has none or is not chosen there.
 
     For an entry that is not declared at the stated onset: it is then held against no fault, and not against itself.
 
     Parameters
     ----------
-    moved : what was found so far; entry : live entry that has not moved.
-    window, regression : with the onsets of the dictionary.
+    now : what was found so far; entry : live entry that has not moved.
+    stated : with the onsets of the dictionary.
     select : returns the selection on another regression.
     """
-    found = _best_move(moved, window, config, entry)
-    if found is None:
+    move = _best_move(now, stated.window, config, entry)
+    if move is None:
         return None
-    _, shift_s, price = found
-    there = _at(window, regression, {**moved.shifts_s, entry: shift_s}, {**moved.prices, entry: price}, select)
+    _, shift_s, price = move
+    there = _at(stated, {**now.shifts_s, entry: shift_s}, {**now.prices, entry: price}, select)
     return there if set(there.shifts_s) <= set(there.selection.best.fit.atoms) else None
 
 
 def _at(
-    window: PreparedWindow,
-    regression: RegressionData,
+    stated: Selected,
     shifts_s: Mapping[int, float],
     prices: Mapping[int, float],
     select: Callable[[RegressionData], Selection],
-) -> Moved:
-    moved = with_onsets(window, {window.live[n]: shift for n, shift in shifts_s.items()})
-    regression = regression.with_dictionary(moved.signals.theta, moved.live, slopes=moved.signals.slopes)
-    return Moved(window=moved, regression=regression, selection=select(regression), shifts_s=shifts_s, prices=prices)
+) -> Selected:
+    window = with_onsets(stated.window, {stated.window.live[n]: shift for n, shift in shifts_s.items()})
+    regression = stated.regression.with_dictionary(window.signals.theta, window.live, slopes=window.signals.slopes)
+    return Selected(
+        window=window, regression=regression, selection=select(regression), shifts_s=shifts_s, prices=prices
+    )
 
 
-def _cost(moved: Moved, penalty: Penalty) -> float:
+def _cost(moved: Selected, penalty: Penalty) -> float:
     """Return the criterion with the prices, by one penalty: the effective rows of two selections may differ."""
     return penalty.criterion(moved.selection.best.fit) + sum(moved.prices.values())
 
 
 def _best_move(
-    now: Moved, window: PreparedWindow, config: Config, only: int | None = None
+    now: Selected, window: PreparedWindow, config: Config, only: int | None = None
 ) -> tuple[int, float, float] | None:
     """Return the entry, the shift and the price of the move that lowers the criterion most; None where none does.
 

@@ -6,7 +6,7 @@ a fault nothing depends on it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,15 +23,6 @@ from .magnitudes import MethodResult
 from .maximum_likelihood import identify_by_likelihood
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Trial:
-    """An identification with one recorder."""
-
-    window: PreparedWindow
-    regression: RegressionData
-    outcome: MethodResult
-
-
 def with_likeliest_recorder(
     log: FlightLog,
     dictionary: Dictionary,
@@ -43,10 +34,9 @@ def with_likeliest_recorder(
 ) -> tuple[PreparedWindow, RegressionData, MethodResult]:
     """Return window, regression and outcome with the recorder of least criterion, where the log's is uncertain.
 
-    The variance of every magnitude gains its spread over the recorders, each weighted by its likelihood, and what
-    lies between them. What is
-    declared depends on the recorder, so that the faults are selected anew for each, at the rate and orders of the
-    first.
+    The variance of every magnitude gains its spread over the recorders, each weighted by its likelihood, and what lies
+    between them. What is declared depends on the recorder, so that the faults are selected anew for each, at the rate
+    and orders of the first.
 
     Parameters
     ----------
@@ -57,7 +47,7 @@ def with_likeliest_recorder(
         return window, regression, outcome
     rate_hz: float | str = "none" if window.rate.factor == 1 else window.signals.rate_hz
     alike = merge(config, {"conditioning.rate_hz": rate_hz, "model.orders": regression.orders})
-    trials = [_Trial(window=window, regression=regression, outcome=outcome)]
+    trials = [(window, regression, outcome)]
     for k, chain in enumerate(chains):
         progress("the recorder", k / len(chains))
         recorder = next(one for one in chain if one.stage == "recorder")
@@ -65,25 +55,23 @@ def with_likeliest_recorder(
         try:
             other = prepare_window(log, dictionary, stated)
             factorised = regression_of(other, stated)
-            found = identify_by_likelihood(other, factorised, stated, exclusive=True)
+            identified = identify_by_likelihood(other, factorised, stated, exclusive=True)
         except (DictionaryError, LogError):
             continue
         if other.live == window.live and factorised.n_rows == regression.n_rows:
-            trials.append(_Trial(window=other, regression=factorised, outcome=found))
-    best = min(trials, key=lambda one: one.outcome.criterion)
-    value = best.outcome.magnitudes.value
-    loss = np.array([one.outcome.criterion - best.outcome.criterion for one in trials])
-    weight = np.exp(-0.5 * loss / best.outcome.dispersion)
-    same = np.array([one.outcome.atoms == best.outcome.atoms for one in trials])
-    others = np.array([one.outcome.magnitudes.value for one in trials])[same]
+            trials.append((other, factorised, identified))
+    outcomes = [tried for _, _, tried in trials]
+    likeliest, of_likeliest, best = min(trials, key=lambda trial: trial[2].criterion)
+    value = best.magnitudes.value
+    weight = np.exp(-0.5 * np.array([one.criterion - best.criterion for one in outcomes]) / best.dispersion)
+    same = np.array([one.atoms == best.atoms for one in outcomes])
+    others = np.array([one.magnitudes.value for one in outcomes])[same]
     spread = (weight[same, None] * (others - value) ** 2).sum(axis=0) / weight[same].sum()
-    sizes = replace(
-        best.outcome.magnitudes, variance=best.outcome.magnitudes.variance + spread + (BETWEEN_RECORDERS * value) ** 2
-    )
-    recorder = next(one for one in best.window.filters if one.stage == "recorder")
+    variance = best.magnitudes.variance + spread + (BETWEEN_RECORDERS * value) ** 2
+    recorder = next(one for one in likeliest.filters if one.stage == "recorder")
     note = Note.method(
         f"the recorder's low-pass is uncertain; the fault suits {recorder.kind} with gain one half at "
         f"{recorder.edge_hz:.3g} Hz best of {len(trials)}, and the intervals hold their spread"
     )
-    chosen = replace(best.outcome, magnitudes=sizes, notes=(*best.outcome.notes, note))
-    return replace(best.window, recorder=window.recorder), best.regression, chosen
+    chosen = replace(best, magnitudes=replace(best.magnitudes, variance=variance), notes=(*best.notes, note))
+    return replace(likeliest, recorder=window.recorder), of_likeliest, chosen

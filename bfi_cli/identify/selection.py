@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from ..kernels.covariance import FitRows
 from ..kernels.model_selection import OrderSearch, Penalty, ScoredFit
+from ..preprocessing.regression import RegressionData
+from ..preprocessing.window import PreparedWindow
 
-__all__ = ["Selection"]
+__all__ = ["Selected", "Selection"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -28,3 +31,20 @@ class Selection:
     searches: tuple[OrderSearch, ...]
     penalty: Penalty
     unfolded: FitRows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Selected:
+    """A window whose entries begin where they were found, its regression and the selection on it.
+
+    Attributes
+    ----------
+    shifts_s : by live entry of the selection, how much later it begins than the dictionary states.
+    prices : by live entry, what the choice of its onset costs, on the scale of the criterion.
+    """
+
+    window: PreparedWindow
+    regression: RegressionData
+    selection: Selection
+    shifts_s: Mapping[int, float] = field(default_factory=dict)
+    prices: Mapping[int, float] = field(default_factory=dict)

@@ -13,7 +13,8 @@ from bfi_cli.dictionary import load_dictionary
 from bfi_cli.flightlog import inject
 from bfi_cli.identify import identify_faults
 from bfi_cli.identify.maximum_likelihood import select
-from bfi_cli.identify.onset_search import Moved, move_entry
+from bfi_cli.identify.onset_search import move_entry
+from bfi_cli.identify.selection import Selected
 from bfi_cli.preprocessing.signals import decimate_native
 from bfi_cli.preprocessing.window import prepare_window, regression_of, shifted_signals, shifts_within, with_onsets
 
@@ -100,11 +101,11 @@ def test_an_entry_that_is_not_declared_is_moved_to_its_best_other_onset(flight, 
     regression = regression_of(window, Config())
     choose = partial(select, rules=Config().selection)
     entry = [window.names[one] for one in window.live].index("bias_13.8")
-    at_stated = Moved(window=window, regression=regression, selection=choose(regression), shifts_s={}, prices={})
-    moved = move_entry(at_stated, entry, window, regression, Config(), choose)
+    at_stated = Selected(window=window, regression=regression, selection=choose(regression))
+    moved = move_entry(at_stated, entry, at_stated, Config(), choose)
     assert moved is not None
     assert moved.shifts_s == {entry: pytest.approx(shift_s, abs=0.06)}
     assert moved.prices[entry] > 0.0
     assert entry in moved.selection.best.fit.atoms
-    assert move_entry(moved, entry, window, regression, Config(), choose) is None
-    assert move_entry(at_stated, entry, window, regression, EXACT, choose) is None
+    assert move_entry(moved, entry, at_stated, Config(), choose) is None
+    assert move_entry(at_stated, entry, at_stated, EXACT, choose) is None

@@ -20,7 +20,7 @@ from ..preprocessing.tolerance import tolerances_of
 from ..report.text import instant
 from .exact import detect_exactly
 from .parity import detect_by_parity, slower
-from .preparation import FELT, PreparedRecord, prepare_record
+from .preparation import FELT, PreparedRecord, prepare_detection
 from .result import ChannelSeries, Detection, DetectResult
 
 # Seconds on either side of the onset that the next command analyses: about two of the records of T, 31.7 s each.
@@ -47,7 +47,7 @@ def detect_faults(log: FlightLog, config: Config, *, report: Report = silent) ->
     """
     method, false_alarm = config.detect.method, config.detect.false_alarm
     with threadpool_limits(1):
-        prepared = prepare_record(log, config)
+        prepared = prepare_detection(log, config)
         tolerances = tolerances_of(log, prepared.part, prepared.outputs, config)
         found = detect_exactly(prepared) if method == "exact" or (method == "auto" and prepared.exact) else None
         if found is None or (method == "auto" and not found.is_calibrated):

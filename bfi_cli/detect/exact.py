@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..kernels import FloatArray
+from ..kernels import BoolArray, FloatArray
 from ..kernels.nullspace import Criteria, criteria, past_rank
 from ..notes import Note
 from ..preprocessing.signals import Signals
-from .preparation import BoolArray, PreparedRecord
+from .preparation import PreparedRecord
 from .result import Alarm, Detection, StepLimits
 
 # Threshold of the criterion, relative to a channel's own size. Boeing 747 without noise: healthy channels stay 3e10
@@ -24,6 +24,10 @@ SELECTIVE = 1e-2
 # A sample of which less than this share is outside the row space of its window moves in a direction of its own, as the
 # first ones after an input begins to move do: no claim is made for a failure that begins there.
 LEAST_SHARE = 1e-3
+GAPS = (
+    "a failure at one of {} samples may show in another channel or not at all: they move as none before them in their "
+    "window, like the first ones after an input begins to move"
+)
 NOISY = Note.advice(
     "the healthy time is not explained to round-off: this log has noise, or needs more channels, and the alarms mean "
     "nothing; give --method parity"
@@ -55,9 +59,14 @@ def detect_exactly(prepared: PreparedRecord) -> Detection:
         ready_s=None if criterion.ready is None else float(record.time_s[criterion.ready - 1]),
         width=width,
         notes=(
-            _note_on_noise(lags, width) if explained else NOISY,
+            Note.method(
+                f"the healthy time has no noise (a linear model of order {lags} explains it to round-off): a channel "
+                f"fails where more than {LEVEL:g} of its size stays unexplained in {width} samples"
+            )
+            if explained
+            else NOISY,
             *([] if criterion.ready is None else [Note.method(f"ready after {criterion.ready} samples")]),
-            *([_note_on_gaps(left_out)] if left_out else []),
+            *([Note.limit(GAPS.format(left_out))] if left_out else []),
         ),
     )
 
@@ -110,20 +119,6 @@ def _alarms(prepared: PreparedRecord, channel: FloatArray, levels: FloatArray, w
         ]
         last[above] = i
     return tuple(alarms)
-
-
-def _note_on_noise(lags: int, width: int) -> Note:
-    return Note.method(
-        f"the healthy time has no noise (a linear model of order {lags} explains it to round-off): a channel fails "
-        f"where more than {LEVEL:g} of its size stays unexplained in {width} samples"
-    )
-
-
-def _note_on_gaps(n_samples: int) -> Note:
-    return Note.limit(
-        f"a failure at one of {n_samples} samples may show in another channel or not at all: they move as none before "
-        "them in their window, like the first ones after an input begins to move"
-    )
 
 
 def _limits(record: Signals, criterion: Criteria, *, width: int, level: FloatArray) -> tuple[StepLimits, int]:

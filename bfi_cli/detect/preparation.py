@@ -43,6 +43,8 @@ UNRISEN = 0.01
 BANK = ("roll", "yaw_rate")
 LONGITUDINAL = {"aoa", "pitch", "pitch_rate", "altitude_rate", "altitude", "normal_acc"}
 TURNS = "inputs made of roll and yaw_rate explain turns (--no-turns omits them)"
+FELT_INPUTS = "inputs include {}, which feel gusts and thrust; they are taken to be free of faults (--input chooses)"
+CUT_OFF = "nothing after {} s is watched: the recorder's low-pass needs {:.2g} s more, after the end of the log"
 # Cosine of the steepest bank, 78 degrees: the load factor of a turn has no bound.
 STEEPEST = 0.2
 
@@ -67,17 +69,6 @@ class Recorder:
     ahead_s: float
     until_s: float
     about: str
-
-    def notes_on_the_end(self, last_s: float) -> list[Note]:
-        """Return what is said where the record, which ends at `last_s`, holds more than the recorder told."""
-        if last_s <= self.until_s:
-            return []
-        return [
-            Note.limit(
-                f"nothing after {instant(self.until_s)} s is watched: the recorder's low-pass needs "
-                f"{self.ahead_s:.2g} s more, after the end of the log"
-            )
-        ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -138,7 +129,7 @@ class DecimatedRecord:
     watched: BoolArray
 
 
-def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
+def prepare_detection(log: FlightLog, config: Config) -> PreparedRecord:
     """Cut, check and, where the rate asks for it, resample a log.
 
     Raises
@@ -161,7 +152,9 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
     # 2. What is cut, and which channels of it.
     stop_s = flown[-1][1] if flown[-1][1] <= last_s else to_s
     inputs, outputs = _channels(log.window(train[0], stop_s), given_inputs, given_outputs)
-    bank = _bank(log, inputs, outputs) if config.detect.turns else ()
+    # What describes a turn counts where an output feels turns, and it is neither input nor output.
+    free = all(name in log.channels and name not in (*inputs, *outputs) and moves(log.channel(name)) for name in BANK)
+    bank = BANK if config.detect.turns and free and not LONGITUDINAL.isdisjoint(outputs) else ()
     part = _cut(log, config, train, stop_s, (*inputs, *outputs), bank)
     last_s = float(part.time_s[-1])
 
@@ -172,9 +165,19 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
 
     # 4. The signals, those that a turn makes among the inputs, and the rate.
     u, y = _input_signals(part, inputs, bank), part.signals(outputs)
-
-    record = _record(part, u, y, until=part.n_samples)
-    healthy = _record(part, u, y, until=int(np.count_nonzero(part.time_s < train[1])))
+    healthy, record = (
+        Signals(
+            path=part.path,
+            rate_hz=part.rate_hz,
+            factor=1,
+            time_s=part.time_s[:until],
+            u=u[:until],
+            y=y[:until],
+            theta=AtomSignals.none(until, len(outputs)),
+        )
+        for until in (int(np.count_nonzero(part.time_s < train[1])), part.n_samples)
+    )
+    cut_off = last_s > recorder.until_s
     felt = () if given_inputs else tuple(name for name in FELT if name in inputs)
     return PreparedRecord(
         part=part,
@@ -198,8 +201,9 @@ def prepare_record(log: FlightLog, config: Config) -> PreparedRecord:
         recorder=recorder,
         notes=(
             *_notes_on_times(log, config, train, watched),
-            *recorder.notes_on_the_end(last_s),
-            *_notes_on_inputs(felt, turns=bool(bank)),
+            *([Note.limit(CUT_OFF.format(instant(recorder.until_s), recorder.ahead_s))] if cut_off else []),
+            *([Note.method(FELT_INPUTS.format(", ".join(felt)))] if felt else []),
+            *([Note.method(TURNS)] if bank else []),
             *([Note.method(recorder.about)] if recorder.stated and recorder.about else []),
         ),
     )
@@ -257,12 +261,6 @@ def recorder_of(log: FlightLog, config: Config) -> Recorder:
     )
 
 
-def _bank(log: FlightLog, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[str, ...]:
-    """Return the channels that describe a turn, where an output feels turns and they are neither in- nor outputs."""
-    free = all(name in log.channels and name not in (*inputs, *outputs) and moves(log.channel(name)) for name in BANK)
-    return BANK if free and not LONGITUDINAL.isdisjoint(outputs) else ()
-
-
 def _input_signals(part: FlightLog, inputs: Sequence[str], bank: tuple[str, ...]) -> FloatArray:
     """Return (n, k) the inputs, and what a turn adds to longitudinal motion where `bank` describes turns.
 
@@ -276,13 +274,6 @@ def _input_signals(part: FlightLog, inputs: Sequence[str], bank: tuple[str, ...]
         if "pitch_rate" in part.channels:
             signals.append(part.channel("pitch_rate").values * (1.0 - level))
     return np.column_stack([np.zeros((part.n_samples, 0)), *signals])
-
-
-def _record(part: FlightLog, u: FloatArray, y: FloatArray, *, until: int) -> Signals:
-    """Return the first samples of the signals, without a dictionary."""
-    theta = AtomSignals.none(until, y.shape[1])
-    time_s = part.time_s[:until]
-    return Signals(path=part.path, rate_hz=part.rate_hz, factor=1, time_s=time_s, u=u[:until], y=y[:until], theta=theta)
 
 
 def _notes_on_times(
@@ -309,15 +300,6 @@ def _notes_on_times(
             )
         )
     return notes
-
-
-def _notes_on_inputs(felt: Sequence[str], *, turns: bool) -> list[Note]:
-    """Return what is said of inputs that the user did not name: `felt` are accelerations among them."""
-    taken = (
-        f"inputs include {', '.join(felt)}, which feel gusts and thrust; they are taken to be free of faults "
-        "(--input chooses)"
-    )
-    return [*([Note.method(taken)] if felt else []), *([Note.method(TURNS)] if turns else [])]
 
 
 def _flown(log: FlightLog, from_s: float, to_s: float) -> list[tuple[float, float]]:

@@ -23,7 +23,7 @@ from ..preprocessing.window import PreparedWindow
 from .magnitudes import MethodResult
 from .methods import METHODS
 
-__all__ = ["claims_of"]
+__all__ = ["claims_of_entries"]
 
 # Multiples of the limit at which the profile is asked, until it excludes one.
 MULTIPLES = (1.0, 1.5, 2.25, 3.5, 6.0)
@@ -31,7 +31,7 @@ MULTIPLES = (1.0, 1.5, 2.25, 3.5, 6.0)
 SAME = 1.0 - 1e-7
 
 
-def claims_of(
+def claims_of_entries(
     window: PreparedWindow,
     regression: RegressionData,
     outcome: MethodResult,

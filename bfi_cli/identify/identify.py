@@ -25,7 +25,7 @@ from ..preprocessing.regression import RegressionData
 from ..preprocessing.summary import ModelSummary, noise_of
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
-from .claims import claims_of
+from .claims import claims_of_entries
 from .free_shape import identify_with_courses
 from .magnitudes import FreeOutcome, MethodResult
 from .methods import METHODS
@@ -208,12 +208,11 @@ def _assembled(
             effect=abs(z) * float(window.largest[entry]),
             tolerance=tolerances[fault.channel],
             quantile=magnitudes.quantile,
-            name=window.names[entry],
             among=(fault.shape,),
         )
         faults.append(estimate)
     faults += [_of_course(window, one, magnitudes.quantile) for one in outcome.free if one.declared]
-    candidates = claims_of(window, regression, outcome, config.method, tolerances)
+    candidates = claims_of_entries(window, regression, outcome, config.method, tolerances)
     residuals = residual_summaries(window, outcome)
     explained = window.signals.y[len(window.signals.y) - len(outcome.error) :]
     vaf = [

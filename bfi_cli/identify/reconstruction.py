@@ -135,11 +135,11 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
     # No file is opened because a log names it.
     named = {os.path.abspath(fault.file) for fault in window.faults if fault.file is not None}
     for fault in truth.faults:
-        if fault.shape not in ADDITIVE and (entry := _same_entry(window, fault)) is not None:
-            wanted[entry] = wanted.get(entry, 0.0) + fault.magnitude
-            continue
-        if fault.shape not in ADDITIVE:  # no entry of a dictionary is such a fault
-            unknown += [name_of(fault)] if active_samples(fault, time_s).any() else []
+        if fault.shape not in ADDITIVE:
+            if (entry := _same_entry(window, fault)) is not None:
+                wanted[entry] = wanted.get(entry, 0.0) + fault.magnitude
+            elif active_samples(fault, time_s).any():
+                unknown.append(name_of(fault))
             continue
         channel = window.log.channel(fault.channel).name
         if fault.file is not None and os.path.abspath(fault.file) not in named:
@@ -176,11 +176,11 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
 
 def _same_entry(window: PreparedWindow, fault: Fault) -> int | None:
     """Return the live entry that is a fault, None where there is none."""
-    return next((j for j in window.live if is_same_fault(_on_log(window, window.faults[j]), fault)), None)
-
-
-def _on_log(window: PreparedWindow, fault: Fault) -> Fault:
-    return replace(fault, channel=window.log.channel(fault.channel).name)
+    for j in window.live:
+        entry = window.faults[j]
+        if is_same_fault(replace(entry, channel=window.log.channel(entry.channel).name), fault):
+            return j
+    return None
 
 
 def _begins_as(window: PreparedWindow, entry: int, channel: str, onset_s: float) -> bool:

@@ -32,7 +32,7 @@ from ..preprocessing.tolerance import is_any
 from ..shapes import SHAPES, Kind, Shape
 from .decision import Rule
 from .estimate import Estimate, subtract_faults
-from .scan import HypothesisScan, Peak, scan_of
+from .scan import HypothesisScan, Peak, fault_free_bic, scan_of
 from .scan_record import ScanRecord
 from .shapes import LARGEST_SHARE, ShapeHypothesis, fault_of, waveform
 
@@ -165,7 +165,7 @@ def claims_of(
     for (shape, output), of_shape in parts(report, wanted):
         channel, scale = settings.outputs[output], float(record.unit[output])
         declared = next((one for one in estimates if (one.form.shape, one.form.output) == (shape, output)), None)
-        peak = None if shape in beside else _peak_of(first, shape, output)
+        peak = None if shape in beside else first.of(shape, output)
         form = _built_up(record, shape, output)[0] if peak is None else peak.form
         form = form if declared is None else declared.form
         fault = fault_of(form, channel, magnitude=1.0, onset_s=0.0)
@@ -199,11 +199,6 @@ def claims_of(
             candidate = replace(candidate, note=_narrowed(record, shape, output, order, candidate.note))
         candidates.append(replace(candidate, onsets_checked=_checked(record, shape, output, order)))
     return tuple(candidates)
-
-
-def _peak_of(first: HypothesisScan, shape: str, output: int) -> Peak:
-    of_shape = (one for one in first.peaks if (one.form.shape, one.form.output) == (shape, output))
-    return max(of_shape, key=lambda one: one.statistic)
 
 
 def _narrowed(record: ScanRecord, shape: Shape, output: int, order: int, note: str | None) -> str | None:
@@ -241,6 +236,21 @@ def views_of(
             view.append(scan_of(record, record.y, order_as_measured, output=i))
         views.append(tuple(view))
     return views
+
+
+def with_views_of(
+    measured: ScanRecord, record: ScanRecord, views: Sequence[tuple[Scan, ...]]
+) -> list[tuple[Scan, ...]]:
+    """Return views with one more of every output: before any fault was taken off, at an order that suits it."""
+    if measured.y.shape != record.y.shape:
+        return list(views)
+    y, more = measured.y * (measured.unit / record.unit), []  # scaled alike
+    for i, of_output in enumerate(views):
+        first = max(measured.orders)
+        scans = {order: scan_of(measured, y, order, output=i, first=first) for order in measured.orders}
+        suits = min(scans, key=lambda order: fault_free_bic(measured, scans[order]))
+        more.append((*of_output, scan_of(measured, y, suits, output=i)))
+    return more
 
 
 def _sized(

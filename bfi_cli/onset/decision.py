@@ -403,23 +403,21 @@ def table_of_windows(
     for (log, (from_s, to_s)), own in parts(report, pieces):
         try:
             record = prepare_record(log, merge(config, {"window": {"from_s": from_s, "to_s": to_s}}))
-            if settings is not None and _unlike(record.settings, settings):
+            made = record.settings
+            if settings is not None and (
+                made.orders != settings.orders or abs(made.rate_hz / settings.rate_hz - 1.0) > TOLERANCES["rate_hz"]
+            ):
                 raise LogError(f"{log.path}: the window from {from_s:g} s is shorter than the others")
             with threadpool_limits(1):
                 scans.append(scan_hypotheses(record, record.y, report=own))
         except LogError as unusable:
             n_unusable, problem = n_unusable + 1, unusable
             continue
-        settings = settings or record.settings
+        settings = settings or made
         names[Path(log.path).name] = None
     if settings is None or not scans:
         raise problem or LogError("calibration: no window; give a longer log or shorter windows")
     return _table(settings, scans, tuple(names), n_unusable)
-
-
-def _unlike(settings: CalibrationSettings, others: CalibrationSettings) -> bool:
-    rates_differ = abs(settings.rate_hz / others.rate_hz - 1.0) > TOLERANCES["rate_hz"]
-    return settings.orders != others.orders or rates_differ
 
 
 def _table(

@@ -23,7 +23,7 @@ from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity
 from ..shapes import Kind
-from .claims import claims_of, covered_s, limits_near_onsets, views_of
+from .claims import claims_of, covered_s, limits_near_onsets, views_of, with_views_of
 from .confirmation import unconfirmed
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults
@@ -33,7 +33,6 @@ from .scan import (
     HypothesisScan,
     Peak,
     bic_change,
-    fault_free_bic,
     lasting_peak,
     scan_hypotheses,
     scan_hypothesis,
@@ -147,28 +146,20 @@ def search_onsets(
         doubts = unconfirmed(log, record, estimates, config, order=order)
         kept = [i for i in range(len(estimates)) if i not in doubts]
         sizes = measure(log, record, [estimates[i] for i in kept], config, partial(progress, "magnitudes"))
-        for i, one in zip(kept, sizes, strict=True):
-            estimates[i] = one
-            if abs(one.z) <= TWO_SIDED_95 * one.sd:
-                doubts[i] = _may_be_nothing(record, one)
-        doubted = {(estimates[i].form.shape, estimates[i].form.output): said for i, said in doubts.items()}
-        verdicts = [one for i, one in enumerate(verdicts) if i not in doubts]
-        estimates = [one for i, one in enumerate(estimates) if i not in doubts]
+        for i, sized in zip(kept, sizes, strict=True):
+            estimates[i] = sized
+            if abs(sized.z) <= TWO_SIDED_95 * sized.sd:
+                doubts[i] = _may_be_nothing(record, sized)
+        doubted = {(estimates[i].form.shape, estimates[i].form.output): why for i, why in doubts.items()}
+        kept = [i for i in kept if i not in doubts]
+        verdicts, estimates = [verdicts[i] for i in kept], [estimates[i] for i in kept]
         tolerances = tolerances_of(log, record.window.log, config.outputs, config)
         of_limits = partial(progress, "what could not have been seen")
         limiting, of_faults = shares(of_limits, 2, len(entries) / 8)
         views = views_of(record, estimates, order=order, order_as_measured=first.order)
-        of_entries = tuple(views)
+        of_entries = views
         if as_measured is not None:
-            measured = prepare_record(as_measured, config, entries=kinds)
-            if measured.y.shape == record.y.shape:
-                orders, last_order = measured.orders, max(measured.orders)
-                for i, view in enumerate(views):
-                    # The outputs before any fault was taken off, scaled alike, at an order that suits them.
-                    y = measured.y * (measured.unit / record.unit)
-                    scans = [scan_of(measured, y, order, output=i, first=last_order) for order in orders]
-                    suits = min(zip(scans, orders, strict=True), key=lambda pair: fault_free_bic(measured, pair[0]))[1]
-                    views[i] = (*view, scan_of(measured, y, suits, output=i))
+            views = with_views_of(prepare_record(as_measured, config, entries=kinds), record, views)
         candidates = claims_of(
             record,
             first,

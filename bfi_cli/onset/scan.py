@@ -82,9 +82,10 @@ class HypothesisScan:
     without_fault: tuple[float, ...]
     with_fault: tuple[float, ...]
 
-    def of(self, shape: str) -> Peak:
-        """Return the best peak of a shape."""
-        return max((peak for peak in self.peaks if peak.form.shape == shape), key=lambda peak: peak.statistic)
+    def of(self, shape: str, output: int | None = None) -> Peak:
+        """Return the best peak of a shape, on one output where it is told."""
+        of_shape = (peak for peak in self.peaks if peak.form.shape == shape and output in (None, peak.form.output))
+        return max(of_shape, key=lambda peak: peak.statistic)
 
 
 def scan_hypotheses(

@@ -19,7 +19,7 @@ from bars import FULL, not_above, not_below
 from bfi_cli.config import Config, merge
 from bfi_cli.detect import detect_faults
 from bfi_cli.detect.parity import detect_sequentially
-from bfi_cli.detect.preparation import decimate_record, prepare_record
+from bfi_cli.detect.preparation import decimate_record, prepare_detection
 from bfi_cli.faults import Fault
 from bfi_cli.filters import Filter, response_of
 from bfi_cli.flightlog import FlightLog, inject, read_log
@@ -73,7 +73,7 @@ def windows(log: FlightLog) -> Iterator[FlightLog]:
 
 
 def healthy(part: FlightLog, flight: str, config: Config) -> Healthy:
-    prepared = prepare_record(part, config)
+    prepared = prepare_detection(part, config)
     samples = decimate_record(prepared, prepared.choice.factor)
     alarms, (first, *_) = detect_sequentially(samples, false_alarm=config.detect.false_alarm)
     at = first.model.n_healthy - first.model.errors.start

@@ -6,7 +6,7 @@ fault whose onsets are not known, and what relations between channels, pressure 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import fields, replace
 
 from .channels import INDEPENDENT
@@ -21,8 +21,8 @@ from .decision import (
     verdicts_of,
     with_limit_of_scan,
 )
-from .dictionary import Dictionary, dead_sentences
-from .errors import DictionaryError
+from .dictionary import Dictionary, dead_reason_of_kind
+from .errors import ConfigError, DictionaryError, LogError
 from .faults import Fault, FaultEstimate
 from .filters import alternatives, response_of
 from .flightlog import FlightLog, inject
@@ -34,10 +34,10 @@ from .identify.result import AgainstTruth, IdentifyResult, ScanSummary
 from .identify.shared_model import with_those_that_share
 from .kernels.progress import Progress, unseen
 from .notes import Note
-from .onset import OnsetResult, find_onset, scan_beside, search_onsets, why_not_scanned
+from .onset import OnsetResult, find_onset, search_onsets
 from .onset.shapes import scanned_shape
 from .preprocessing.defaults import require_one_trim
-from .preprocessing.window import with_inputs_of
+from .preprocessing.window import must_resample, with_inputs_of
 from .report.text import instant, quantity
 from .shapes import OF_LINES, SHAPES, Kind
 from .truth import Comparison, compare_by_onset
@@ -47,6 +47,9 @@ from .truth import Comparison, compare_by_onset
 ONSET_SAMPLES = 1.5
 # Variance accounted for, %, beyond which the prediction errors at the log's own rate are round-off.
 EXPLAINED = 100.0 - 1e-9
+
+# A longer record, counted at the rate that is asked for or at 10 Hz, would take minutes.
+MOST_SAMPLES, FASTEST_HZ = 20_000, 10.0
 
 
 def start_time(log: FlightLog, config: Config, progress: Progress = unseen) -> OnsetResult:
@@ -108,23 +111,10 @@ def _live_kinds(part: FlightLog, searched: Dictionary, config: Config) -> tuple[
     """
     start_s, stop_s = float(part.time_s[0]), float(part.time_s[-1])
     kinds = searched.resolved(start_s)
-    live = []
-    for one in kinds:
-        first_s, last_s = one.onset_range_s or (start_s, stop_s)
-        if one.channel in config.outputs and first_s < stop_s and last_s > start_s:
-            live.append(one)
-    if kinds and not live:
-        one = kinds[0]
-        dead = dead_sentences(
-            [replace(one, onset_range_s=None, onset_s=start_s)], start_s, stop_s, outputs=config.outputs
-        )
-        first_s, last_s = one.onset_range_s or (start_s, stop_s)
-        outside = (
-            f"'{one.name}' begins between {first_s:.6g} and {last_s:.6g} s, outside of the window "
-            f"({start_s:.6g} to {stop_s:.6g} s); move its onset_s"
-        )
-        raise DictionaryError(f"{searched.path}: no live atom: {(*dead, outside)[0]}")
-    return tuple(live)
+    reasons = [dead_reason_of_kind(kind, start_s, stop_s, config.outputs) for kind in kinds]
+    if kinds and all(reasons):
+        raise DictionaryError(f"{searched.path}: no live atom: {reasons[0]}")
+    return tuple(kind for kind, reason in zip(kinds, reasons, strict=True) if reason is None)
 
 
 def _identify_kinds(
@@ -242,10 +232,10 @@ def _identify_entries(
     searched: OnsetResult | str
     if any(SHAPES[one.fault.shape].acts_on == "course" for one in found.result.faults):
         searched = "not scanned: a fault of unknown shape is declared"
-    elif (why_not := why_not_scanned(part, config, exact=exact)) is not None:
+    elif (why_not := _why_not_scanned(part, config, exact=exact)) is not None:
         searched = why_not
     else:
-        searched = scan_beside(
+        searched = _scan_beside(
             _corrected(part, found, config),
             scanning,
             stated,
@@ -270,6 +260,54 @@ def _identify_entries(
     declares = any(one.source == "scan" for one in result.faults)
     result = _with_checked_onsets(result)
     return _with_scan(result, searched, "it declares another fault" if declares else "it declares no other fault")
+
+
+def _scan_beside(
+    window: FlightLog,
+    config: Config,
+    entries: Sequence[Fault],
+    progress: Progress,
+    *,
+    kinds: Sequence[Fault],
+    claims: Collection[Kind],
+    as_measured: FlightLog | None,
+) -> OnsetResult | str:
+    """Search all onsets of a window beside entries of a dictionary that state theirs, or return why not.
+
+    The calibration is a table that fits or the nearest one: windows of the log itself would take longer than the
+    analysis beside which this is done.
+
+    Parameters
+    ----------
+    window : of the log, less the faults that are known; as_measured : the same with them, None where none is known.
+    entries : of the dictionary, on the axis of the window.
+    kinds : entries whose onsets are searched; without them every kind is.
+    claims : the kinds of fault of which limits are sought, as the dictionary has none of them.
+    """
+    try:
+        known = [name for name in (*config.inputs, *config.outputs) if name in window.channels]
+        must_resample(window, known, config.conditioning.rate_hz)
+        scanning = merge(config, {"method": "ml", "model.feedthrough": config.feedthrough})
+        if config.start_time.calibration == "self":
+            scan = scanning.start_time.model_copy(update={"calibration": None})
+            scanning = scanning.model_copy(update={"start_time": scan})
+        return search_onsets(
+            window, scanning, progress, kinds=kinds, entries=entries, claims=claims, as_measured=as_measured
+        )
+    except (ConfigError, LogError) as problem:
+        return f"not scanned for other onsets: {problem}"
+
+
+def _why_not_scanned(window: FlightLog, config: Config, *, exact: bool) -> str | None:
+    """Return why a window is not scanned beside an analysis, as far as its length tells; None where it may be."""
+    if exact:
+        return "not scanned for other onsets: the model explains the log to round-off"
+    asked = config.conditioning.rate_hz
+    rate_hz = asked if not isinstance(asked, str) else min(window.rate_hz, FASTEST_HZ)
+    n_samples = round(window.n_samples / window.rate_hz * (window.rate_hz if asked == "none" else rate_hz))
+    if n_samples > MOST_SAMPLES:
+        return f"not scanned for other onsets: {n_samples} samples are more than {MOST_SAMPLES}; cut the window"
+    return None
 
 
 def _within_tolerance(found: Identification, searched: OnsetResult | None, config: Config) -> Identification:

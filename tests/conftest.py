@@ -60,7 +60,7 @@ def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 @pytest.fixture
 def unscanned(monkeypatch: pytest.MonkeyPatch) -> None:
     """Leave out the scan beside the identification, two thirds of the time, where a test does not look at it."""
-    monkeypatch.setattr("bfi_cli.onset.beside.MOST_SAMPLES", 0)
+    monkeypatch.setattr("bfi_cli.analysis.MOST_SAMPLES", 0)
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import numpy as np
 from ..channels import STANDARD
 from ..config import Config, merge
 from ..decision import Candidate
-from ..dictionary import Dictionary, dead_sentences
+from ..dictionary import Dictionary, dead_reason_of_kind
 from ..errors import DictionaryError
 from ..faults import Fault, did_you_mean, magnitude_unit, physical
 from ..flightlog import FlightLog
@@ -260,7 +260,9 @@ def entries(
     return tuple(atoms)
 
 
-def searched_on_log(clean: FlightLog, dictionary: Dictionary, config: Config) -> tuple[OnsetResult | None, list[str]]:
+def searched_on_log(
+    clean: FlightLog, dictionary: Dictionary, config: Config
+) -> tuple[OnsetResult | None, list[str | None]]:
     """Return the search of a log without faults for the kinds of a dictionary, and why kinds are left out of it.
 
     The result is None where all are.
@@ -269,7 +271,7 @@ def searched_on_log(clean: FlightLog, dictionary: Dictionary, config: Config) ->
     start_s, stop_s = float(part.time_s[0]), float(part.time_s[-1])
     kinds = dictionary.searched.resolved(start_s)
     reasons = [dead_reason_of_kind(one, start_s, stop_s, config.outputs) for one in kinds]
-    live = [one for one, reason in zip(kinds, reasons, strict=True) if not reason]
+    live = [kind for kind, reason in zip(kinds, reasons, strict=True) if reason is None]
     searched = search_onsets(clean, merge(config, {"method": "ml"}), kinds=live) if live else None
     return searched, reasons
 
@@ -297,22 +299,11 @@ def without_signals(dictionary: Dictionary, config: Config, searched: OnsetResul
     )
 
 
-def dead_reason_of_kind(fault: Fault, start_s: float, stop_s: float, outputs: Sequence[str]) -> str:
-    """Say why a kind of fault, its onsets on the axis of the log, is not looked for in a window; "" where it is."""
-    first_s, last_s = fault.onset_range_s or (start_s, stop_s)
-    if fault.channel not in outputs:
-        return dead_sentences([fault], start_s, stop_s, outputs=outputs)[0]
-    if first_s >= stop_s or last_s <= start_s:
-        window = f"outside of the window ({start_s:.6g} to {stop_s:.6g} s)"
-        return f"'{fault.name}' begins between {first_s:.6g} and {last_s:.6g} s, {window}; move its onset_s"
-    return ""
-
-
 def with_kinds(
     audit: Audit,
     dictionary: Dictionary,
     units: Mapping[str, str],
-    reasons: Sequence[str] = (),
+    reasons: Sequence[str | None] = (),
     searched: OnsetResult | None = None,
 ) -> Audit:
     """Return the audit of the entries that state their onsets with the kinds of fault added, in the dictionary's order.
@@ -320,7 +311,7 @@ def with_kinds(
     Parameters
     ----------
     units : by channel.
-    reasons : why kinds are left out, "" where they are not; nothing without a log.
+    reasons : why kinds are left out, None where they are not; nothing without a log.
     searched : the search of the log for the others.
 
     Raises
@@ -328,7 +319,7 @@ def with_kinds(
     DictionaryError : nothing is left to be looked for.
     """
     limits = {} if searched is None else {one.name: one for one in searched.candidates}
-    left_out = iter(reasons or [""] * len(dictionary.atoms))
+    left_out = iter(reasons or [None] * len(dictionary.atoms))
     stated, atoms = iter(audit.atoms), []
     for fault in dictionary.resolved(audit.start_s):
         if fault.onset_range_s is None:
@@ -340,7 +331,7 @@ def with_kinds(
     return replace(audit, atoms=tuple(atoms), notes=(*audit.notes, *(() if searched is None else searched.notes)))
 
 
-def _kind(fault: Fault, unit: str, reason: str, limit: Candidate | None) -> AuditedAtom:
+def _kind(fault: Fault, unit: str, reason: str | None, limit: Candidate | None) -> AuditedAtom:
     name, z = fault.name or fault.shape, None if limit is None else limit.minimal_detectable_scan
     said = reason or (None if limit is None or limit.note is None else f"limit of '{name}': {limit.note}")
     return AuditedAtom(

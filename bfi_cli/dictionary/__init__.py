@@ -37,8 +37,8 @@ from ..shapes import IN_DICTIONARY, PARAMETERS, SEARCHED, SHAPES
 from ..validation import SENTENCE_LETTERS, Number, Positive, Rules, Text, editor_schema, path_beside, validate
 from ..yaml12 import load_yaml, read_text
 
-__all__ = ["SHIPPED", "Dictionary", "DictionaryDocument", "dead_reason", "dead_sentences", "expand"]
-__all__ += ["is_shipped", "json_schema", "load_dictionary", "no_signal", "signals"]
+__all__ = ["SHIPPED", "Dictionary", "DictionaryDocument", "dead_reason", "dead_reason_of_kind", "dead_sentences"]
+__all__ += ["expand", "is_shipped", "json_schema", "load_dictionary", "no_signal", "signals"]
 
 FloatArray = NDArray[np.float64]
 
@@ -479,6 +479,17 @@ def dead_reason(fault: Fault, start_s: float, stop_s: float, *, outputs: Sequenc
     outputs : the analysed channels; None not to look.
     """
     return next(iter(dead_sentences([fault], start_s, stop_s, outputs=outputs)), None)
+
+
+def dead_reason_of_kind(fault: Fault, start_s: float, stop_s: float, outputs: Sequence[str]) -> str | None:
+    """Return why a kind of fault, its onsets on the axis of the log, is not searched in a window; None where it is."""
+    first_s, last_s = fault.onset_range_s or (start_s, stop_s)
+    if fault.channel not in outputs:
+        return dead_reason(fault, start_s, stop_s, outputs=outputs)
+    if first_s < stop_s and last_s > start_s:
+        return None
+    window = f"outside of the window ({start_s:.6g} to {stop_s:.6g} s)"
+    return f"'{fault.name}' begins between {first_s:.6g} and {last_s:.6g} s, {window}; move its onset_s"
 
 
 def dead_sentences(

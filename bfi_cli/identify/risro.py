@@ -68,7 +68,7 @@ def identify_by_risro(
         )
     penalty = regression.penalty(config.selection, n_atoms)
     if decides_by_rule(config):
-        return _by_rule(window, regression, config, penalty, progress)
+        return _by_rule(regression, config, penalty, progress)
     return _by_stage(window, regression, config, penalty, progress)
 
 
@@ -140,9 +140,7 @@ def _by_stage(
     )
 
 
-def _by_rule(
-    _window: PreparedWindow, regression: RegressionData, config: Config, penalty: Penalty, progress: Progress
-) -> MethodResult:
+def _by_rule(regression: RegressionData, config: Config, penalty: Penalty, progress: Progress) -> MethodResult:
     """Keep the order with the best criterion and declare by T's rule; variances are the likelihood's at its result."""
     n_atoms, n_rows, stage = len(regression.atoms), regression.n_rows, stage_of(config)
     solutions, criteria = {}, {}

@@ -1,6 +1,5 @@
 """When did a fault start, of which shape is it and how large: the scan over all onsets (docs/theory.md, 9)."""
 
-from .beside import scan_beside, why_not_scanned
 from .decision import calibration_windows, table_of_windows, windows_of
 from .detection import find_onset, search_onsets
 from .report import onset_content, onset_document
@@ -19,5 +18,5 @@ __all__ += [
     "onset_document",
     "search_onsets",
     "table_of_windows",
+    "windows_of",
 ]
-__all__ += ["scan_beside", "why_not_scanned", "windows_of"]

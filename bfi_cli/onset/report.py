@@ -113,8 +113,6 @@ def onset_from_document(document: Plain, *, where: str = "result") -> OnsetResul
             "time_s": member(document, "series.time_s", where=where),
             "series": member(document, "series.outputs", where=where),
             "truth": None,
-            "covered_s": None,
-            "of_dictionary": [],
         },
         where=where,
     )

@@ -102,8 +102,8 @@ class OnsetResult:
     verdicts: Mapping[Kind, Decision]
     candidates: tuple[Candidate, ...]
     summary: str
-    covered_s: tuple[float, float] | None
-    of_dictionary: tuple[ScanLimit | None, ...]
+    covered_s: tuple[float, float] | None = None
+    of_dictionary: tuple[ScanLimit | None, ...] = ()
     false_alarm: float
     p_value: float | None
     statistic: float
@@ -197,8 +197,6 @@ def assemble_result(
         verdicts=dict.fromkeys(KINDS, "inconclusive"),
         candidates=(),
         summary="",
-        covered_s=None,
-        of_dictionary=(),
         false_alarm=0.0,
         p_value=None,
         statistic=estimates[0].statistic if estimates else 0.0,

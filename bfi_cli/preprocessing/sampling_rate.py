@@ -115,10 +115,8 @@ def candidate_orders(
     return (fixed,) if fixed <= longest else orders
 
 
-def is_exact(signals: Signals | NativeSignals) -> bool:
+def is_exact(signals: Signals) -> bool:
     """Say whether a low-order VARX with free fault terms leaves nothing but round-off at the log's own rate."""
-    if isinstance(signals, NativeSignals):
-        signals = signals.between(slice(0, EXACT_SAMPLES))
     part = slice(0, EXACT_SAMPLES)
     y, u, theta = signals.y[part], signals.u[part], np.asarray(signals.theta)[part]
     if len(y) < 20 * EXACT_ORDER or np.any(np.ptp(y, axis=0) == 0.0):

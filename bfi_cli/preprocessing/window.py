@@ -26,7 +26,7 @@ from ..kernels.low_pass import Response
 from ..kernels.progress import Report, parts, silent
 from ..shapes import SHAPES
 from .regression import RegressionData, build_regression, longest_order
-from .sampling_rate import Purpose, RateChoice, candidate_orders, choose_rate, is_exact
+from .sampling_rate import EXACT_SAMPLES, Purpose, RateChoice, candidate_orders, choose_rate, is_exact
 from .signals import LogSignal, NativeSignals, Signals, decimate_native
 from .summary import LogSummary, log_summary
 
@@ -150,7 +150,7 @@ def prepare_window(
     _require_movement(part, config)
     native = replace(native, earlier=_earlier_signals(log, part.rate_hz, config, resamples=resamples))
     lowpass = replace(WHITE, kind=config.conditioning.filter)
-    exact = is_exact(native)
+    exact = is_exact(native.between(slice(EXACT_SAMPLES)))
     recorder_hz = min((one.edge_hz for one in filters if one.stage == "recorder"), default=None)
     seen = [faults[j] for j in native.seen]
     rate = choose_rate(native, seen, exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose)

@@ -455,7 +455,7 @@ def test_without_a_dictionary_and_without_a_fault_the_limits_of_the_scan_are_sho
 def test_where_the_window_is_not_scanned_onsets_known_to_a_tolerance_exclude_nothing(
     identify: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("bfi_cli.onset.beside.MOST_SAMPLES", 10)
+    monkeypatch.setattr("bfi_cli.analysis.MOST_SAMPLES", 10)
     known, exact = (identify(CLEAN, "-d", FEW, "--rate", 10, "--onset-tolerance", t) for t in (1, 0))
     assert known["scan"]["decision"] is None
     assert "not scanned for other onsets" in known["scan"]["note"]

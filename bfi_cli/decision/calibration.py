@@ -26,23 +26,6 @@ from ..report.content import ReportContent, Table, notes_of
 from ..serialization import SCHEMA, check_schema, from_plain, mapping, member, to_json
 from ..yaml12 import read_text
 
-__all__ = ["FEWEST_WINDOWS", "TOLERANCES", "CalibrationSettings", "CalibrationTable", "Null"]
-__all__ += [
-    "calibration_content",
-    "calibration_document",
-    "check_calibration",
-    "check_digest",
-    "differences",
-    "join_tables",
-    "load_tables",
-    "nearest",
-    "null_from",
-    "null_of",
-    "save_tables",
-]
-__all__ += ["summary", "table_notes", "wrong_statistics"]
-
-
 # A million windows of three shapes, decades of flight: 20 letters for each number.
 MAX_BYTES = 64_000_000
 # With fewer there is at most a handful of windows above the quantile from which the tail is estimated.

@@ -165,18 +165,7 @@ def prepare_detection(log: FlightLog, config: Config) -> PreparedRecord:
 
     # 4. The signals, those that a turn makes among the inputs, and the rate.
     u, y = _input_signals(part, inputs, bank), part.signals(outputs)
-    healthy, record = (
-        Signals(
-            path=part.path,
-            rate_hz=part.rate_hz,
-            factor=1,
-            time_s=part.time_s[:until],
-            u=u[:until],
-            y=y[:until],
-            theta=AtomSignals.none(until, len(outputs)),
-        )
-        for until in (int(np.count_nonzero(part.time_s < train[1])), part.n_samples)
-    )
+    record, healthy = _record(part, u, y), _record(part, u, y, until=int(np.count_nonzero(part.time_s < train[1])))
     cut_off = last_s > recorder.until_s
     felt = () if given_inputs else tuple(name for name in FELT if name in inputs)
     return PreparedRecord(
@@ -274,6 +263,13 @@ def _input_signals(part: FlightLog, inputs: Sequence[str], bank: tuple[str, ...]
         if "pitch_rate" in part.channels:
             signals.append(part.channel("pitch_rate").values * (1.0 - level))
     return np.column_stack([np.zeros((part.n_samples, 0)), *signals])
+
+
+def _record(part: FlightLog, u: FloatArray, y: FloatArray, until: int | None = None) -> Signals:
+    """Return the signals, or the first samples of them, without a dictionary."""
+    time_s, u, y = part.time_s[:until], u[:until], y[:until]
+    theta = AtomSignals.none(*y.shape)
+    return Signals(path=part.path, rate_hz=part.rate_hz, factor=1, time_s=time_s, u=u, y=y, theta=theta)
 
 
 def _notes_on_times(

@@ -24,8 +24,6 @@ from .magnitudes import MethodResult
 from .maximum_likelihood import none_of, select
 from .result import SolverSummary
 
-__all__ = ["identify_by_residual"]
-
 # Samples between an alarm and the onset of the entry it stands for: the low-pass of the analysis spreads a step over
 # one to either side.
 NEAR = 1.5

@@ -23,8 +23,6 @@ from ..preprocessing.window import PreparedWindow
 from .magnitudes import MethodResult
 from .methods import METHODS
 
-__all__ = ["claims_of_entries"]
-
 # Multiples of the limit at which the profile is asked, until it excludes one.
 MULTIPLES = (1.0, 1.5, 2.25, 3.5, 6.0)
 # Coherence of two entries that are one signal: what `preprocessing.window` calls dependent.

@@ -32,8 +32,6 @@ from ..preprocessing.window import PreparedWindow
 from .magnitudes import MethodResult
 from .result import SolverSummary
 
-__all__ = ["DmaeResult", "DmaeSettings", "Reference", "dmae", "dmae_of", "identify_by_dmae"]
-
 Variances = float | Sequence[float]
 Reference = Literal["trim", "start"]
 

@@ -15,8 +15,6 @@ from ..report.faults import fault_entry, plain_estimate
 from ..serialization import check_schema, document_of, from_plain, mapping, member, to_plain
 from .result import IdentifyResult
 
-__all__ = ["identify_document", "identify_from_document"]
-
 # Samples of the series of a document, more than any figure shows: 80 minutes at 10 Hz. Chosen for its size, 10 MB.
 MOST_SAMPLES = 50_000
 GIVE = "give the result.json of bfi identify --out"

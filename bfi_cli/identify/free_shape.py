@@ -31,9 +31,6 @@ from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow, regression_of
 from .magnitudes import FreeOutcome, MethodResult
 
-__all__ = ["identify_with_courses"]
-
-
 # Of the walk: a second, in which the motion of an aircraft changes, is as short as a cell is made; and at most so many.
 # With half a second courses on the nonlinear simulation were found as well, with two seconds less of a bump.
 CELL_S, MOST_CELLS = 1.0, 64

@@ -34,8 +34,6 @@ from .recorder import with_likeliest_recorder
 from .result import IdentifyResult, ScanSummary
 from .warnings import hidden_atoms, warnings_of
 
-__all__ = ["Identification", "concluded", "identification", "identify_faults"]
-
 UNANSWERABLE = (
     "this window cannot tell: every fault of the dictionary that is smaller than the output's whole movement can pass "
     "for the aircraft's motion; choose a window with the onset and a manoeuvre inside"

@@ -17,8 +17,6 @@ from ..preprocessing.window import PreparedWindow
 from .result import SolverSummary
 from .selection import Selection
 
-__all__ = ["FreeOutcome", "MethodResult", "result_of_selection"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FreeOutcome:

@@ -50,9 +50,6 @@ from .result import SolverSummary
 from .selection import Selected, Selection
 from .supports import propose_supports
 
-__all__ = ["Selection", "best_of", "identify_by_likelihood", "select"]
-
-
 # Steps to the magnitude at which the signal of a fault of a pressure line is taken, and the relative change of it that
 # ends them: far below the standard deviation of any magnitude that is declared.
 SECANTS, AT_REST = 8, 1e-4

@@ -22,8 +22,6 @@ from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow, shifted_signals, shifts_within, with_onsets
 from .selection import Selected, Selection
 
-__all__ = ["move_entry", "move_onsets"]
-
 # Onsets of an entry that are fitted: the best to first order, which may rank neighbours wrongly.
 FITTED = 3
 # They are not where the best gains less than this share of what it needs: first order sees less of a large fault.

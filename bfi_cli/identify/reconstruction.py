@@ -19,9 +19,6 @@ from ..truth import compare_faults, is_same_fault, name_of
 from .magnitudes import MethodResult
 from .result import AgainstTruth, OutputSeries, ResidualSummary
 
-__all__ = ["against_truth", "output_series", "residual_summaries", "true_faults", "with_heads"]
-
-
 # An injected fault is an entry of the dictionary if it differs from a multiple of it by less than resampling does.
 SAME_SIGNAL = 1e-6
 AT_ONCE = 100_000  # samples of which the faults are made at once, for memory

@@ -43,9 +43,6 @@ from .document import DERIVED, identify_from_document
 from .methods import METHODS
 from .result import IdentifyResult, OutputSeries, ResidualSummary
 
-__all__ = ["DRAWINGS", "TABLES", "content_of_document", "identify_content", "shown_candidates"]
-
-
 DRAWINGS = ("hidden", "outputs", "fault", "magnitudes", "residuals", "orders")
 TABLES = ("faults", "candidates", "residuals", "truth", "orders", "series")
 # Entries of the dictionary that the figure of the magnitudes has room for.

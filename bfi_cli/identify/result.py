@@ -13,9 +13,6 @@ from ..plausibility.finding import Implausible
 from ..preprocessing.summary import LogSummary, ModelSummary
 from ..shapes import Kind
 
-__all__ = ["AgainstTruth", "IdentifyResult", "OutputSeries", "ResidualSummary", "ScanSummary", "SolverSummary"]
-__all__ += ["SparsityRun", "SparsitySummary"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ScanSummary:

@@ -32,9 +32,6 @@ from .maximum_likelihood import best_of, none_of, select
 from .result import SolverSummary, SparsityRun, SparsitySummary
 from .supports import proposals_of, stage_runs
 
-__all__ = ["THRESHOLD", "declared", "identify_by_risro", "solve"]
-
-
 # T section 5-1: a fault is a magnitude whose share of the norm is larger.
 THRESHOLD = 1e-3
 # Scaled magnitudes below this are round-off: of a record without a fault the largest has a share of 1 too.

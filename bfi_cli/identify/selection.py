@@ -10,8 +10,6 @@ from ..kernels.model_selection import OrderSearch, Penalty, ScoredFit
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
 
-__all__ = ["Selected", "Selection"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Selection:

@@ -13,8 +13,6 @@ from ..kernels.termination import StoppingRule
 from ..kernels.variable_projection import fit_magnitudes
 from ..preprocessing.regression import RegressionData
 
-__all__ = ["StageRun", "proposals_of", "propose_supports", "stage_runs"]
-
 # The derived stage, which ml begins with. Its starts need no more digits than a tenth of a standard deviation.
 DERIVED = SparseStage(kind="exp-l0")
 COARSE = StoppingRule(max_iterations=25, tolerance=1e-4)

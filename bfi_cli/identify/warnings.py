@@ -16,8 +16,6 @@ from ..shapes import SHAPES
 from .magnitudes import MethodResult
 from .result import OutputSeries, ResidualSummary
 
-__all__ = ["BLIND_NOTE", "hidden_atoms", "warnings_of"]
-
 # p-value of the Ljung-Box test below which intervals are suspected: hundreds of samples of real gusts rarely pass 0.05.
 WHITE_P = 1e-3
 # Regressors this dependent leave eight digits of the sixteen of double precision to their coefficients.

@@ -36,8 +36,6 @@ from .scan import HypothesisScan, Peak, fault_free_bic, scan_of
 from .scan_record import ScanRecord
 from .shapes import LARGEST_SHARE, ShapeHypothesis, fault_of, waveform
 
-__all__ = ["claims_of", "covered_s", "limits_near_onsets"]
-
 # A claim of no oscillation holds for those with at least so many cycles in the window, of which two are left after the
 # onset: slower ones are bends, which a change of thrust or wind makes as well. With four cycles in place of six the
 # claim could be made in 67 instead of 80 % of 39 fault-free windows of two recorded flights.
@@ -152,7 +150,7 @@ def claims_of(
     doubted : why a shape on an output that stands out is not declared.
     report : called with the fraction that is done.
     """
-    settings, log = record.settings, record.window.log
+    settings = record.settings
     # A claim about steps covers lags and ramps too.
     beside = [shape for shape in BUILT_UP if shape not in settings.shapes and "bias" in settings.shapes]
     candidates = []
@@ -163,17 +161,17 @@ def claims_of(
         if record.kinds.may_be(shape, i)
     ]
     for (shape, output), of_shape in parts(report, wanted):
-        channel, scale = settings.outputs[output], float(record.unit[output])
+        channel, scale, unit = record.output(output)
         declared = next((one for one in estimates if (one.form.shape, one.form.output) == (shape, output)), None)
         peak = None if shape in beside else first.of(shape, output)
         form = _built_up(record, shape, output)[0] if peak is None else peak.form
         form = form if declared is None else declared.form
-        fault = fault_of(form, channel, magnitude=1.0, onset_s=0.0)
+        fault = fault_of(form, channel)
         kind = SHAPES[shape].kind if shape in WEIGHED else kind_of(fault, declared=declared is not None)
         called = shape if len(settings.outputs) == 1 else f"{shape} on {channel}"
         candidate = candidate_of(
             fault,
-            log.channel(channel).unit,
+            unit,
             name=record.kinds.names.get((shape, output), called),
             kind=kind,
             declared=declared is not None,

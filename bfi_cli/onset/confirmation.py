@@ -19,8 +19,6 @@ from .estimate import Estimate, subtract_faults
 from .scan import lasting_peak, scan_of
 from .scan_record import ScanRecord, prepare_record
 
-__all__ = ["unconfirmed"]
-
 # Share of its statistic that a fault keeps where the other channels are inputs, too. With the elevator alone it kept 1
 # to 29 % of that of the six false alarms in 137 windows of two recorded flights, and 49 % or more of that of 39 steps,
 # drifts and oscillations in 19 of them: what is in the output alone stands out the more, the less else is unexplained.

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from ..config import Config, merge
 from ..decision import KINDS, Evidence, conclude, onsets_checked
 from ..errors import ConfigError
-from ..faults import Fault, FaultEstimate, magnitude_unit
+from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
@@ -181,32 +181,15 @@ def search_onsets(
     result = assemble_result(
         record, first, estimates, p_values, tolerances, order=order, series_order=first.fault_free_order
     )
-    notes = [*map(Note.limit, doubts.values()), *rule.notes]
-    if rule.use.matches and verdict.p_value <= rule.null.rarest:
-        n_windows = rule.use.n_windows
-        notes.append(
-            Note.method(f"the p-value is at most {verdict.p_value:.2g}, the least that {n_windows} windows can show")
-        )
-    notes += _notes(record, result.faults, first.order)
+    covered = covered_s(record, order)
+    notes = [*map(Note.limit, doubts.values()), *rule.notes, *_notes(record, result, rule, verdict)]
     if not estimates and not rule.use.matches:
-        profile = next(profile for profile in result.profiles if profile.shape == verdict.shape)
-        best = int(profile.statistic.argmax())
-        size = f"{profile.magnitude[best]:.3g} {profile.unit}".rstrip()
-        notes.insert(
-            0,
-            Note.limit(
-                f"the strongest suspect is a {profile.shape} of {size} on {profile.channel} from "
-                f"{instant(profile.onset_s[best])} s, statistic {profile.statistic[best]:.3g} against "
-                f"{verdict.threshold:.3g}; a table for these settings "
-                "(bfi calibrate), or --calibration gaussian, may decide otherwise"
-            ),
-        )
-    earliest_s, latest_s = covered_s(record, order)
-    notes.append(onsets_checked("at 95 % for faults", earliest_s, latest_s, "earlier ones cannot be excluded"))
+        notes.insert(0, _strongest_suspect(result, verdict))
+    notes.append(onsets_checked("at 95 % for faults", *covered, "earlier ones cannot be excluded"))
     return replace(
         result,
         candidates=candidates,
-        covered_s=(earliest_s, latest_s),
+        covered_s=covered,
         of_dictionary=of_dictionary,
         false_alarm=rule.false_alarm,
         p_value=verdict.p_value if rule.use.matches else None,
@@ -220,9 +203,8 @@ def search_onsets(
 
 def _may_be_nothing(record: ScanRecord, fault: Estimate) -> str:
     """Return why a fault that the scan declares is only suspected: the interval of its magnitude holds zero."""
-    channel, scale = record.settings.outputs[fault.form.output], float(record.unit[fault.form.output])
-    form = fault_of(fault.form, channel, magnitude=1.0, onset_s=0.0)
-    unit = magnitude_unit(form, record.window.log.channel(channel).unit)
+    channel, scale, unit = record.output(fault.form.output)
+    unit = magnitude_unit(fault_of(fault.form, channel), unit)
     low, high = (scale * (fault.z + reach * fault.sd) for reach in (-TWO_SIDED_95, TWO_SIDED_95))
     return (
         f"the {fault.form.shape} of {quantity(scale * fault.z, unit)} on {channel} from {instant(fault.onset_s)} s is "
@@ -424,15 +406,33 @@ def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
     return likelihood.n_rows * likelihood.fit(np.zeros((*record.y.shape, 0))).log_det
 
 
-def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], order: int) -> list[Note]:
-    notes = [
-        Note.method(f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate.reason}"),
-    ]
+def _strongest_suspect(result: OnsetResult, verdict: Verdict) -> Note:
+    """Return the note on what stands out most where nothing is declared by a table of other settings."""
+    profile = next(profile for profile in result.profiles if profile.shape == verdict.shape)
+    best = int(profile.statistic.argmax())
+    size = f"{profile.magnitude[best]:.3g} {profile.unit}".rstrip()
+    return Note.limit(
+        f"the strongest suspect is a {profile.shape} of {size} on {profile.channel} from "
+        f"{instant(profile.onset_s[best])} s, statistic {profile.statistic[best]:.3g} against "
+        f"{verdict.threshold:.3g}; a table for these settings (bfi calibrate), or --calibration gaussian, may decide "
+        "otherwise"
+    )
+
+
+def _notes(record: ScanRecord, result: OnsetResult, rule: Rule, verdict: Verdict) -> list[Note]:
+    """Return notes on p-value and record, and on onsets that are hardly known or beside large moves of the inputs."""
+    notes = []
+    if rule.use.matches and verdict.p_value <= rule.null.rarest:
+        n_windows = rule.use.n_windows
+        notes.append(
+            Note.method(f"the p-value is at most {verdict.p_value:.2g}, the least that {n_windows} windows can show")
+        )
+    notes.append(Note.method(f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate.reason}"))
     notes += [Note.method(record.window.recorder)] if record.window.recorder else []
     changes = np.abs(np.diff(record.u, axis=0))
     large = changes >= MOST * changes.max(axis=0, initial=0.0)
     moves_s = record.time_s[1:][large[:, large.mean(axis=0) <= RARE].any(axis=1)]
-    for fault in faults:
+    for fault in result.faults:
         low, high = fault.onset_ci95 or (fault.fault.onset_s, fault.fault.onset_s)
         if ((moves_s >= low - BESIDE_S) & (moves_s <= high + BESIDE_S)).any():
             notes.append(

@@ -14,8 +14,6 @@ from .estimate import as_scanned
 from .scan import scan_hypotheses
 from .scan_record import prepare_record
 
-__all__ = ["Glance", "glance"]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Glance:

@@ -44,17 +44,11 @@ def measure(
         return []
     if any(one.uncertain for one in record.window.filters):
         return list(faults)
-    atoms = [
-        fault_of(
-            fault.form,
-            record.settings.outputs[fault.form.output],
-            magnitude=1.0,
-            onset_s=fault.onset_s,
-            offset_s=fault.offset_s,
-        )
-        for fault in faults
-    ]
-    atoms = [replace(atom, name=f"fault {n}") for n, atom in enumerate(atoms, 1)]
+    atoms = []
+    for n, fault in enumerate(faults, 1):
+        channel, _, _ = record.output(fault.form.output)
+        atom = fault_of(fault.form, channel, onset_s=fault.onset_s, offset_s=fault.offset_s)
+        atoms.append(replace(atom, name=f"fault {n}"))
     found = Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path="start-time")
     preparing, fitting, elsewhere, halving, sizing = shares(report, 1, 1, 2, 1, 2)
     try:

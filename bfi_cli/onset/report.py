@@ -27,8 +27,6 @@ from ..serialization import document_of, from_plain, member, to_plain
 from ..shapes import SHAPES
 from .result import OnsetResult, ShapeProfile
 
-__all__ = ["onset_content", "onset_document"]
-
 Plain = Mapping[str, Any]
 
 KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s", "file")

@@ -17,7 +17,7 @@ from ..plausibility.finding import Implausible
 from ..preprocessing.summary import LogSummary, ModelSummary, noise_of
 from ..shapes import Kind
 from .estimate import Estimate, subtract_faults
-from .scan import HypothesisScan
+from .scan import HypothesisScan, Peak
 from .scan_record import ScanRecord
 from .shapes import fault_of
 
@@ -154,43 +154,6 @@ def assemble_result(
     residual = record.without_fault(record.y, series_order).error * record.unit
     measured = record.window.signals.y
     corrected = measured - (record.y - y) * record.unit
-    faults = []
-    for estimate, p_value in zip(estimates, p_values, strict=True):
-        channel, scale = settings.outputs[estimate.form.output], float(record.unit[estimate.form.output])
-        unit, magnitude, sd = log.channel(channel).unit, scale * estimate.z, scale * estimate.sd
-        onset_s, offset_s = estimate.onset_s, estimate.offset_s
-        fault = fault_of(estimate.form, channel, magnitude=magnitude, onset_s=onset_s, offset_s=offset_s)
-        declared = estimate_of(
-            fault,
-            magnitude,
-            sd,
-            unit,
-            effect=scale * float(np.abs(estimate.signal).max()),
-            tolerance=tolerances[channel],
-            onset_ci95=estimate.onset_ci95,
-            statistic=estimate.statistic,
-            p_value=p_value,
-            among=estimate.among,
-        )
-        faults.append(declared)
-    profiles = []
-    for shape in dict.fromkeys(peak.form.shape for peak in scan.peaks):
-        peak = scan.of(shape)
-        channel, scale = settings.outputs[peak.form.output], float(record.unit[peak.form.output])
-        fault = fault_of(peak.form, channel, magnitude=1.0, onset_s=0.0)
-        profiles.append(
-            ShapeProfile(
-                shape=shape,
-                channel=channel,
-                unit=magnitude_unit(fault, log.channel(channel).unit),
-                frequency_hz=fault.frequency_hz,
-                onset_s=frozen_array(record.onsets_s(peak.profile.onsets)),
-                statistic=frozen_array(peak.profile.statistic),
-                magnitude=frozen_array(scale * peak.profile.z),
-                sd=frozen_array(scale * peak.profile.sd),
-                threshold=None,
-            )
-        )
     return OnsetResult(
         log=record.window.summary,
         decision="inconclusive",
@@ -202,7 +165,10 @@ def assemble_result(
         statistic=estimates[0].statistic if estimates else 0.0,
         threshold=None,
         calibration=None,
-        faults=tuple(faults),
+        faults=tuple(
+            _declared(record, estimate, p_value, tolerances)
+            for estimate, p_value in zip(estimates, p_values, strict=True)
+        ),
         model=ModelSummary(
             order=order,
             rate_hz=settings.rate_hz,
@@ -215,7 +181,9 @@ def assemble_result(
             criterion_best=tuple(scan.with_fault) if several else (),
         ),
         method="scan",
-        profiles=tuple(profiles),
+        profiles=tuple(
+            _profile_of(record, scan.of(shape)) for shape in dict.fromkeys(peak.form.shape for peak in scan.peaks)
+        ),
         time_s=frozen_array(record.time_s),
         series=tuple(
             OnsetSeries(
@@ -230,4 +198,41 @@ def assemble_result(
         ),
         truth=None if log.truth is None else log.truth.faults,
         notes=(),
+    )
+
+
+def _declared(
+    record: ScanRecord, estimate: Estimate, p_value: float | None, tolerances: Mapping[str, float]
+) -> FaultEstimate:
+    """Return a declared fault in SI."""
+    channel, scale, unit = record.output(estimate.form.output)
+    magnitude, onset_s, offset_s = scale * estimate.z, estimate.onset_s, estimate.offset_s
+    return estimate_of(
+        fault_of(estimate.form, channel, magnitude=magnitude, onset_s=onset_s, offset_s=offset_s),
+        magnitude,
+        scale * estimate.sd,
+        unit,
+        effect=scale * float(np.abs(estimate.signal).max()),
+        tolerance=tolerances[channel],
+        onset_ci95=estimate.onset_ci95,
+        statistic=estimate.statistic,
+        p_value=p_value,
+        among=estimate.among,
+    )
+
+
+def _profile_of(record: ScanRecord, peak: Peak) -> ShapeProfile:
+    """Return the profile of a hypothesis in SI, without a threshold."""
+    channel, scale, unit = record.output(peak.form.output)
+    fault = fault_of(peak.form, channel)
+    return ShapeProfile(
+        shape=peak.form.shape,
+        channel=channel,
+        unit=magnitude_unit(fault, unit),
+        frequency_hz=fault.frequency_hz,
+        onset_s=frozen_array(record.onsets_s(peak.profile.onsets)),
+        statistic=frozen_array(peak.profile.statistic),
+        magnitude=frozen_array(scale * peak.profile.z),
+        sd=frozen_array(scale * peak.profile.sd),
+        threshold=None,
     )

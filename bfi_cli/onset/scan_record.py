@@ -88,6 +88,11 @@ class ScanRecord:
         """(n_samples,) of the samples analysed."""
         return self.window.signals.time_s
 
+    def output(self, index: int) -> tuple[str, float, str]:
+        """Return name of an output, what makes of its scaled values those in SI, and its unit."""
+        name = self.settings.outputs[index]
+        return name, float(self.unit[index]), self.window.log.channel(name).unit
+
     def onset_s(self, sample: int, phase: int = 0) -> float:
         """Return the time of a conditioned sample, or of one of the log's own samples before it."""
         after = (sample + phase / self.sampling.factor) / self.sampling.rate_hz

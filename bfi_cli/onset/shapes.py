@@ -290,7 +290,7 @@ def _sampled(file: str | None, n: int, rate_hz: float) -> FloatArray:
 
 
 def fault_of(
-    form: ShapeHypothesis, channel: str, *, magnitude: float, onset_s: float, offset_s: float | None = None
+    form: ShapeHypothesis, channel: str, *, magnitude: float = 1.0, onset_s: float = 0.0, offset_s: float | None = None
 ) -> Fault:
     """Return the fault of a hypothesis."""
     key = {"sine": "frequency_hz", "lagged_bias": "time_constant_s", "ramp_hold": "duration_s"}.get(form.shape)

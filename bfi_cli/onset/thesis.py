@@ -31,8 +31,6 @@ from .scan import HypothesisScan, Peak, fault_free_bic, scan_of
 from .scan_record import prepare_record
 from .shapes import fault_of, signal
 
-__all__ = ["find_onset_as_published"]
-
 # The shapes of known form of the published figures.
 SHAPES = ("bias", "drift")
 # Round-off beside the outputs, whose standard deviation is 1.
@@ -138,7 +136,7 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
     candidates = []
     for shown in result.profiles:
         own = next((one for one in result.faults if one.fault.shape == shown.shape), None)
-        fault = fault_of(form_of[shown.shape], shown.channel, magnitude=1.0, onset_s=0.0)
+        fault = fault_of(form_of[shown.shape], shown.channel)
         best = int(np.argmax(np.abs(shown.magnitude)))
         unit, size = log.channel(shown.channel).unit, float(shown.magnitude[best])
         candidates.append(candidate_of(fault, unit, name=shown.shape, declared=own is not None, magnitude=size))

@@ -52,15 +52,15 @@ class PreparedWindow:
     Attributes
     ----------
     log : the window, at the rate before decimation.
-    faults : every dictionary entry, times on the log's axis; names : their names.
+    names : of the dictionary's entries.
     reasons : why an entry is left out, by index; live : the indices of the others but for
     free : the indices of the entries of unknown course, whose signals are zero.
     native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
     largest : (n_faults,) the largest value of every entry's signal at the log's own rate.
-    filters : that the log went through, the recorder's first; response : of all of them, at the rate of `native`.
+    filters : that the log went through, the recorder's first.
     recorder : a sentence on it, and on channels that are derived from others; recorder_hz : its edge, None where there
         is none or none is known.
-    window_start_s : what `phase_reference: window` counts from; window_stop_s : a sample after the last.
+    window_stop_s : a sample after the last.
     native_rate_hz : of the log as it was read.
     exact : a VARX explains the record to round-off at its own rate.
     orders : of the model, to choose from.
@@ -68,7 +68,6 @@ class PreparedWindow:
     """
 
     log: FlightLog
-    faults: tuple[Fault, ...]
     names: tuple[str, ...]
     reasons: Mapping[int, str]
     live: tuple[int, ...]
@@ -78,11 +77,9 @@ class PreparedWindow:
     largest: FloatArray
     rate: RateChoice
     filters: tuple[Filter, ...]
-    response: Response
     recorder: str
     recorder_hz: float | None
     lowpass: Lowpass
-    window_start_s: float
     window_stop_s: float
     native_rate_hz: float
     exact: bool
@@ -90,9 +87,24 @@ class PreparedWindow:
     sizes: Mapping[int, float] = field(default_factory=dict)
 
     @property
+    def faults(self) -> tuple[Fault, ...]:
+        """Every entry of the dictionary, times on the log's axis."""
+        return self.native.faults
+
+    @property
     def outputs(self) -> tuple[str, ...]:
         """Names of the outputs."""
         return self.native.outputs
+
+    @property
+    def response(self) -> Response:
+        """Of all filters that the log went through, at the rate of `native`."""
+        return self.native.response
+
+    @property
+    def window_start_s(self) -> float:
+        """What `phase_reference: window` counts from."""
+        return self.native.window_start_s
 
     @property
     def summary(self) -> LogSummary:
@@ -164,7 +176,6 @@ def prepare_window(
     longest = longest_order(len(decimated.time_s), n_inputs=len(config.inputs), n_outputs=len(config.outputs))
     return PreparedWindow(
         log=part,
-        faults=faults,
         names=names,
         reasons=reasons,
         live=live,
@@ -174,11 +185,9 @@ def prepare_window(
         largest=largest,
         rate=rate,
         filters=filters,
-        response=native.response,
         recorder="; ".join(filter(None, (about_recorder, *(one.text for one in log.notes[known:])))),
         recorder_hz=recorder_hz,
         lowpass=lowpass,
-        window_start_s=span[0],
         window_stop_s=span[1],
         native_rate_hz=native_rate_hz,
         exact=exact,
@@ -382,7 +391,6 @@ def _with_entries(window: PreparedWindow, faults: Mapping[int, Fault], sizes: Ma
     made = native.with_others(faults, of_log)
     return replace(
         window,
-        faults=made.faults,
         native=made,
         signals=replace(window.signals, theta=held.replaced(entries, own), slopes=made.slopes_at(*rate)),
         largest=largest,

@@ -20,11 +20,11 @@ from ..identify import identify_faults
 from ..identify.dmae import DmaeSettings, dmae
 from ..identify.identify import NOT_CONVERGED
 from ..identify.result import IdentifyResult
-from ..identify.risro import THRESHOLD, solve
+from ..identify.risro import THRESHOLD
 from ..kernels import FloatArray
 from ..kernels.lagged import lagged
 from ..onset import find_onset, table_of_windows
-from ..preprocessing.regression import build_regression
+from ..preprocessing.regression import build_regression, solve
 from ..preprocessing.window import prepare_window
 from ..provenance import provenance
 from ..report.text import interval, number

@@ -11,7 +11,6 @@ import numpy as np
 from ..config import STRONG_EVIDENCE
 from ..faults import Fault, unit_signal
 from ..flightlog import FlightLog
-from ..identify.risro import solve
 from ..kernels import FloatArray
 from ..kernels.lagged import Compressed, compress
 from ..kernels.model_selection import Penalty, Proposal, refine_supports
@@ -19,7 +18,7 @@ from ..kernels.risro_varx import risro_varx, sparse_varx
 from ..kernels.sparsity import SparseStage
 from ..kernels.variable_projection import project_inputs
 from ..onset import OnsetResult, find_onset
-from ..preprocessing.regression import ROUND_OFF
+from ..preprocessing.regression import ROUND_OFF, solve
 from ..report.content import Drawing, Panel, ReportContent, Table, curve
 from ..report.text import number
 from ..shapes import Shape

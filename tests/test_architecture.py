@@ -307,16 +307,12 @@ LONGEST_BODY, MOST_PARAMETERS = 60, 8
 # What is longer today, to be taken apart: nothing is added here, and what is done goes.
 LONG = {
     "identify.dmae.dmae",
-    "identify.identify._assembled",
     "identify.maximum_likelihood.identify_by_likelihood",
     "identify.risro._by_stage",
     "identify.warnings.warnings_of",
     "kernels.onset.frequency_bound.may_exceed",
     "kernels.risro_varx.risro_varx",
-    "onset.detection.search_onsets",
-    "onset.estimate.estimate",
     "onset.scan_record.prepare_record",
-    "onset.thesis.find_onset_as_published",
 }
 MANY = {"flightlog.read.read_log", "onset.claims.claims_of"}
 

@@ -108,7 +108,7 @@ def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | N
         rate_hz=float(rate_hz),
         n_samples=n_samples,
         why=why,
-        atoms=entries(faults, names, [unit_of(one.channel) for one in faults], reasons, remarks, signatures),
+        atoms=entries(faults, [unit_of(one.channel) for one in faults], reasons, remarks, signatures),
         signatures=signatures,
         notes=tuple(map(Note.limit, (*unknown_channels(faults), *warnings))),
     )
@@ -212,7 +212,7 @@ def _audit_entries(log: FlightLog, clean: FlightLog, dictionary: Dictionary, con
         log_path=summary.path,
         native_rate_hz=summary.native_rate_hz,
         model=fitted.model,
-        atoms=entries(faults, names, units, reasons, remarks, signatures, limits),
+        atoms=entries(faults, units, reasons, remarks, signatures, limits),
         signatures=signatures,
         notes=(*map(Note.limit, sentences(signatures, alike)), *about_the_log(log, window, fitted)),
     )

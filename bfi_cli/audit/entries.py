@@ -216,7 +216,6 @@ def remarks_of(
 
 def entries(
     faults: Sequence[Fault],
-    names: Sequence[str],
     units: Sequence[str],
     reasons: Mapping[int, str],
     remarks: Mapping[int, Sequence[str]],
@@ -227,7 +226,7 @@ def entries(
 
     Parameters
     ----------
-    faults, names, units : (n_atoms,) with the unit of each fault's channel.
+    faults, units : (n_atoms,) with the unit of each fault's channel.
     reasons : why an entry is left out; remarks : what is odd about one that is live; by index.
     signatures : of the live ones.
     limits : on a log, of each live one: the minimal detectable magnitude, NaN where nothing is seen, the most a
@@ -235,29 +234,32 @@ def entries(
     """
     place = {j: n for n, j in enumerate(j for j in range(len(faults)) if j not in reasons)}
     atoms = []
-    for j, (fault, name, unit) in enumerate(zip(faults, names, units, strict=True)):
+    for j, (fault, unit) in enumerate(zip(faults, units, strict=True)):
         n = place.get(j)
         said = [reasons[j]] if n is None else remarks.get(j, ())
         other, coherence = (None, None) if signatures is None or n is None else most_like(signatures, n)
         least, most, visible = (np.nan, np.nan, None) if limits is None or n is None else limits[n]
         z = float(least) if np.isfinite(least) else None
+        audited = _audited(fault, unit, "; ".join(said) or None, z, live=n is not None)
+        peak = None if z is None else z * float(most)
         atoms.append(
-            AuditedAtom(
-                name=name,
-                fault=fault,
-                live=n is not None,
-                note="; ".join(said) or None,
-                unit=magnitude_unit(fault, unit),
-                channel_unit=unit,
-                minimal_detectable=z,
-                minimal_physical=None if z is None else physical(fault, z, unit),
-                minimal_peak=None if z is None else z * float(most),
-                visible=visible,
-                most_coherent_with=other,
-                coherence=coherence,
-            )
+            replace(audited, minimal_peak=peak, visible=visible, most_coherent_with=other, coherence=coherence)
         )
     return tuple(atoms)
+
+
+def _audited(fault: Fault, unit: str, note: str | None, least: float | None, *, live: bool) -> AuditedAtom:
+    """Return an entry on a channel of some unit, with its minimal detectable magnitude."""
+    return AuditedAtom(
+        name=fault.name or fault.shape,
+        fault=fault,
+        live=live,
+        note=note,
+        unit=magnitude_unit(fault, unit),
+        channel_unit=unit,
+        minimal_detectable=least,
+        minimal_physical=None if least is None else physical(fault, least, unit),
+    )
 
 
 def searched_on_log(
@@ -332,15 +334,7 @@ def with_kinds(
 
 
 def _kind(fault: Fault, unit: str, reason: str | None, limit: Candidate | None) -> AuditedAtom:
-    name, z = fault.name or fault.shape, None if limit is None else limit.minimal_detectable_scan
-    said = reason or (None if limit is None or limit.note is None else f"limit of '{name}': {limit.note}")
-    return AuditedAtom(
-        name=name,
-        fault=fault,
-        live=not reason,
-        note=said,
-        unit=magnitude_unit(fault, unit),
-        channel_unit=unit,
-        minimal_detectable=z,
-        minimal_physical=None if z is None else physical(fault, z, unit),
-    )
+    said = reason
+    if limit is not None and limit.note is not None:
+        said = reason or f"limit of '{fault.name or fault.shape}': {limit.note}"
+    return _audited(fault, unit, said, None if limit is None else limit.minimal_detectable_scan, live=not reason)

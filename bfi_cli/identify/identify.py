@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
@@ -192,24 +192,9 @@ def _assembled(
     window, regression = outcome.analysed or (window, regression)
     magnitudes, estimates_all = outcome.magnitudes, METHODS[config.method].candidates
     hidden = hidden_atoms(window, magnitudes) if estimates_all else (False,) * len(window.live)
-    sd = np.sqrt(magnitudes.variance) if outcome.converged else np.full(len(window.live), np.nan)
     tolerances = tolerances_of(log, window.log, config.outputs, config)
-    faults = []
-    for n in outcome.atoms:
-        entry, z = window.live[n], float(magnitudes.value[n])
-        fault = window.faults[entry]
-        estimate = estimate_of(
-            fault,
-            z,
-            float(sd[n]),
-            window.log.channel(fault.channel).unit,
-            effect=abs(z) * float(window.largest[entry]),
-            tolerance=tolerances[fault.channel],
-            quantile=magnitudes.quantile,
-            among=(fault.shape,),
-        )
-        faults.append(estimate)
-    faults += [_of_course(window, one, magnitudes.quantile) for one in outcome.free if one.declared]
+    faults = [_of_atom(window, outcome, n, tolerances) for n in outcome.atoms]
+    faults += [_of_course(window, course, magnitudes.quantile) for course in outcome.free if course.declared]
     candidates = claims_of_entries(window, regression, outcome, config.method, tolerances)
     residuals = residual_summaries(window, outcome)
     explained = window.signals.y[len(window.signals.y) - len(outcome.error) :]
@@ -255,14 +240,23 @@ def _assembled(
     )
 
 
-def _of_course(window: PreparedWindow, one: FreeOutcome, quantile: float) -> FaultEstimate:
-    """Return the estimate of a fault of unknown course: its magnitude is its largest value."""
-    fault, at = window.faults[one.entry], one.peak
+def _of_atom(window: PreparedWindow, outcome: MethodResult, n: int, tolerances: Mapping[str, float]) -> FaultEstimate:
+    """Return the estimate of the n-th live entry, which is declared."""
+    entry, magnitudes = window.live[n], outcome.magnitudes
+    fault, z = window.faults[entry], float(magnitudes.value[n])
     return estimate_of(
         fault,
-        float(one.value[at]),
-        float(one.sd[at]),
+        z,
+        float(np.sqrt(magnitudes.variance[n])) if outcome.converged else np.nan,
         window.log.channel(fault.channel).unit,
-        quantile=quantile,
-        name=window.names[one.entry],
+        effect=abs(z) * float(window.largest[entry]),
+        tolerance=tolerances[fault.channel],
+        quantile=magnitudes.quantile,
+        among=(fault.shape,),
     )
+
+
+def _of_course(window: PreparedWindow, course: FreeOutcome, quantile: float) -> FaultEstimate:
+    """Return the estimate of a fault of unknown course: its magnitude is its largest value."""
+    fault, z, sd = window.faults[course.entry], float(course.value[course.peak]), float(course.sd[course.peak])
+    return estimate_of(fault, z, sd, window.log.channel(fault.channel).unit, quantile=quantile)

@@ -150,8 +150,7 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
             table = table_of_windows([(log, window) for window in windows], config, _of_windows(progress, windows))
             return _rule(table, "self", config, Note.method(_note_on_own(table, windows, "before the analysed one")))
         case "auto":
-            with resources.as_file(resources.files(__package__).joinpath(SHIPPED)) as path:
-                shipped = load_tables(path)
+            shipped = _shipped_tables()
             fitting = [one for one in shipped if not differences(one, settings)]
             if fitting:
                 note = Note.method(
@@ -215,8 +214,13 @@ def shipped_rule(record: ScanRecord, config: Config) -> Rule:
     ------
     ConfigError : no table has these shapes.
     """
+    return _nearest_rule(_shipped_tables(), "shipped", record, config)
+
+
+def _shipped_tables() -> tuple[CalibrationTable, ...]:
+    """Return the tables that come with the program."""
     with resources.as_file(resources.files(__package__).joinpath(SHIPPED)) as path:
-        return _nearest_rule(load_tables(path), "shipped", record, config)
+        return load_tables(path)
 
 
 def own_table(
@@ -286,11 +290,12 @@ def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report 
     rng = np.random.default_rng(seed)
     model = record.without_fault(record.y, order)
     n_outputs = record.y.shape[1]
-    first = 0 if record.feedthrough else 1
+    first = 0 if record.layout.feedthrough else 1
     X = np.hstack([np.ones((len(model.error), 1)), lagged(record.u, range(first, order + 1), first=order)])
     driven, past = X @ model.coefficients[: X.shape[1]], model.coefficients[X.shape[1] :]
     _, scale, axes = np.linalg.svd(model.weighted_error / np.sqrt(len(model.error)), full_matrices=False)
-    sizes = np.ones((len(model.error), 1)) if record.weights is None else 1.0 / record.weights[order:, None]
+    weights = record.layout.weights
+    sizes = np.ones((len(model.error), 1)) if weights is None else 1.0 / weights[order:, None]
     # The output lags are shrunk, lag by lag, until the recursion does not grow.
     companion = np.eye(order * n_outputs, k=-n_outputs)
     companion[:n_outputs] = past.T

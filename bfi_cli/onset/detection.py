@@ -143,21 +143,17 @@ def search_onsets(
         if estimates:
             estimates = refine_jointly(record, estimates, order, partial(progress, "every fault again"))
         eliminate(record, verdicts, estimates, order, rule, progress)
-        doubts = unconfirmed(log, record, estimates, config, order=order)
-        kept = [i for i in range(len(estimates)) if i not in doubts]
-        sizes = measure(log, record, [estimates[i] for i in kept], config, partial(progress, "magnitudes"))
-        for i, sized in zip(kept, sizes, strict=True):
-            estimates[i] = sized
-            if abs(sized.z) <= TWO_SIDED_95 * sized.sd:
-                doubts[i] = _may_be_nothing(record, sized)
+        doubts = _measure(log, record, estimates, config, progress, order=order)
         doubted = {(estimates[i].form.shape, estimates[i].form.output): why for i, why in doubts.items()}
-        kept = [i for i in kept if i not in doubts]
+        kept = [i for i in range(len(estimates)) if i not in doubts]
         verdicts, estimates = [verdicts[i] for i in kept], [estimates[i] for i in kept]
         tolerances = tolerances_of(log, record.window.log, config.outputs, config)
         of_limits = partial(progress, "what could not have been seen")
-        limiting, of_faults = shares(of_limits, 2, len(entries) / 8)
+        of_entries, limiting = shares(of_limits, len(entries) / 8, 2)
         views = views_of(record, estimates, order=order, order_as_measured=first.order)
-        of_entries = views
+        of_dictionary = limits_near_onsets(
+            record, rule, entries, config.onset_tolerance_s, tolerances, views, report=of_entries
+        )
         if as_measured is not None:
             views = with_views_of(prepare_record(as_measured, config, entries=kinds), record, views)
         candidates = claims_of(
@@ -171,9 +167,6 @@ def search_onsets(
             claims=claims,
             order=order,
             report=limiting,
-        )
-        of_dictionary = limits_near_onsets(
-            record, rule, entries, config.onset_tolerance_s, tolerances, of_entries, report=of_faults
         )
         of_limits(1.0)
     verdict = verdicts[0] if verdicts else rule.verdict(first)
@@ -199,6 +192,20 @@ def search_onsets(
         profiles=tuple(replace(profile, threshold=rule.threshold(profile.shape)) for profile in result.profiles),
         notes=tuple(notes),
     )
+
+
+def _measure(
+    log: FlightLog, record: ScanRecord, estimates: list[Estimate], config: Config, progress: Progress, *, order: int
+) -> dict[int, str]:
+    """Give the faults that stand out with all inputs their magnitudes; return why the others are only suspected."""
+    doubts = unconfirmed(log, record, estimates, config, order=order)
+    kept = [i for i in range(len(estimates)) if i not in doubts]
+    sizes = measure(log, record, [estimates[i] for i in kept], config, partial(progress, "magnitudes"))
+    for i, sized in zip(kept, sizes, strict=True):
+        estimates[i] = sized
+        if abs(sized.z) <= TWO_SIDED_95 * sized.sd:
+            doubts[i] = _may_be_nothing(record, sized)
+    return doubts
 
 
 def _may_be_nothing(record: ScanRecord, fault: Estimate) -> str:

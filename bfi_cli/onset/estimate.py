@@ -18,7 +18,7 @@ from ..kernels.onset import waveform as waveforms
 from ..kernels.onset.scan import Scan, scan_shape
 from ..kernels.progress import Report, Step, silent, steps
 from ..shapes import Shape
-from .oscillation import estimate_oscillation, oscillation_search
+from .oscillation import OscillationSearch, Sinusoid, estimate_oscillation, oscillation_search
 from .scan import Peak, lasting_peak, scan_of
 from .scan_record import DECIMALS, ScanRecord
 from .shapes import ShapeHypothesis, SubsampleIndex, signal, subsample_index, waveform
@@ -139,19 +139,8 @@ def estimate(
         jump = None if jump_s is None else record.native(jump_s)
         sinusoid = estimate_oscillation(search, dispersion=dispersion, jump=jump)
         form = replace(form, parameter=sinusoid.frequency_hz, phase_rad=sinusoid.phase_rad)
-        # The profile over the start: conditioned samples within half a period, the log's own near the maximum.
-        factor = record.sampling.factor
-        half = int(np.ceil(0.5 * record.sampling.rate_hz * factor / sinusoid.frequency_hz))
-        near = range(-BESIDE * factor, BESIDE * factor + 1, -_phases(record).step)
-        earliest = (order + record.sampling.lead) * factor
-        latest = (record.sampling.n_samples - order) * factor if sinusoid.end is None else sinusoid.end - factor
-        offsets = {*range(-half, half + 1, factor), *near, 0}
-        starts = sorted(sinusoid.start + k for k in offsets if k == 0 or earliest <= sinusoid.start + k < latest)
-        statistic, amplitude = search.profile(sinusoid, starts)
-        statistic[starts.index(sinusoid.start)] = max(sinusoid.statistic, statistic.max())
-        places = [subsample_index(start, factor) for start in starts]
-        fine = _profile(record, places, amplitude, np.full(len(starts), sinusoid.sd), statistic)
-        end = None if sinusoid.end is None else subsample_index(sinusoid.end, factor)
+        fine = _profile_of_starts(record, search, sinusoid, order)
+        end = None if sinusoid.end is None else subsample_index(sinusoid.end, record.sampling.factor)
         z, frequency_is_known = sinusoid.z, sinusoid.frequency_is_known
     else:
         scan = scan_of(record, y, order, output=form.output)
@@ -159,20 +148,7 @@ def estimate(
         if end is not None and record.sampling.factor > 1:
             fine, end = _move_start_and_end(record, scan, form, (peak.onset, 0), end, drop, step)
         else:
-            profiles = [(0, peak.profile)]
-            if record.sampling.factor > 1:
-                # Onsets between the conditioned samples, where they matter.
-                close = np.flatnonzero(peak.profile.statistic >= peak.profile.statistic.max() - drop)
-                nearby = peak.profile.onsets[max(int(close[0]) - BESIDE, 0) : int(close[-1]) + BESIDE + 1]
-                profiles = []
-                for phase in _phases(record):
-                    step()
-                    profile = scan_shape(scan, waveform(form, record.sampling, phase), nearby - record.sampling.lead)
-                    profiles.append((phase, replace(profile, onsets=nearby)))
-            places = [(int(k), phase) for phase, profile in profiles for k in profile.onsets]
-            values = (np.concatenate([getattr(x, name) for _, x in profiles]) for name in ("z", "sd", "statistic"))
-            ranked = np.argsort([record.onset_s(*place) for place in places])
-            fine = _profile(record, [places[i] for i in ranked], *(value[ranked] for value in values))
+            fine = _profile_between_samples(record, scan, peak, drop, step)
         z, frequency_is_known = float(fine.z[fine.best]), True
     report(1.0)
     best, missing = fine.best, fine.statistic.max() - fine.statistic
@@ -225,14 +201,14 @@ def with_likeliest_recorder(
     records += [
         replace(record, sampling=replace(record.sampling, response=response_of(chain, native_hz))) for chain in chains
     ]
-    found = []
-    for one in records:
-        nearby = np.arange(peak.onset - BESIDE, peak.onset + BESIDE + 1) - one.sampling.lead
+    peaks = []
+    for through in records:
+        nearby = np.arange(peak.onset - BESIDE, peak.onset + BESIDE + 1) - through.sampling.lead
         nearby = nearby[(nearby >= scan.order) & (nearby < scan.n_samples - scan.order)]
-        profiles = [scan_shape(scan, waveform(peak.form, one.sampling, phase), nearby) for phase in _phases(one)]
-        best = max(profiles, key=lambda profile: float(profile.statistic.max()))
-        found.append((float(best.statistic.max()), float(best.z[best.best])))
-    statistic, z = np.array(found).T
+        waves = (waveform(peak.form, through.sampling, phase) for phase in _phases(through))
+        best = max((scan_shape(scan, wave, nearby) for wave in waves), key=lambda profile: profile.statistic.max())
+        peaks.append((float(best.statistic.max()), float(best.z[best.best])))
+    statistic, z = np.array(peaks).T
     likeliest = int(np.argmax(statistic))
     weight = np.exp(0.5 * (statistic - statistic[likeliest]) / dispersion)
     spread = float(np.sqrt(np.sum(weight * (z - z[likeliest]) ** 2) / np.sum(weight)))
@@ -245,6 +221,40 @@ def _phases(record: ScanRecord) -> range:
     """Return the phases that are tried, see `shapes.waveform`."""
     factor = record.sampling.factor
     return range(0, -factor, -max(1, -(-factor // MOST_PHASES)))
+
+
+def _profile_of_starts(
+    record: ScanRecord, search: OscillationSearch, sinusoid: Sinusoid, order: int
+) -> SubsampleProfile:
+    """Return an oscillation at other starts: conditioned samples within half a period, the log's own near the best."""
+    factor = record.sampling.factor
+    half = int(np.ceil(0.5 * record.sampling.rate_hz * factor / sinusoid.frequency_hz))
+    near = range(-BESIDE * factor, BESIDE * factor + 1, -_phases(record).step)
+    earliest = (order + record.sampling.lead) * factor
+    latest = (record.sampling.n_samples - order) * factor if sinusoid.end is None else sinusoid.end - factor
+    offsets = {*range(-half, half + 1, factor), *near, 0}
+    starts = sorted(sinusoid.start + k for k in offsets if k == 0 or earliest <= sinusoid.start + k < latest)
+    statistic, amplitude = search.profile(sinusoid, starts)
+    statistic[starts.index(sinusoid.start)] = max(sinusoid.statistic, statistic.max())
+    places = [subsample_index(start, factor) for start in starts]
+    return _profile(record, places, amplitude, np.full(len(starts), sinusoid.sd), statistic)
+
+
+def _profile_between_samples(record: ScanRecord, scan: Scan, peak: Peak, drop: float, step: Step) -> SubsampleProfile:
+    """Return the profile of a peak, where it matters at onsets between the conditioned samples."""
+    profiles = [(0, peak.profile)]
+    if record.sampling.factor > 1:
+        close = np.flatnonzero(peak.profile.statistic >= peak.profile.statistic.max() - drop)
+        nearby = peak.profile.onsets[max(int(close[0]) - BESIDE, 0) : int(close[-1]) + BESIDE + 1]
+        profiles = []
+        for phase in _phases(record):
+            step()
+            profile = scan_shape(scan, waveform(peak.form, record.sampling, phase), nearby - record.sampling.lead)
+            profiles.append((phase, replace(profile, onsets=nearby)))
+    places = [(int(k), phase) for phase, profile in profiles for k in profile.onsets]
+    values = (np.concatenate([getattr(x, name) for _, x in profiles]) for name in ("z", "sd", "statistic"))
+    ranked = np.argsort([record.onset_s(*place) for place in places])
+    return _profile(record, [places[i] for i in ranked], *(value[ranked] for value in values))
 
 
 def _profile(

@@ -172,7 +172,7 @@ def assemble_result(
         model=ModelSummary(
             order=order,
             rate_hz=settings.rate_hz,
-            feedthrough=record.feedthrough,
+            feedthrough=record.layout.feedthrough,
             inputs=settings.inputs,
             outputs=settings.outputs,
             noise_sd=noise_of(record.without_fault(y, order).error * record.unit, settings.outputs),

@@ -196,9 +196,9 @@ def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first
             record.u[rows],
             y[rows],
             order=order,
-            feedthrough=record.feedthrough,
+            feedthrough=record.layout.feedthrough,
             channel=output,
-            weights=None if record.weights is None else record.weights[rows],
+            weights=None if record.layout.weights is None else record.layout.weights[rows],
             floor=record.floor,
         )
     return record.scans[key]
@@ -207,7 +207,7 @@ def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first
 def fault_free_bic(record: ScanRecord, scan: Scan) -> float:
     """Return n log det of the residuals plus log n per parameter, without a fault."""
     n_inputs: int = record.u.shape[1]
-    regressors = 1 + n_inputs * (scan.order + record.feedthrough) + scan.n_outputs * scan.order
+    regressors = 1 + n_inputs * (scan.order + record.layout.feedthrough) + scan.n_outputs * scan.order
     return scan.n_rows * float(np.log(scan.rss0)) + scan.n_outputs * regressors * float(np.log(scan.n_rows))
 
 

@@ -43,7 +43,6 @@ class ScanRecord:
     window : the filtered and decimated window of the log.
     layout : inputs, outputs and weights of the rows, without signals.
     unit : (n_outputs,), times which the scaled outputs are those in SI but for a constant.
-    orders : of the model, to choose from.
     floor : smallest standard deviation of a prediction error, scaled; None for that of the kernel.
     forms : hypotheses to test; kinds : that may be named.
     band_hz : lowest and highest frequency of an oscillation.
@@ -54,7 +53,6 @@ class ScanRecord:
     window: PreparedWindow
     layout: Layout
     unit: FloatArray
-    orders: tuple[int, ...]
     floor: float | None
     sampling: Sampling
     forms: tuple[ShapeHypothesis, ...]
@@ -62,6 +60,11 @@ class ScanRecord:
     band_hz: tuple[float, float]
     settings: CalibrationSettings
     scans: dict[Hashable, Scan] = field(init=False, repr=False, default_factory=dict)
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """Of the model, to choose from."""
+        return self.settings.orders
 
     @property
     def u(self) -> FloatArray:
@@ -72,16 +75,6 @@ class ScanRecord:
     def y(self) -> FloatArray:
         """(n_samples, n_outputs) of unit spread."""
         return np.asarray(self.layout.y)
-
-    @property
-    def feedthrough(self) -> bool:
-        """Whether inputs act in the same sample too."""
-        return self.layout.feedthrough
-
-    @property
-    def weights(self) -> FloatArray | None:
-        """(n_samples,) of the rows, None for 1."""
-        return self.layout.weights
 
     @property
     def time_s(self) -> FloatArray:
@@ -177,14 +170,7 @@ def prepare_record(
     else:
         kinds = every_kind(config.start_time, len(config.outputs), duration_s)
     wanted = config.start_time
-    # The rate is chosen for a step amid the window and the fastest oscillation asked for.
-    channel, onset_s = config.outputs[0], float(part.time_s[part.n_samples // 2])
-    atoms = [Fault(shape="bias", channel=channel, onset_s=onset_s, name="a step")]
-    if wanted.frequency_hz is not None and "sine" in wanted.shapes:
-        fastest = Fault(shape="sine", channel=channel, onset_s=onset_s, frequency_hz=wanted.frequency_hz[1])
-        atoms.append(replace(fastest, name="an oscillation"))
-    probes = Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path="start-time")
-    window = prepare_window(log, probes, config, report, purpose="scan")
+    window = prepare_window(log, _probes(part, config), config, report, purpose="scan")
     regression = regression_of(window, config)
     layout, orders = regression.layout, regression.orders
     n, rate_hz = len(window.signals.time_s), window.signals.rate_hz
@@ -207,16 +193,16 @@ def prepare_record(
         orders = fitting
     return ScanRecord(
         window=window,
-        layout=Layout(
+        layout=replace(
+            layout,
             u=np.asarray(layout.u),
             y=np.asarray(layout.y),
             theta=AtomSignals.none(*layout.y.shape),
-            first=layout.first,
-            feedthrough=layout.feedthrough,
             weights=None if wanted.ends else layout.weights,
+            earlier=None,
+            segments=None,
         ),
         unit=regression.unit,
-        orders=orders,
         floor=None if window.rate.factor == 1 else regression.floor,
         sampling=Sampling(
             n_samples=n,
@@ -244,3 +230,13 @@ def prepare_record(
             samples=None if wanted.samples is None else hashlib.sha256(sample_bytes(wanted.samples)).hexdigest(),
         ),
     )
+
+
+def _probes(part: FlightLog, config: Config) -> Dictionary:
+    """Return what the rate is chosen for: a step amid the window and the fastest oscillation asked for."""
+    wanted, channel, onset_s = config.start_time, config.outputs[0], float(part.time_s[part.n_samples // 2])
+    atoms = [Fault(shape="bias", channel=channel, onset_s=onset_s, name="a step")]
+    if wanted.frequency_hz is not None and "sine" in wanted.shapes:
+        fastest = Fault(shape="sine", channel=channel, onset_s=onset_s, frequency_hz=wanted.frequency_hz[1])
+        atoms.append(replace(fastest, name="an oscillation"))
+    return Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path="start-time")

@@ -309,7 +309,6 @@ LONG = {
     "identify.dmae.dmae",
     "identify.maximum_likelihood.identify_by_likelihood",
     "identify.risro._by_stage",
-    "identify.warnings.warnings_of",
     "kernels.onset.frequency_bound.may_exceed",
     "kernels.risro_varx.risro_varx",
     "onset.scan_record.prepare_record",

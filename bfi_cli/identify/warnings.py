@@ -65,19 +65,15 @@ def warnings_of(
         or (fault.frequency_hz is not None and fault.frequency_hz * duration_s < SLOW_CYCLES)
     ]
     unseen = [window.names[j] for j, is_hidden in zip(window.live, hidden, strict=True) if is_hidden]
-    notes = []
+    limits = []
     if late:
-        notes.append(
-            Note.limit(
-                f"{_named(late)}: fewer than {2 * first} samples after its onset; choose a window that ends later"
-            )
+        limits.append(
+            f"{_named(late)}: fewer than {2 * first} samples after its onset; choose a window that ends later"
         )
     if slow:
-        notes.append(
-            Note.limit(
-                f"{_named(slow)}: a change of thrust, configuration or wind that is not among the inputs can look like "
-                "a slow fault; add inputs that explain it (--input)"
-            )
+        limits.append(
+            f"{_named(slow)}: a change of thrust, configuration or wind that is not among the inputs can look like a "
+            "slow fault; add inputs that explain it (--input)"
         )
     for output in series:
         error = output.prediction_error[first:]
@@ -85,38 +81,31 @@ def warnings_of(
         if 0 < jumps_s.size <= max(1.0, RARE * len(error)):
             shown = ", ".join(f"{t:.4g}" for t in jumps_s[:MOST_NAMED])
             count = "once (at" if jumps_s.size == 1 else f"{jumps_s.size} times (first at"
-            notes.append(
-                Note.limit(
-                    f"the prediction error of '{output.channel}' still exceeds five standard deviations {count} "
-                    f"{shown} s): an abrupt event that is not in the dictionary, or gusts"
-                )
+            limits.append(
+                f"the prediction error of '{output.channel}' still exceeds five standard deviations {count} {shown} "
+                "s): an abrupt event that is not in the dictionary, or gusts"
             )
-    notes.append(Note.method(f"analysed at {window.signals.rate_hz:.4g} Hz: {window.rate.reason}"))
-    if unseen:
-        notes.append(Note.limit(f"{_named(unseen)}: {BLIND_NOTE}"))
+    notes = [
+        *map(Note.limit, limits),
+        Note.method(f"analysed at {window.signals.rate_hz:.4g} Hz: {window.rate.reason}"),
+    ]
+    limits = [f"{_named(unseen)}: {BLIND_NOTE}"] if unseen else []
     ends: dict[str, Any] = {"start_s": window.window_start_s, "stop_s": window.window_stop_s}
     ends["outputs"] = window.outputs
-    left_out = list(dead_sentences([window.faults[j] for j in sorted(window.reasons)], **ends))
-    left_out += [
-        reason for j, reason in sorted(window.reasons.items()) if dead_reason(window.faults[j], **ends) is None
-    ]
-    notes += map(Note.limit, left_out)
+    limits += dead_sentences([window.faults[j] for j in sorted(window.reasons)], **ends)
+    limits += [reason for j, reason in sorted(window.reasons.items()) if dead_reason(window.faults[j], **ends) is None]
     if outcome.condition_number > ILL_CONDITIONED:
-        notes.append(
-            Note.limit(
-                f"the regressors are nearly dependent (condition number {outcome.condition_number:.1e}): the inputs "
-                "hardly move, or the rate is far above the dynamics"
-            )
+        limits.append(
+            f"the regressors are nearly dependent (condition number {outcome.condition_number:.1e}): the inputs hardly "
+            "move, or the rate is far above the dynamics"
         )
-    notes += [
-        Note.limit(
-            f"the prediction error of '{each.channel}' is not white (Ljung-Box p = {each.ljung_box_p:.1e}): "
-            "the intervals may be too narrow"
-        )
+    limits += [
+        f"the prediction error of '{each.channel}' is not white (Ljung-Box p = {each.ljung_box_p:.1e}): the intervals "
+        "may be too narrow"
         for each in residuals
         if each.ljung_box_p < WHITE_P and np.isfinite(outcome.magnitudes.degrees)
     ]
-    return notes
+    return [*notes, *map(Note.limit, limits)]
 
 
 def _named(names: Sequence[str]) -> str:

@@ -91,7 +91,7 @@ class Identification:
 
 
 def concluded(
-    log: FlightLog, config: Config, found: Identification, sources: Sequence[Evidence] | None = None
+    log: FlightLog, config: Config, identified: Identification, sources: Sequence[Evidence] | None = None
 ) -> IdentifyResult:
     """Return the result of an identification with the conclusion from its evidence, or from that of several sources.
 
@@ -100,24 +100,24 @@ def concluded(
     config : with the names of the inputs.
     sources : the evidence, that of the identification among it; default it alone.
     """
-    result = found.result
-    said = conclude([found.evidence] if sources is None else sources, config.require)
-    decision: Decision = "fault" if found.fires else said.decision
-    verdicts, unanswered = said.verdicts, list[Note]()
-    if not found.converged:
+    result = identified.result
+    conclusion = conclude([identified.evidence] if sources is None else sources, config.require)
+    decision: Decision = "fault" if identified.fires else conclusion.decision
+    verdicts, unanswered = conclusion.verdicts, list[Note]()
+    if not identified.converged:
         decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
         unanswered.append(Note.limit(f"{NOT_CONVERGED}: {result.solver.termination}"))
-    elif decision == "inconclusive" and found.hides_all:
+    elif decision == "inconclusive" and identified.hides_all:
         unanswered.append(Note.limit(UNANSWERABLE))
     helps = what_would_help(log, config, verdicts) if METHODS[config.method].intervals else None
     return replace(
         result,
         decision=decision,
         verdicts=verdicts,
-        summary=said.summary if found.converged else NOT_CONVERGED,
-        faults=said.faults if found.converged else result.faults,
-        candidates=said.candidates if found.converged else result.candidates,
-        notes=(*unanswered, *said.notes, *result.notes, *filter(None, [helps])),
+        summary=conclusion.summary if identified.converged else NOT_CONVERGED,
+        faults=conclusion.faults if identified.converged else result.faults,
+        candidates=conclusion.candidates if identified.converged else result.candidates,
+        notes=(*unanswered, *conclusion.notes, *result.notes, *filter(None, [helps])),
     )
 
 

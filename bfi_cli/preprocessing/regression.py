@@ -110,9 +110,7 @@ class RegressionData:
         return {j: (n, float(self.magnitude_unit[j])) for j, n in zip(atoms, rows, strict=True)}
 
     def without_record(self) -> RegressionData:
-        """Return the regression without what is only there to be computed with, where the record is long."""
-        if not self.layout.theta.in_stretches:
-            return self
+        """Return the regression without what only its factorisation needs, which a long record has much of."""
         left = replace(self, layout=replace(self.layout, weights=None, segments=None))
         left._problems.update(self._problems)
         return left

@@ -15,7 +15,7 @@ from bfi_cli.filters import Filter, recorded_signal
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.variable_projection import fit_magnitudes
-from bfi_cli.preprocessing import regression
+from bfi_cli.preprocessing import signals
 from bfi_cli.preprocessing.regression import build_regression, feasible_orders
 from bfi_cli.preprocessing.signals import decimate_native
 from bfi_cli.preprocessing.window import prepare_window, regression_of
@@ -61,7 +61,7 @@ def test_channels_filtered_one_by_one_are_those_filtered_together(log, monkeypat
     config = merge(Config(), {"outputs": outputs, "inputs": ["elevator", "pitch"], "conditioning.rate_hz": 10.0})
     native = prepare_window(log, load_dictionary(THESIS), config).native
     whole, largest = decimate_native(native, 10)
-    monkeypatch.setattr(regression, "MOST_AT_ONCE", 100)
+    monkeypatch.setattr(signals, "MOST_AT_ONCE", 100)
     parts, same = decimate_native(native, 10)
     for name in ("time_s", "u", "y", "theta"):
         np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=1e-13, atol=1e-13)

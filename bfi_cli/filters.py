@@ -76,7 +76,10 @@ def filters_from_json(text: str, *, where: str) -> tuple[Filter, ...]:
     for entry in entries:
         given = entry if isinstance(entry, dict) else {}
         kind, source = cast("Kind", given.get("kind")), given.get("source")
-        if kind not in get_args(Kind) or not all(_is_positive(given.get(key)) for key in ("edge_hz", "rate_hz")):
+        sizes = (given.get("edge_hz", math.nan), given.get("rate_hz", math.nan))
+        if kind not in get_args(Kind) or not all(
+            type(size) in (int, float) and 0.0 < size < math.inf for size in sizes
+        ):
             raise LogError(
                 f"{where}: a filter needs a kind ({', '.join(get_args(Kind))}) and positive numbers edge_hz and "
                 f"rate_hz, got {str(entry)[:80]}; mend the file"
@@ -92,10 +95,6 @@ def filters_from_json(text: str, *, where: str) -> tuple[Filter, ...]:
             )
         )
     return tuple(filters)
-
-
-def _is_positive(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and value > 0
 
 
 def response_of(filters: Sequence[Filter], rate_hz: float) -> Response:

@@ -114,10 +114,6 @@ def _magnitudes(context: click.Context, option: click.Parameter, texts: tuple[st
     return given
 
 
-def _kinds(_context: click.Context, _option: click.Parameter, text: str | None) -> tuple[str, ...]:
-    return tuple(word.strip() for word in text.split(",")) if text else ()
-
-
 def _with_json(context: click.Context, _option: click.Parameter, given: bool) -> bool:
     if given and not context.params["as_json"]:
         raise click.UsageError("--series is about --json; add --json", context)
@@ -143,7 +139,7 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "noise": {"multiple": True, "callback": pairs("tas=0.01", float)},
     "tolerances": {"multiple": True, "callback": _tolerances},
     "shown_units": {"callback": _shown_units},
-    "kinds": {"callback": _kinds},
+    "kinds": {"callback": lambda _context, _option, text: tuple(map(str.strip, text.split(","))) if text else ()},
     "magnitudes": {"multiple": True, "callback": _magnitudes},
     "band": {"callback": _two_numbers("a band", "0.1:2, in Hz")},
     "stretch": {"callback": _two_numbers("a stretch of time", "1160:1500, in s")},

@@ -92,7 +92,8 @@ def outcome_of(
     started_s = time.perf_counter()
     statement, reason = None, None
     try:
-        _require(peer, problem.part)
+        if lacking := [" or ".join(names) for names in peer.needs if problem.part.channels.keys().isdisjoint(names)]:
+            raise BfiError(f"needs {', '.join(lacking)}, which the log lacks; map them with --channel")
         with threadpool_limits(1):
             statement = peer.state(problem)
     except BfiError as error:
@@ -106,12 +107,6 @@ def outcome_of(
         score=None if truth is None or statement is None else score_of(statement, truth, hit),
         agrees=(),
     )
-
-
-def _require(peer: Peer, log: FlightLog) -> None:
-    lacking = [" or ".join(names) for names in peer.needs if log.channels.keys().isdisjoint(names)]
-    if lacking:
-        raise BfiError(f"needs {', '.join(lacking)}, which the log lacks; map them with --channel")
 
 
 def _acting(faults: Sequence[Fault], window: FlightLog) -> tuple[Fault, ...]:

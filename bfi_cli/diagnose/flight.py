@@ -302,13 +302,14 @@ def _zero_lift(flight: Flight) -> tuple[float | None, str]:
 
 def _without_frozen(log: FlightLog) -> tuple[list[str], FlightLog]:
     """Return the log without the channels that hold one value although they are looked at, and a sentence on each."""
-    frozen = [name for name in (*USED, *INPUTS) if name in log.channels and _never_moves(log.channels[name].values)]
-    frozen = list(dict.fromkeys(frozen))
-    said = []
-    for name in frozen:
-        held = "holds one value" if np.isfinite(log.channels[name].values).any() else "holds no number"
-        said.append(f"'{name}' is not used: it {held} through the whole log")
-    return said, without(log, *frozen)
+    said = {}
+    for name in (name for name in (*USED, *INPUTS) if name in log.channels):
+        values = log.channels[name].values
+        known = values[np.isfinite(values)]
+        if not known.size or known.min() == known.max():
+            held = "holds one value" if known.size else "holds no number"
+            said[name] = f"'{name}' is not used: it {held} through the whole log"
+    return list(said.values()), without(log, *said)
 
 
 def _until_free(found: Sequence[Finding], phases: Sequence[Phase], stop_s: float) -> tuple[Finding, ...]:
@@ -334,11 +335,6 @@ def _until_free(found: Sequence[Finding], phases: Sequence[Phase], stop_s: float
 
 def _reaches(hold: Finding, time_s: float) -> bool:
     return hold.offset_s is None or hold.offset_s >= time_s - UNHELD_S
-
-
-def _never_moves(values: FloatArray) -> bool:
-    known = values[np.isfinite(values)]
-    return known.size == 0 or float(known.min()) == float(known.max())
 
 
 def without_other_conventions(log: FlightLog, phases: Sequence[Phase]) -> tuple[FlightLog, tuple[str, ...]]:

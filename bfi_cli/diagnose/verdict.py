@@ -41,16 +41,14 @@ def evidence_of(
     found = [candidate(one.fault, one.kind, one.state) for one in events]
     only_found = [candidate(noun, kind, "not_seen") for kind, (noun, _) in STEPS.items()]
     needed = (PITOT_LINE, *(name for name in AIRSPEEDS if name in recorded))
-    rows = {name: _deciding(limits, name) for name in needed}
-    bounded = {name: bool(own) and all(one.within_tolerance for one in own) for name, own in rows.items()}
+    bounded = {}
+    for name in needed:
+        drifts = [one for one in limits if one.shape == "drift" and one.fault == name]
+        # Its error decides, where nothing bounds that its disagreement.
+        deciding = [one for one in drifts if one.bounds == "error"] or drifts
+        bounded[name] = bool(deciding) and all(one.within_tolerance for one in deciding)
     slow = [candidate(name, "slow", "excluded" if bounded[name] and not unwatched else "not_seen") for name in needed]
     return Evidence(source="flight", candidates=(*found, *only_found, *slow))
-
-
-def _deciding(limits: Sequence[FlightLimit], fault: str) -> list[FlightLimit]:
-    """Return the limits on a slow fault that a verdict rests on: on its error, where none is on its disagreement."""
-    slow = [one for one in limits if one.shape == "drift" and one.fault == fault]
-    return [one for one in slow if one.bounds == "error"] or slow
 
 
 def sentence_of(

@@ -285,7 +285,7 @@ def _sweep_page(
 
 def isolation_noise(settings: Settings) -> ReportContent:
     """Return the curves of isolation against noise for 1, 2 and 4 active faults, the thesis's rule and ours."""
-    page = load("isolation_noise")
+    page = load("thesis")["isolation_noise"]
     methods = page["who"]
     result = swept("isolation_noise", settings, compare=methods, quick=QUICK_NOISE)
     numbers = sorted({cell.active for cell in result.cells})

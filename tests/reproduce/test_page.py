@@ -10,7 +10,7 @@ import pytest
 
 from bfi_cli.reproduce.page import fill, load
 
-FAMILIES = ("thesis", "isolation_noise", "sparsity", "fir", "f16_table2", "hankel_b747")
+FAMILIES = ("thesis", "sparsity", "fir", "f16_table2", "hankel_b747")
 PLACE = re.compile(r"\(.*(-\d+|table II|section IV|figure 1|example)\)|figure [\dA]-\d|^-$|^\{")
 
 

@@ -6,10 +6,12 @@ import csv
 import io
 import json
 import math
+import sys
 import types
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
+from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
@@ -99,6 +101,49 @@ def member(document: object, path: str, *, where: str) -> Any:
             raise ConfigError(f"{where}: no key '{key}'; {DAMAGED}")
         value, where = value[key], _below(where, key)
     return value
+
+
+def read_json(path: str | Path, *, give: str) -> Any:
+    """Return what a JSON file holds, or stdin where its name is "-".
+
+    Parameters
+    ----------
+    give : what to give instead, for messages.
+
+    Raises
+    ------
+    ConfigError : it cannot be read, or is no JSON.
+    """
+    try:
+        text = sys.stdin.read() if str(path) == "-" else Path(path).read_text("utf-8")
+        return json.loads(text)
+    except OSError as error:
+        raise ConfigError(f"{path}: {(error.strerror or str(error)).lower()}; {give}") from None
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: not a text file; {give}") from None
+    except (ValueError, RecursionError) as error:
+        raise ConfigError(f"{path}: not JSON ({error}); {give}") from None
+
+
+def document_of_kind(
+    document: object, kinds: Collection[str], *, where: str, give: str, wanted: str
+) -> Mapping[str, Any]:
+    """Return a document, which must be of one of some kinds.
+
+    Parameters
+    ----------
+    give : what to give instead, and `wanted` how the kinds are told, for messages.
+
+    Raises
+    ------
+    ConfigError : it is of another kind, of none, or has another schema.
+    """
+    if not isinstance(document, Mapping) or "kind" not in document:
+        raise ConfigError(f"{where}: not a result of this program, it has no 'kind'; {give}")
+    if not isinstance(document["kind"], str) or document["kind"] not in kinds:
+        raise ConfigError(f"{where}: kind is '{document['kind']}', {wanted}; {give}")
+    check_schema(document, where=where)
+    return document
 
 
 def check_schema(document: Mapping[str, Any], *, where: str) -> None:

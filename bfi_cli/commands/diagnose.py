@@ -43,7 +43,7 @@ def command(asked: Asked) -> Answer:
     """
     from ..config import merge
     from ..diagnose import diagnose_content, diagnose_document, diagnose_flight
-    from ..diagnose.export import events_csv
+    from ..diagnose.report import events_csv
     from ..files import aside, check_files
     from ..parity.record import USED
 

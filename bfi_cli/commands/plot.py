@@ -6,6 +6,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import click
@@ -95,6 +96,7 @@ def command(asked: Asked) -> Answer:
         moved,
         plot_content,
         plot_document,
+        plot_logs,
         read_events,
         shared_channels,
     )
@@ -126,17 +128,10 @@ def command(asked: Asked) -> Answer:
         for path, _, sha256 in found
         if sha256 and sha256 not in known
     ]
+    part_s = (window.from_s, window.to_s)
+    result = plot_logs(flights, names, events, part_s=part_s, diff=diff, shift_s=shift_s, notes=notes)
     return Answer(
-        document=lambda origin: plot_document(
-            flights,
-            names,
-            events,
-            origin,
-            part_s=(window.from_s, window.to_s),
-            diff=diff,
-            shift_s=shift_s,
-            notes=notes,
-        ),
+        document=partial(plot_document, result),
         content=plot_content,
         log_sha256=" ".join(flight.sha256 for flight in flights),
     )

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import importlib
-import json
-import sys
-from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -15,7 +12,7 @@ from ..display_units import IN_FILES, UNITS
 from ..errors import ConfigError
 from ..provenance import Provenance
 from ..report.consistency import contradiction_of
-from ..serialization import check_schema, from_plain, member
+from ..serialization import document_of_kind, from_plain, member, read_json
 from .options import with_options
 from .output import note, show
 
@@ -43,8 +40,9 @@ KINDS = {
     "start-time": ("onset", "onset_content"),
 }
 STORED = {"montecarlo": "summary.json"}
-# These documents are read back into what they were made from, which says itself where one is damaged.
-READ_BACK = ("calibration", "compare", "detect", "diagnosability", "diagnose", "identify", "reproduce", "start-time")
+# Of these the content is made of the document itself; the others are read back into what they were made from, which
+# says where one is damaged.
+NOT_READ_BACK = ("dictionary", "montecarlo")
 # Shares, counts and published numbers, which have no units to choose.
 WITHOUT_UNITS = ("calibration", "montecarlo", "reproduce")
 
@@ -63,7 +61,7 @@ def command(result: Path, out: Path | None, *, units: str | None, force: bool, a
     from ..files import replace_files, same_file
     from ..report.files import content_files
 
-    document, where = _read(result), str(result)
+    document, where = read_json(result, give=GIVE), str(result)
     content = _content(document, where, UNITS[units or "si"])
     origin = from_plain(Provenance, member(document, "provenance", where=where), where=f"{where}: provenance")
     if out is not None or not as_json:
@@ -86,13 +84,9 @@ def _content(document: object, where: str, units: Units) -> ReportContent:
     ------
     ConfigError : it is of no kind or schema that is known, or damaged.
     """
-    if not isinstance(document, Mapping) or "kind" not in document:
-        raise ConfigError(f"{where}: not a result of this program, it has no 'kind'; {GIVE}")
+    document = document_of_kind(document, KINDS, where=where, give=GIVE, wanted=f"known: {', '.join(KINDS)}")
     kind = document["kind"]
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise ConfigError(f"{where}: kind is '{kind}', known: {', '.join(KINDS)}; {GIVE}")
     module, function = KINDS[kind]
-    check_schema(document, where=where)
     member(document, "provenance", where=where)
     make = getattr(importlib.import_module(f"...{module}", __name__), function)
     try:
@@ -101,24 +95,10 @@ def _content(document: object, where: str, units: Units) -> ReportContent:
             from ..parity.calibration import air_data_in
 
             air_data_in(document, where=where)
-        content: ReportContent = make(document, *shown, **({"where": where} if kind in READ_BACK else {}))
+        content: ReportContent = make(document, *shown, **({} if kind in NOT_READ_BACK else {"where": where}))
         wrong = contradiction_of(document)
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise ConfigError(f"{where}: damaged, {error!r}; run bfi {kind} again") from None
     if wrong is not None:
         raise ConfigError(f"{where}: contradicts itself, {wrong}; run bfi {kind} again")
     return content
-
-
-def _read(path: Path) -> Any:
-    try:
-        text = sys.stdin.read() if str(path) == "-" else path.read_text("utf-8")
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise ConfigError(f"{path}: {reason}; {GIVE}") from None
-    except UnicodeDecodeError:
-        raise ConfigError(f"{path}: not a text file; {GIVE}") from None
-    try:
-        return json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{path}: not JSON ({error}); {GIVE}") from None

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
-from ..display_units import SI, Shown, Units
+from ..display_units import SI, Units
 from ..faults import fault_from_dict, fault_to_dict
-from ..notes import unique
+from ..kernels.runs import union
 from ..printable import shortened
 from ..provenance import Provenance
-from ..report.content import Block, Drawing, Lane, Panel, ReportContent, Span, Table, curve, notes_of
+from ..report.content import Block, Drawing, Lane, Panel, ReportContent, Span, Table, curve, shown_notes
 from ..report.text import counted, instant, number
-from ..serialization import SCHEMA, from_plain, member, to_plain
+from ..serialization import document_of, from_plain, mapping, member, to_plain
 from .result import ComparisonResult, Outcome, Suspect
 
 DECISIONS = {"fault": "yes", "no_fault": "no", "inconclusive": "cannot tell"}
@@ -30,13 +29,7 @@ def compare_document(result: ComparisonResult, provenance: Provenance) -> dict[s
     body = to_plain(result)
     body["truth"] = None if result.truth is None else [fault_to_dict(one) for one in result.truth]
     body["series"] = {"time_s": body.pop("time_s"), "measured": body.pop("measured")}
-    return {
-        "kind": "compare",
-        "schema": SCHEMA,
-        **body,
-        "notes": to_plain(unique(result.notes)),
-        "provenance": to_plain(provenance),
-    }
+    return document_of("compare", body, result.notes, provenance)
 
 
 def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
@@ -46,21 +39,21 @@ def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: st
     ------
     ConfigError : the document, named by `where`, is damaged.
     """
-    outcomes = from_plain(tuple[Outcome, ...], member(document, "outcomes", where=where), where=f"{where}: outcomes")
-    log, series = member(document, "log", where=where), member(document, "series", where=where)
-    truth = member(document, "truth", where=where)
+    series, truth = (member(document, key, where=where) for key in ("series", "truth"))
+    result = from_plain(ComparisonResult, {**document, **mapping(series, where=where), "truth": None}, where=where)
     injected = None if truth is None else [fault_from_dict(one, where=f"{where}: truth") for one in truth]
+    outcomes = result.outcomes
     ran = [one for one in outcomes if one.statement is not None]
     alarmed = [one.method for one in ran if one.statement is not None and one.statement.decision == "fault"]
     verdict = f"{counted(len(ran), 'method')} of {len(outcomes)} ran; {len(alarmed)} declare a fault"
     verdict += f": {', '.join(alarmed)}." if alarmed else "."
-    start_s, stop_s = log["start_s"], log["stop_s"]
+    start_s, stop_s = result.log.start_s, result.log.stop_s
     lanes = [
         Lane(
             label=one.method,
             blocks=tuple(
                 Block(label="", low=low, high=high, shade="fault")
-                for low, high in _apart([_extent(each, start_s, stop_s) for each in one.statement.suspects])
+                for low, high in union([_extent(each, start_s, stop_s) for each in one.statement.suspects])
             ),
         )
         for one in ran
@@ -69,17 +62,17 @@ def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: st
     spans: tuple[Span, ...] = ()
     if injected is not None:
         at = [(max(one.onset_s, start_s), min(one.offset_s or stop_s, stop_s)) for one in injected]
-        blocks = tuple(Block(label="", low=low, high=high, shade="grey") for low, high in _apart(at))
+        blocks = tuple(Block(label="", low=low, high=high, shade="grey") for low, high in union(at))
         lanes.insert(0, Lane(label="injected", blocks=blocks))
         spans = tuple(Span(label="onset", low=low, high=low) for low, _ in at)
     panels = [
         Panel(
             x_label="time [s]",
             y_label=f"{name} [{units.of(unit, channel=name).unit}]",
-            curves=(curve("", series["time_s"], _shown(values, units.of(unit, channel=name))),),
+            curves=(curve("", result.time_s, units.of(unit, channel=name).readings(values)),),
             spans=spans,
         )
-        for name, unit, values in zip(document["outputs"], document["units"], series["measured"], strict=True)
+        for name, unit, values in zip(result.outputs, result.units, result.measured, strict=True)
     ]
     panels.append(
         Panel(x_label="time [s]", y_label="", curves=(), lanes=tuple(lanes), x_limits=(start_s, stop_s), height=1.2)
@@ -90,22 +83,18 @@ def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: st
         tables.append(Table(name="refused", title="Did not run", heads=("method", "reason"), rows=refused))
     return ReportContent(
         category="Comparison of methods",
-        title=log["path"],
+        title=result.log.path,
         heading="Methods on one log",
         verdict=verdict,
         facts=(
             ("Window", f"{instant(start_s)} to {instant(stop_s)} s"),
-            ("Outputs", ", ".join(document["outputs"])),
+            ("Outputs", ", ".join(result.outputs)),
             ("Injected", _injected(injected)),
         ),
         tables=tuple(tables),
         drawings=(Drawing(name="comparison", caption=CAPTION, panels=tuple(panels), shared_x=True),),
-        notes=notes_of(document, units),
+        notes=shown_notes(result.notes, units),
     )
-
-
-def _shown(values: Sequence[float | None], shown: Shown) -> list[float]:
-    return [math.nan if (one := shown.reading(x)) is None else one for x in values]
 
 
 def _injected(injected: list[Any] | None) -> str:
@@ -155,14 +144,3 @@ def _extent(one: Suspect, start_s: float, stop_s: float) -> tuple[float, float]:
     first_s = one.onset_s if one.onset_s is not None else one.declared_s
     low = start_s if first_s is None else min(max(first_s, start_s), stop_s)
     return low, stop_s if one.offset_s is None else min(max(one.offset_s, low), stop_s)
-
-
-def _apart(extents: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return stretches of time with those that overlap joined."""
-    joined: list[tuple[float, float]] = []
-    for low, high in sorted(extents):
-        if joined and low <= joined[-1][1]:
-            joined[-1] = joined[-1][0], max(high, joined[-1][1])
-        else:
-            joined.append((low, high))
-    return joined

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -26,12 +25,14 @@ from ..parity import Record, WindowScan
 from ..parity.explain import course_for
 from ..parity.record import LINES, USED, Hypothesis, hypotheses, with_fault, without_fault
 from ..parity.scan import residual_values
-from ..serialization import check_schema, from_plain, member
+from ..serialization import check_schema, from_plain, member, read_json
 from .flight import Flight
+from .naming import hypothesis_of
 from .result import Course, Event
 
 FloatArray = NDArray[np.float64]
 
+# Drawn over the flight, where recorded.
 SHOWN = ("tas", "cas", "ias", "mach", "altitude", "aoa", "pitch")
 FEWEST_S = 10.0  # of a course after its onset
 MEASURED = "_measured"  # ends the name of what was recorded, beside a channel that is corrected
@@ -62,7 +63,7 @@ def corrected_channels(record: Record, events: Sequence[Event]) -> dict[str, Flo
 def _amount(event: Event, time_s: FloatArray) -> tuple[str, FloatArray]:
     """Return the hypothesis of an event and its error over time."""
     assert event.magnitude is not None
-    fault, sign = ("q_impact", -1.0) if event.fault == "pitot_icing" else (event.fault, 1.0)
+    fault, sign = hypothesis_of(event.fault)
     course = course_for(event.shape, event.constant_s)
     assert course is not None
     return fault, sign * event.magnitude * course(time_s - event.onset_s)
@@ -89,7 +90,7 @@ def course_of(flight: Flight, event: Event, index: int) -> Course | None:
         return None
     if course is None:
         return None
-    sign = -1.0 if event.fault == "pitot_icing" else 1.0
+    _, sign = hypothesis_of(event.fault)
     sides = np.sort(np.stack([sign * (named + course.low), sign * (named + course.high)]), axis=0)
     return Course(
         event=index,
@@ -143,12 +144,7 @@ def events_to_correct(path: Path, log: FlightLog) -> tuple[Event, ...]:
     ------
     ConfigError : the file is no diagnosis, or one of another log, or of channels in other units or with other signs.
     """
-    try:
-        document = json.loads(path.read_text("utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: {(error.strerror or str(error)).lower()}; {GIVE}") from None
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{path}: not JSON ({error}); {GIVE}") from None
+    document = read_json(path, give=GIVE)
     if not isinstance(document, Mapping) or document.get("kind") != "diagnose":
         raise ConfigError(f"{path}: not a diagnosis; {GIVE}")
     check_schema(document, where=str(path))

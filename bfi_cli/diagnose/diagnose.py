@@ -25,16 +25,22 @@ from ..parity.windows import Window, overlaps, windows_in
 from ..plausibility import Implausible, without_offsets
 from ..preprocessing.summary import LogSummary, log_summary
 from ..shapes import SHAPES
-from .corrected import corrected_channels, course_of
+from .corrected import SHOWN, corrected_channels, course_of
 from .events import Draft, as_one, beyond_its_tolerance, is_certain, join, largest_first, merge_stages, with_ends
+from .exact_events import (
+    AFTER_HOLD_S,
+    event_of_offset,
+    events_of_defects,
+    is_fault,
+    notes_on_defects,
+    with_faults_marked,
+)
 from .flight import Flight, flight_of
 from .limits import bounds_of, limit_courses, limits_of
 from .looks import GLANCE_S, STEP_S, Scanned, glance_at_flight, inputs_for, rate_of, summary_of
 from .naming import finding_of_glance, repeat_advice, vote_against
-from .offsets import event_of_offset, is_fault, with_faults_marked
 from .relations import StaticWindows, drafts_of_disagreements, drafts_of_relations, find_relations, intact_channels
 from .result import DiagnoseResult, Event, Strip
-from .short_defects import AFTER_HOLD_S, events_of_defects, notes_on_defects
 from .slow_faults import SlowFaults, find_slow_faults
 from .unwatched import missing_sentences, unwatched_by_lines, unwatched_by_scan, unwatched_by_steps
 from .verdict import evidence_of, sentence_of
@@ -42,8 +48,6 @@ from .verdict import evidence_of, sentence_of
 FloatArray = NDArray[np.float64]
 
 AROUND_HOLD_S = 60.0  # shown beside a held line
-# Drawn over the flight, where recorded.
-SHOWN = ("tas", "cas", "ias", "mach", "altitude", "aoa", "pitch")
 # What an event says as the finding that describes it does.
 TOLD = tuple({one.name for one in fields(Finding)} & {one.name for one in fields(Event)})
 

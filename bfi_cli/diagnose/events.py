@@ -11,9 +11,9 @@ import numpy as np
 from ..decision import beyond_tolerance
 from ..parity import Finding
 from ..parity.explain import course_for
+from ..parity.windows import Window
 from .flight import Flight
-
-Window = tuple[float, float]
+from .naming import hypothesis_of
 
 # A finding belongs to an event that began at most this long after it: onsets of slow faults are uncertain by as much.
 # Twice the standard deviation of 7.5 s that the Cramer-Rao bound leaves a drift in 240 s (docs/theory.md, 15.7).
@@ -153,12 +153,9 @@ def _fails_further(one: Finding, earlier: Finding) -> bool:
     """Return whether an event of the slow kind names the sensor of an earlier one, or cannot tell it from that."""
     if one.stage not in LASTING or earlier.stage not in LASTING:
         return False
-    return _line_of(one.fault) == _line_of(earlier.fault) or (len(one.among) > 1 and earlier.fault in one.among)
-
-
-def _line_of(fault: str) -> str:
-    """Return what errs: a loss of impact pressure is icing, and its return a gain of that."""
-    return "q_impact" if fault == "pitot_icing" else fault
+    return hypothesis_of(one.fault)[0] == hypothesis_of(earlier.fault)[0] or (
+        len(one.among) > 1 and earlier.fault in one.among
+    )
 
 
 def is_return(one: Finding, earlier: Finding) -> bool:
@@ -166,29 +163,18 @@ def is_return(one: Finding, earlier: Finding) -> bool:
 
     It goes back at once or within seconds, in the other direction, by what the earlier fault has grown to by then.
     """
-    if one.magnitude is None or earlier.magnitude is None or earlier.offset_s is not None:
+    since_s, course = one.onset_s - earlier.onset_s, course_for(earlier.shape, earlier.constant_s)
+    if one.magnitude is None or earlier.magnitude is None or earlier.offset_s is not None or since_s <= 0.0:
         return False
-    courses = [course_for(found.shape, found.constant_s) for found in (one, earlier)]
-    if _line_of(one.fault) != _line_of(earlier.fault) or one.shape == "drift" or None in courses:
+    (sensor, sign), (failed, sign_of_failure) = hypothesis_of(one.fault), hypothesis_of(earlier.fault)
+    if sensor != failed or one.shape == "drift" or course is None or course_for(one.shape, one.constant_s) is None:
         return False
-    since_s = one.onset_s - earlier.onset_s
-    back, gone = courses
-    assert back is not None
-    assert gone is not None
-    if since_s <= 0.0:
-        return False
-    grown = float(gone(np.array([since_s]))[0])
-    size, step = (_signed(found) for found in (earlier, one))
-    size *= grown
+    grown = float(course(np.array([since_s]))[0])
+    size, step = sign_of_failure * earlier.magnitude * grown, sign * one.magnitude
     # Of an impact pressure both are shares, the second of what the first has left.
-    left = (1.0 + size) * (1.0 + step) - 1.0 if _line_of(one.fault) == "q_impact" else size + step
+    left = (1.0 + size) * (1.0 + step) - 1.0 if sensor == "q_impact" else size + step
     sd = float(np.hypot(one.sd or 0.0, grown * (earlier.sd or 0.0)))
     return size * step < 0.0 and abs(left) <= min(max(STEP_BACK * abs(size), SURE * sd), MOST_LEFT * abs(size))
-
-
-def _signed(found: Finding) -> float:
-    assert found.magnitude is not None
-    return -found.magnitude if found.fault == "pitot_icing" else found.magnitude
 
 
 def _same_frequency(one: Finding, other: Finding) -> bool:

@@ -18,6 +18,11 @@ from ..shapes import SHAPES
 ONSET_STEP_S = 0.5
 
 
+def hypothesis_of(fault: str) -> tuple[str, float]:
+    """Return the hypothesis of the parity scan that a fault is, and its sign: icing is a loss of impact pressure."""
+    return ("q_impact", -1.0) if fault == "pitot_icing" else (fault, 1.0)
+
+
 def fault_name(fit: Fit) -> str:
     """Return what a hypothesis of the parity scan is called: a loss of impact pressure is icing of the pitot tube."""
     if fit.fault.fault == "q_impact" and fit.magnitude < 0.0:
@@ -70,7 +75,7 @@ def finding_of_fit(
     """
     fit = fits[0]
     name = fault_name(fit)
-    sign = -1.0 if name == "pitot_icing" else 1.0
+    _, sign = hypothesis_of(name)
     return Finding(
         fault=name,
         among=names_of(fits, record),

@@ -10,15 +10,17 @@ import numpy as np
 
 from ..channels import STANDARD
 from ..display_units import SI, Shown, Units
+from ..files import EVENTS
 from ..flightlog.report import lane_panel
-from ..flightlog.timeline import bands_of, lanes_of, phase_table
+from ..flightlog.timeline import Happening, bands_of, lanes_of, phase_table
 from ..kernels.normal import TWO_SIDED_95
 from ..notes import Note
 from ..provenance import Provenance
 from ..report.claims import beside_tolerance, fault_head, hidden_table
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Screen, Table, curve, shown_notes
 from ..report.text import HEADINGS, capital, change, instant, number, with_unit
-from ..serialization import document_of, from_plain, mapping, member, to_plain
+from ..serialization import csv_lines, document_of, from_plain, mapping, member, to_plain
+from .limits import AIRSPEEDS
 from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse
 
 # Shapes that are named behind a channel; the others are faults by themselves.
@@ -28,7 +30,6 @@ SHORT = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}
 SERIES = ("time_s", "measured", "corrected", "units", "strips", "limit_courses", "courses")
 # On either side of the window that describes an event.
 AROUND_S = 60.0
-AIRSPEEDS = ("tas", "cas", "ias", "mach")
 MOST_PAGES = 12  # events with a page of their own; the table has all
 EVENT_COLUMNS = (
     *("fault", "among", "channels", "state", "kind", "stages", "shape", "magnitude", "unit", "sd", "ci95", "effect"),
@@ -55,6 +56,24 @@ def diagnose_document(result: DiagnoseResult, provenance: Provenance) -> dict[st
     body = to_plain(result)
     series = {key: body.pop(key) for key in SERIES}
     return document_of("diagnose", {**body, "series": series}, result.notes, provenance)
+
+
+def events_csv(events: Sequence[Event]) -> bytes:
+    """Return the CSV file of events for other programs, of which the first line is the header.
+
+    A row for each event in order of time: seconds of the log, SI and radians, empty where nothing is known.
+
+    `time` is the onset, so that a program for time series shows each number as a point there. `low` and `high` are the
+    ends of the 95 % interval of the magnitude.
+    """
+    rows = [
+        (
+            *(one.onset_s, one.offset_s, one.fault, " ".join(one.channels), one.state, one.kind, one.shape),
+            *(one.magnitude, one.unit, *(one.ci95 or (None, None)), one.p_value),
+        )
+        for one in sorted(events, key=lambda one: one.onset_s)
+    ]
+    return f"{EVENTS}\n{csv_lines(rows)}".encode()
 
 
 def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
@@ -327,19 +346,15 @@ def _unwatched_table(unwatched: Sequence[Sequence[Any]]) -> tuple[Table, ...]:
     return (Table(name="unwatched", title=title, heads=("stretch [s]", "why"), rows=rows),) if rows else ()
 
 
-def _named(events: Sequence[Event]) -> list[dict[str, Any]]:
-    """Return events as the lanes of a timeline want them."""
-    return [
-        {
-            "name": _name(one),
-            "channels": [],
-            "state": one.state,
-            "onset_s": one.onset_s,
-            "offset_s": one.offset_s if one.offset_s is not None else one.seen_until_s,
-            "times_s": one.times_s,
-        }
-        for one in events
-    ]
+def _happening(event: Event) -> Happening:
+    """Return the lane of an event; one that lasts ends with the last window that shows it."""
+    return Happening(
+        label=_name(event),
+        state=event.state,
+        onset_s=event.onset_s,
+        offset_s=event.offset_s if event.offset_s is not None else event.seen_until_s,
+        times_s=event.times_s or (),
+    )
 
 
 def _lines(events: Sequence[Event]) -> list[Block]:
@@ -359,7 +374,7 @@ def _lines(events: Sequence[Event]) -> list[Block]:
 def _timeline(result: DiagnoseResult, units: Units) -> Drawing:
     log, events = result.log, result.events
     limits = (log.start_s, log.stop_s)
-    lanes = lanes_of(result.phases, (), (), _named(events), limits=limits)
+    lanes = lanes_of(result.phases, (), (), [_happening(one) for one in events], limits=limits)
     bands = (*bands_of(result.phases), *_lines(events))
     panels = [lane_panel(lanes, limits)] if lanes else []
     wrong = [name for one in events for name in one.channels]

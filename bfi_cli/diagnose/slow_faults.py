@@ -23,7 +23,7 @@ from ..parity.windows import Window, flight_stretches, overlaps, windows_in
 from .events import Draft, beyond_its_tolerance, clusters, is_certain, is_return
 from .flight import Flight, LastingFault
 from .looks import Scanned, rate_of, scale_of, scan_flight, thresholds_of
-from .naming import contradicted, finding_of_fit, hypotheses_of
+from .naming import contradicted, finding_of_fit, hypotheses_of, hypothesis_of
 from .relations import StaticWindows, intact_channels
 
 # A fault that the scan sees near a window's start may have begun before it: the window is moved, or begins earlier
@@ -78,37 +78,46 @@ def find_slow_faults(
         if draft.finding.shape != "bias":  # a constant is a nuisance of every residual anyway
             back = next((one for one in known if is_return(one.finding, draft.finding)), None)
             flight = flight.with_lasting(_lasting(draft, back))
-    start, named, gone = flight, list[Named](), list[Draft]()
-    stood_out: list[Draft] = []
+    start, named, undone, stood_out = flight, list[Named](), list[Draft](), list[Draft]()
     answer = _scan_all(flight, report)
     for _ in range(2 * MOST):
         drafts = [fault.as_told for fault in named]
-        ends = [fault.back for fault in named if fault.back is not None]
-        told_already = [draft.finding.onset_ci95 for draft in (*known, *drafts, *ends)]
-        flagged = [
-            one
-            for one in answer.scanned
-            if one.statistic > one.threshold.suspected
-            and not overlaps(one.window, held)
-            # A window that may hold the onset of a fault that is named already shows that.
-            and not any(one.from_s < last_s and first_s < one.to_s for first_s, last_s in told_already)
-        ]
-        runs = [[flagged[k] for k in run] for run in clusters([one.window for one in flagged])]
-        told = [one for run in runs if (one := _described(flight, run, static)) is not None]
-        found = [one.draft for one in told]
-        certain = [one for one in told if is_certain(one.draft) and not any(_same(one.draft, other) for other in gone)]
+        told = [*known, *drafts, *(fault.back for fault in named if fault.back is not None)]
+        runs = _runs_that_stand_out(answer.scanned, held, told)
+        described = [one for run in runs if (one := _described(flight, run, static)) is not None]
+        certain = [one for one in described if is_certain(one.draft) and not _is_among(one.draft, undone)]
         if not certain or len(drafts) == MOST:
             break
-        strongest = max(certain, key=lambda one: one.draft.finding.statistic / one.draft.finding.threshold)
+        strongest = max(certain, key=lambda one: one.strength)
         begun_s = strongest.draft.finding.onset_ci95[1]
         stood_out += [one.draft for one in certain if one.draft.finding.onset_s > begun_s]
         candidates = _with_named(named, strongest, flight, answer)
         named = _told_again(start, candidates, answer, static)
-        gone += [one.draft for one in candidates if not any(_same(one.draft, other.draft) for other in named)]
+        undone += [one.draft for one in candidates if not _is_among(one.draft, [kept.draft for kept in named])]
         flight = _with_all(start, named)
         answer = _scan_all(flight, silent, before=answer)
-    every = (*known, *drafts, *found, *ends)
-    return replace(answer, drafts=(*drafts, *found), notes=_set_aside(stood_out, every, drafts))
+    found = [one.draft for one in described]
+    return replace(answer, drafts=(*drafts, *found), notes=_set_aside(stood_out, [*told, *found], drafts))
+
+
+def _runs_that_stand_out(
+    scanned: Sequence[Scanned], held: Sequence[Window], told: Sequence[Draft]
+) -> list[list[Scanned]]:
+    """Return the runs of windows that stand out, without those that may hold an onset which is told already.
+
+    Parameters
+    ----------
+    held : stretches in which a pressure line is held.
+    """
+    onsets = [draft.finding.onset_ci95 for draft in told]
+    flagged = [
+        one
+        for one in scanned
+        if one.statistic > one.threshold.suspected
+        and not overlaps(one.window, held)
+        and not any(one.from_s < last_s and first_s < one.to_s for first_s, last_s in onsets)
+    ]
+    return [[flagged[k] for k in run] for run in clusters([one.window for one in flagged])]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,6 +131,11 @@ class Named:
     threshold: Threshold
     zero_lift: float | None
     back: Draft | None = None
+
+    @property
+    def strength(self) -> float:
+        """By how many times it exceeds its threshold."""
+        return self.draft.finding.statistic / self.draft.finding.threshold
 
     @property
     def as_told(self) -> Draft:
@@ -144,7 +158,7 @@ def _told_again(start: Flight, named: Sequence[Named], answer: SlowFaults, stati
     The weakest goes first. One that is described in the same model already stays as it is.
     """
     kept = list(named)
-    for fault in sorted(named, key=lambda one: one.draft.finding.statistic / one.draft.finding.threshold):
+    for fault in sorted(named, key=lambda one: one.strength):
         everything = _with_all(start, kept)
         flight = _with_all(start, [one for one in kept if one is not fault])
         flight = replace(flight, zero_lift=everything.zero_lift, zero_lift_from=everything.zero_lift_from)
@@ -172,12 +186,12 @@ def _with_named(named: Sequence[Named], strongest: Named, flight: Flight, answer
     """
     going = [one for one in named if one.back is None]
     ended = next((one for one in going if is_return(strongest.draft.finding, one.draft.finding)), None)
+    begun_after = next((one for one in going if is_return(one.draft.finding, strongest.draft.finding)), None)
     if ended is not None:
         others, pair = [one for one in named if one is not ended], replace(ended, back=strongest.draft)
     else:
-        own = next((one for one in going if is_return(one.draft.finding, strongest.draft.finding)), None)
-        others = [one for one in named if one is not own]
-        back = own.draft if own is not None else _return_of(flight, strongest.draft, answer)
+        others = [one for one in named if one is not begun_after]
+        back = _return_of(flight, strongest.draft, answer) if begun_after is None else begun_after.draft
         pair = replace(strongest, back=back)
     if pair.back is None:
         return [*others, pair]
@@ -201,7 +215,7 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
     if one.magnitude is None or course is None:
         return None
     (fault,) = hypotheses_of(replace(one, among=(one.fault,)))
-    sign = -1.0 if one.fault == "pitot_icing" else 1.0
+    _, sign = hypothesis_of(one.fault)
     stretches = flight_stretches(flight.part_phases)
     stretch = next((part for part in stretches if overlaps(draft.window, [part])), draft.window)
     length_s = draft.window[1] - draft.window[0]
@@ -240,9 +254,10 @@ def _set_aside(stood_out: Sequence[Draft], told: Sequence[Draft], lasting: Seque
     return (Note.limit(f"after {last} fails, {said} cannot be told from its after-effects and is not reported"),)
 
 
-def _same(one: Draft, other: Draft) -> bool:
-    """Return whether two drafts name the same fault."""
-    return hypotheses_of(one.finding) == hypotheses_of(other.finding) and _same_onset(one, other)
+def _is_among(draft: Draft, others: Sequence[Draft]) -> bool:
+    """Return whether one of the other drafts names the same fault."""
+    names = hypotheses_of(draft.finding)
+    return any(hypotheses_of(one.finding) == names and _same_onset(one, draft) for one in others)
 
 
 def _same_onset(one: Draft, other: Draft) -> bool:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from ..decision import two_digits
 from ..flightlog.phases import HOVER, NO_AIRSPEED, PARTS, TRANSITION, note_on_rotors
-from ..kernels.runs import left_of
+from ..kernels.runs import left_of, union
 from ..parity import LENGTHS_S, available
 from ..parity.windows import Window
 from .flight import Flight
@@ -58,7 +58,7 @@ def flown_of(flight: Flight) -> list[Window]:
     for (first, last), beside in zip([*gaps][::2], pairwise([False, *airborne, False]), strict=True):
         if last > first and any(beside):
             flown.append((first, last))
-    return _joined(flown)
+    return union(flown)
 
 
 def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence[Event]) -> list[Unwatched]:
@@ -70,7 +70,7 @@ def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence
     found: list[tuple[Window, str]] = []
     for name in (PITOT_LINE, *(name for name in AIRSPEEDS if name in flight.recorded)):
         windows = drifts.get((name, "error")) or drifts.get((name, "disagreement")) or ()
-        for piece in left_of(flown_of(flight), _joined([stretch for one in windows for stretch in one.watched])):
+        for piece in left_of(flown_of(flight), union([stretch for one in windows for stretch in one.watched])):
             if piece[1] - piece[0] >= LEAST_S:
                 found.append((piece, "the pitot line" if name == PITOT_LINE else name))
     declared = [
@@ -114,7 +114,7 @@ def unwatched_by_steps(flight: Flight, windows: Sequence[Window]) -> list[Unwatc
     covered = [(first + STEP_MARGIN_S, last - STEP_MARGIN_S) for first, last in windows]
     why = f"no window of {GLANCE_S:g} s could be scanned for steps and oscillations"
     return _long(
-        [Unwatched(from_s=first, to_s=last, why=why) for first, last in left_of(flown_of(flight), _joined(covered))]
+        [Unwatched(from_s=first, to_s=last, why=why) for first, last in left_of(flown_of(flight), union(covered))]
     )
 
 
@@ -129,17 +129,6 @@ def unwatched_by_lines(flight: Flight) -> list[Unwatched]:
         for one in flight.held.unseen
     ]
     return sorted((one for one in found if one.seconds >= LEAST_S), key=lambda one: one.from_s)
-
-
-def _joined(windows: Iterable[Window]) -> list[Window]:
-    """Return the union of windows."""
-    found: list[Window] = []
-    for first, last in sorted(windows):
-        if found and first <= found[-1][1]:
-            found[-1] = (found[-1][0], max(found[-1][1], last))
-        else:
-            found.append((first, last))
-    return found
 
 
 def _long(pieces: Sequence[Unwatched]) -> list[Unwatched]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,26 +14,16 @@ from ..display_units import SI, Units
 from ..errors import ConfigError, LogError
 from ..notes import Note
 from ..provenance import Provenance
-from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, notes_of, thinned
+from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, shown_notes, thinned
 from ..report.text import change, instant
-from ..serialization import check_schema, document_of, mapping, member, to_plain
+from ..serialization import document_of, document_of_kind, from_plain, mapping, member, read_json, to_plain
 from .derived import DERIVED, with_derived
 from .difference import GAP, difference
-from .phases import phases_of
-from .quality import ranked_windows
+from .phases import Phase, phases_of
+from .quality import ExcitedWindow, ranked_windows
 from .record import Channel, FlightLog, FloatArray
 from .report import lane_panel
-from .timeline import (
-    STATES,
-    bands_of,
-    event_table,
-    happenings,
-    lanes_of,
-    phase_columns,
-    phase_table,
-    shows,
-    window_table,
-)
+from .timeline import STATES, Happening, bands_of, lanes_of, phase_columns, phase_table, shows, window_table
 
 Plain = Mapping[str, Any]
 
@@ -56,13 +45,9 @@ DIFFERENCES = (
     "of the other in straight lines, and nothing within its gaps."
 )
 GIVE = "give the result.json of bfi identify, start-time, detect or diagnose"
-# Under which key a kind of document has its events, and under which it has what is suspected.
-EVENTS = {
-    "identify": ("faults", "candidates"),
-    "start-time": ("faults", "candidates"),
-    "detect": ("alarms", "candidates"),
-    "diagnose": ("events", None),
-}
+# Under which key a kind of document has its events; what is suspected is one of these, or of its "candidates".
+EVENTS = {"identify": "faults", "start-time": "faults", "detect": "alarms", "diagnose": "events"}
+STANDING_OUT = ("declared", "suspected")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,6 +68,77 @@ class Event:
     onset_s: float
     offset_s: float | None
 
+    @property
+    def happening(self) -> Happening:
+        """Its lane of a timeline."""
+        channels = ", ".join(self.channels)
+        label = self.name if not channels or channels in self.name else f"{self.name} ({channels})"
+        return Happening(label=label, state=self.state, onset_s=self.onset_s, offset_s=self.offset_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnLog:
+    """The part of a log that is drawn."""
+
+    path: str
+    rate_hz: float
+    n_samples: int
+    start_s: float
+    stop_s: float
+    sha256: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DrawnChannel:
+    """A channel that is drawn, and its unit in the first log."""
+
+    name: str
+    unit: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Difference:
+    """A channel of the second log less that of the first, in numbers; None where it is known nowhere."""
+
+    channel: str
+    unit: str
+    mean: float | None = None
+    sd: float | None = None
+    largest: float | None = None
+    at_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Series:
+    """A channel of the log of this index, of None the difference of the second to the first: (n,) points."""
+
+    log: int | None
+    channel: str
+    unit: str
+    time_s: FloatArray
+    values: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlotResult:
+    """Logs over time: curves, phases and windows of the first log, and events of analyses, from `from_s` to `to_s`."""
+
+    logs: tuple[DrawnLog, ...]
+    from_s: float
+    to_s: float
+    channels: tuple[DrawnChannel, ...]
+    phases: tuple[Phase, ...]
+    windows: tuple[ExcitedWindow, ...]
+    events: tuple[Event, ...]
+    differences: tuple[Difference, ...] = ()
+    series: tuple[Series, ...]
+    notes: tuple[Note, ...]
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """The first and the last time."""
+        return self.from_s, self.to_s
+
 
 def read_events(path: str) -> tuple[tuple[Event, ...], str]:
     """Return the declared and suspected events of a stored document in order of time, and the sha256 of its log.
@@ -91,46 +147,36 @@ def read_events(path: str) -> tuple[tuple[Event, ...], str]:
     ------
     ConfigError : the file cannot be read, is not JSON, or is no document with events.
     """
-    try:
-        document = json.loads(Path(path).read_text("utf-8"))
-    except OSError as error:
-        raise ConfigError(f"{path}: {(error.strerror or str(error)).lower()}; {GIVE}") from None
-    except UnicodeDecodeError:
-        raise ConfigError(f"{path}: not a text file; {GIVE}") from None
-    except (ValueError, RecursionError) as error:
-        raise ConfigError(f"{path}: not JSON ({error}); {GIVE}") from None
-    if not isinstance(document, Mapping) or "kind" not in document:
-        raise ConfigError(f"{path}: not a result of this program, it has no 'kind'; {GIVE}")
+    document = document_of_kind(read_json(path, give=GIVE), EVENTS, where=path, give=GIVE, wanted="which has no events")
     kind = document["kind"]
-    if not isinstance(kind, str) or kind not in EVENTS:
-        raise ConfigError(f"{path}: kind is '{kind}', which has no events; {GIVE}")
-    check_schema(document, where=path)
     sha256 = mapping(member(document, "provenance", where=path), where=f"{path}: provenance").get("log_sha256")
     try:
-        declared, others = EVENTS[kind]
-        found = []
-        for entry in member(document, declared, where=path):
-            onset_s = entry.get("onset_s") if entry.get("onset_s") is not None else entry.get("time_s")
-            state = entry.get("state", "declared")
-            if onset_s is not None and state in ("declared", "suspected"):
-                found.append(_event(entry, kind, state, onset_s))
-        for entry in document.get(others, ()) if others else ():
-            if entry.get("state") == "suspected" and entry.get("onset_s") is not None:
-                found.append(_event(entry, kind, "suspected", entry["onset_s"]))
+        suspected = (one for one in document.get("candidates", ()) if one.get("state") == "suspected")
+        entries = (*member(document, EVENTS[kind], where=path), *suspected)
+        events = [_event(one, kind) for one in entries if one.get("state", "declared") in STANDING_OUT]
+        found = [one for one in events if one is not None]
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ConfigError(f"{path}: damaged, {error!r}; run bfi {kind} again") from None
     return tuple(sorted(found, key=lambda one: one.onset_s)), sha256 if isinstance(sha256, str) else ""
 
 
-def _event(entry: Plain, kind: str, state: str, onset_s: float) -> Event:
-    """Return an entry as an event; a fault is called by its name, else by its shape, an alarm by what it is."""
+def _event(entry: Plain, kind: str) -> Event | None:
+    """Return an entry as an event, named by its fault, its name or its shape; None where it has no onset."""
+    onset_s = entry.get("time_s") if entry.get("onset_s") is None else entry["onset_s"]
+    if onset_s is None:
+        return None
     channels = entry.get("channels") or ([entry["channel"]] if entry.get("channel") else [])
     times = [float(one) for one in (onset_s, entry.get("offset_s")) if one is not None]
     if not isinstance(channels, list) or not all(map(math.isfinite, times)):
         raise ValueError(f"no channels and times, {channels!r:.40}, {times}")
-    name = str(entry.get("fault") or entry.get("name") or entry.get("shape") or "alarm")
-    places, offset_s = tuple(map(str, channels)), times[1] if len(times) > 1 else None
-    return Event(analysis=kind, name=name, channels=places, state=state, onset_s=times[0], offset_s=offset_s)
+    return Event(
+        analysis=kind,
+        name=str(entry.get("fault") or entry.get("name") or entry.get("shape") or "alarm"),
+        channels=tuple(map(str, channels)),
+        state=entry.get("state", "declared"),
+        onset_s=times[0],
+        offset_s=times[1] if len(times) > 1 else None,
+    )
 
 
 def moved(event: Event, shift_s: float) -> Event:
@@ -155,18 +201,17 @@ def channels_to_plot(log: FlightLog, names: Sequence[str], events: Sequence[Even
     return chosen or tuple(log.channels)[:MOST_PANELS]
 
 
-def plot_document(
+def plot_logs(
     logs: Sequence[FlightLog],
     names: Sequence[str],
     events: Sequence[Event],
-    provenance: Provenance,
     *,
     part_s: tuple[float | None, float | None],
     diff: bool = False,
     shift_s: float = 0.0,
     notes: Sequence[Note] = (),
-) -> dict[str, Any]:
-    """Return the document of `bfi plot --json`: phases and windows of the first log, and the curves as `series`.
+) -> PlotResult:
+    """Return what is drawn of logs, with the phases and windows of the first.
 
     Parameters
     ----------
@@ -205,38 +250,42 @@ def plot_document(
     if shift_s:
         said.append(Note.method(f"times of {logs[1].path} are moved by {shift_s:.4g} s, to those of {first.path}"))
     changes = [(name, *difference(parts[0], parts[1], name)) for name in chosen] if diff else []
-    body = to_plain(
-        {
-            "logs": [
-                {
-                    **{key: getattr(part, key) for key in ("path", "rate_hz", "n_samples")},
-                    "start_s": float(part.time_s[0]),
-                    "stop_s": float(part.time_s[-1]),
-                    "sha256": part.sha256,
-                }
-                for part in parts
-            ],
-            "from_s": low,
-            "to_s": high,
-            "channels": [{"name": name, "unit": whole[0].channels[name].unit} for name in chosen],
-            "phases": [one for one in phases if shows(one, (low, high))],
-            "windows": [one for one in ranked_windows(first, phases) if shows(one, (low, high))],
-            "events": events,
-            "differences": [
-                _difference(name, whole[0].channels[name].unit, time_s, values) for name, time_s, values in changes
-            ],
-            "series": [
-                *(
-                    _series(i, part.channels[name], part.time_s, part.channels[name].values)
-                    for name in chosen
-                    for i, part in enumerate(parts)
-                    if name in part.channels
-                ),
-                *(_series(None, whole[0].channels[name], time_s, values) for name, time_s, values in changes),
-            ],
-        }
+    units = {name: whole[0].channels[name].unit for name in chosen}
+    return PlotResult(
+        logs=tuple(
+            DrawnLog(
+                path=part.path,
+                rate_hz=part.rate_hz,
+                n_samples=part.n_samples,
+                start_s=float(part.time_s[0]),
+                stop_s=float(part.time_s[-1]),
+                sha256=part.sha256,
+            )
+            for part in parts
+        ),
+        from_s=low,
+        to_s=high,
+        channels=tuple(DrawnChannel(name=name, unit=unit) for name, unit in units.items()),
+        phases=tuple(one for one in phases if shows(one, (low, high))),
+        windows=tuple(one for one in ranked_windows(first, phases) if shows(one, (low, high))),
+        events=tuple(events),
+        differences=tuple(_difference(name, units[name], time_s, values) for name, time_s, values in changes),
+        series=(
+            *(
+                _series(i, part.channels[name], part.time_s, part.channels[name].values)
+                for name in chosen
+                for i, part in enumerate(parts)
+                if name in part.channels
+            ),
+            *(_series(None, whole[0].channels[name], time_s, values) for name, time_s, values in changes),
+        ),
+        notes=tuple(said),
     )
-    return document_of("plot", body, said, provenance)
+
+
+def plot_document(result: PlotResult, provenance: Provenance) -> dict[str, Any]:
+    """Return the document of `bfi plot --json`."""
+    return document_of("plot", to_plain(result), result.notes, provenance)
 
 
 def shared_channels(first: FlightLog, second: FlightLog, chosen: Sequence[str]) -> tuple[str, ...]:
@@ -254,62 +303,60 @@ def shared_channels(first: FlightLog, second: FlightLog, chosen: Sequence[str]) 
     return shared
 
 
-def _difference(name: str, unit: str, time_s: FloatArray, values: FloatArray) -> dict[str, Any]:
-    """Return what a difference is in numbers; None where it is known nowhere."""
+def _difference(name: str, unit: str, time_s: FloatArray, values: FloatArray) -> Difference:
+    """Return what a difference is in numbers."""
     known = np.isfinite(values)
     if not known.any():
-        return {"channel": name, "unit": unit, **dict.fromkeys(("mean", "sd", "largest", "at_s"))}
+        return Difference(channel=name, unit=unit)
     at = int(np.argmax(np.where(known, np.abs(values), -1.0)))
-    spread = {"mean": float(values[known].mean()), "sd": float(values[known].std())}
-    return {"channel": name, "unit": unit, **spread, "largest": float(values[at]), "at_s": float(time_s[at])}
+    return Difference(
+        channel=name,
+        unit=unit,
+        mean=float(values[known].mean()),
+        sd=float(values[known].std()),
+        largest=float(values[at]),
+        at_s=float(time_s[at]),
+    )
 
 
-def _series(log: int | None, channel: Channel, time_s: FloatArray, values: FloatArray) -> dict[str, Any]:
+def _series(log: int | None, channel: Channel, time_s: FloatArray, values: FloatArray) -> Series:
     """Return the curve of a channel, of a long one the least and the greatest value of each stretch."""
     kept = thinned(values, max_points=ZOOM_POINTS)
     # No line is drawn over a gap: a point without a value stands in its middle.
     before = np.flatnonzero(np.diff(time_s) > GAP * float(np.median(np.diff(time_s))))
     at = np.searchsorted(kept, before, side="right")
-    return {
-        "log": log,
-        "channel": channel.name,
-        "unit": channel.unit,
-        "time_s": np.insert(time_s[kept], at, 0.5 * (time_s[before] + time_s[before + 1])),
-        "values": np.insert(values[kept], at, np.nan),
-    }
+    return Series(
+        log=log,
+        channel=channel.name,
+        unit=channel.unit,
+        time_s=np.insert(time_s[kept], at, 0.5 * (time_s[before] + time_s[before + 1])),
+        values=np.insert(values[kept], at, np.nan),
+    )
 
 
-def plot_content(document: Plain, units: Units = SI) -> ReportContent:
-    """Return what the report of a document of `bfi plot` holds, in `units`."""
-    document = {**document, **happenings(document)}
-    logs, names, events = document["logs"], [one["name"] for one in document["channels"]], document["events"]
-    limits = (document["from_s"], document["to_s"])
-    paths = ", ".join(str(log["path"]) for log in logs)
-    n_samples = sum(log["n_samples"] for log in logs)
+def plot_content(document: Plain, units: Units = SI, *, where: str = "result") -> ReportContent:
+    """Return what the report of a document of `bfi plot` holds, in `units`.
+
+    Raises
+    ------
+    ConfigError : the document, named by `where`, is damaged.
+    """
+    result = from_plain(PlotResult, document, where=where)
+    logs, names, limits = result.logs, [one.name for one in result.channels], result.limits
+    paths = ", ".join(log.path for log in logs)
+    n_samples = sum(log.n_samples for log in logs)
     said = ["Channels over time"]
-    if document["phases"]:
+    if result.phases:
         said.append("shaded by the phases of the flight, whose names and whose manoeuvres stand in the rows above")
-    if document["windows"]:
+    if result.windows:
         said.append("frames are windows to analyse, numbered by rank, 1 the best")
-    if events:
+    if result.events:
         said.append("dashed lines are onsets of declared (red) and suspected (orange) faults")
     caption = f"{'; '.join(said)}. Long records are drawn as the least and the greatest value of each stretch of time."
 
     pages = [names[i : i + MOST_PANELS] for i in range(0, len(names), MOST_PANELS)]
-    differs = bool(document.get("differences"))
-
-    def drawing(name: str, channels: Sequence[str]) -> Drawing:
-        panels = _panels(document, channels, units, PAGE_POINTS)
-        return Drawing(name=name, caption=caption, panels=panels, shared_x=True)
-
-    def differing(name: str, channels: Sequence[str]) -> Drawing:
-        panels = _changes(document, channels, units, PAGE_POINTS)
-        return Drawing(name=name, caption=DIFFERENCES, panels=panels, shared_x=True)
-
-    every = _panels(document, names, units, ZOOM_POINTS, named=True)
-    if differs:
-        every += _changes(document, names, units, ZOOM_POINTS)
-
+    figures = (("channels", caption, _panels), ("differences", DIFFERENCES, _changes))
+    every = (*_panels(result, names, units, ZOOM_POINTS, named=True), *_changes(result, names, units, ZOOM_POINTS))
     return ReportContent(
         category="Flight log" if len(logs) == 1 else "Flight logs",
         title=paths,
@@ -318,79 +365,86 @@ def plot_content(document: Plain, units: Units = SI) -> ReportContent:
             f"{paths}: {', '.join(names)} from {instant(limits[0])} s to {instant(limits[1])} s, {n_samples} samples"
         ),
         tables=(
-            *_difference_table(document, units),
-            *event_table(events),
-            *window_table(document["windows"]),
-            *phase_table(document["phases"]),
+            *_difference_table(result.differences, units),
+            *_event_table(result.events),
+            *window_table(result.windows),
+            *phase_table(result.phases),
         ),
         drawings=tuple(
-            make(f"{name}_{i}" if i > 1 else name, page)
-            for name, make in (("channels", drawing), ("differences", differing))[: 2 if differs else 1]
+            Drawing(
+                name=f"{name}_{i}" if i > 1 else name,
+                caption=text,
+                panels=panels(result, page, units, PAGE_POINTS),
+                shared_x=True,
+            )
+            for name, text, panels in figures[: 2 if result.differences else 1]
             for i, page in enumerate(pages, start=1)
         ),
-        notes=notes_of(document, units),
+        notes=shown_notes(result.notes, units),
         zoom=(Drawing(name="channels", caption=caption, panels=every, shared_x=True),),
-        data={"phases.csv": phase_columns(document["phases"])} if document["phases"] else {},
+        data={"phases.csv": phase_columns(result.phases)} if result.phases else {},
     )
 
 
 def _panels(
-    document: Plain, names: Sequence[str], units: Units, points: int, *, named: bool = False
+    result: PlotResult, names: Sequence[str], units: Units, points: int, *, named: bool = False
 ) -> tuple[Panel, ...]:
     """Return a panel of lanes and one for each channel; the names of several logs stand over the first of them.
 
     Where the curves are `named` they have the names of their logs in every panel.
     """
-    logs, events, limits = document["logs"], document["events"], (document["from_s"], document["to_s"])
-    labels = [Path(log["path"]).name for log in logs]
+    logs, limits = result.logs, result.limits
+    labels = [Path(log.path).name for log in logs]
     if len(set(labels)) < len(labels):
-        labels = [f"{i}: {log['path']}" for i, log in enumerate(logs, start=1)]
-    bands = _bands(document)
-    lanes = lanes_of(document["phases"], document["windows"], (), events, limits=limits)
+        labels = [f"{i}: {log.path}" for i, log in enumerate(logs, start=1)]
+    bands = _bands(result)
+    lanes = lanes_of(result.phases, result.windows, (), [one.happening for one in result.events], limits=limits)
     panels = [lane_panel(lanes, limits)] if lanes else []
     for i, name in enumerate(names):
         curves: list[Curve] = []
         unit = units.of("", channel=name).unit
-        for one in (one for one in document["series"] if one["channel"] == name and one["log"] is not None):
-            shown = units.of(one["unit"], channel=name)
-            label = labels[one["log"]] if (named or i == 0) and len(logs) > 1 else ""
+        for one in result.series:
+            if one.channel != name or one.log is None:
+                continue
+            shown = units.of(one.unit, channel=name)
+            label = labels[one.log] if (named or i == 0) and len(logs) > 1 else ""
             unit = unit if curves else shown.unit
-            curves.append(_curve(label, one["time_s"], shown.readings(one["values"]), points))
+            curves.append(_curve(label, one.time_s, shown.readings(one.values), points))
         panels.append(
             _channel_panel(f"{name}\n[{unit or 'no unit'}]", curves, bands, limits, len(names), clock=not panels)
         )
     return tuple(panels)
 
 
-def _changes(document: Plain, names: Sequence[str], units: Units, points: int) -> tuple[Panel, ...]:
+def _changes(result: PlotResult, names: Sequence[str], units: Units, points: int) -> tuple[Panel, ...]:
     """Return a panel for the difference of each channel."""
-    limits, bands, panels = (document["from_s"], document["to_s"]), _bands(document), list[Panel]()
-    for one in (one for one in document["series"] if one["log"] is None and one["channel"] in names):
-        shown = units.of(one["unit"], channel=one["channel"])
-        label = f"Δ {one['channel']}\n[{shown.unit or 'no unit'}]"
-        drawn = _curve("", one["time_s"], shown.changes(one["values"]), points)
-        panels.append(_channel_panel(label, [drawn], bands, limits, len(names), clock=not panels))
+    bands, panels = _bands(result), list[Panel]()
+    for one in (one for one in result.series if one.log is None and one.channel in names):
+        shown = units.of(one.unit, channel=one.channel)
+        label = f"Δ {one.channel}\n[{shown.unit or 'no unit'}]"
+        drawn = _curve("", one.time_s, shown.changes(one.values), points)
+        panels.append(_channel_panel(label, [drawn], bands, result.limits, len(names), clock=not panels))
     return tuple(panels)
 
 
-def _bands(document: Plain) -> tuple[Block, ...]:
+def _bands(result: PlotResult) -> tuple[Block, ...]:
     """Return the parts of the flight and the onsets and ends of events, as far as they are drawn."""
     onsets = [
-        Block(label="", low=time_s, high=time_s, shade=STATES.get(one["state"], "suspect"))
-        for one in document["events"]
-        for time_s in (one["onset_s"], one["offset_s"])
+        Block(label="", low=time_s, high=time_s, shade=STATES.get(one.state, "suspect"))
+        for one in result.events
+        for time_s in (one.onset_s, one.offset_s)
         if time_s is not None
     ]
-    every = (*bands_of(document["phases"]), *onsets)
-    return tuple(one for one in every if one.high >= document["from_s"] and one.low <= document["to_s"])
+    every = (*bands_of(result.phases), *onsets)
+    return tuple(one for one in every if one.high >= result.from_s and one.low <= result.to_s)
 
 
-def _curve(label: str, time_s: Sequence[float], values: FloatArray, points: int) -> Curve:
+def _curve(label: str, time_s: FloatArray, values: FloatArray, points: int) -> Curve:
     """Return a curve of so many points, and of the places where the line breaks."""
     missing = np.isnan(values)
     breaks = np.flatnonzero(missing & ~np.append(False, missing[:-1]))
     kept = np.union1d(thinned(values, max_points=points), breaks)
-    return curve(label, np.array(time_s, dtype=np.float64)[kept], values[kept])
+    return curve(label, time_s[kept], values[kept])
 
 
 def _channel_panel(
@@ -408,13 +462,30 @@ def _channel_panel(
     )
 
 
-def _difference_table(document: Plain, units: Units) -> list[Table]:
+def _difference_table(differences: Sequence[Difference], units: Units) -> list[Table]:
     """Return the differences of two logs in numbers; [] where none are asked for."""
     rows = []
-    for one in document.get("differences", ()):
-        shown = units.of(one["unit"], channel=one["channel"])
-        sizes = (change(one[key], shown) if one[key] is not None else "-" for key in ("mean", "sd", "largest"))
-        rows.append((one["channel"], *sizes, "-" if one["at_s"] is None else instant(one["at_s"])))
+    for one in differences:
+        shown = units.of(one.unit, channel=one.channel)
+        sizes = (change(value, shown) for value in (one.mean, one.sd, one.largest))
+        rows.append((one.channel, *sizes, "-" if one.at_s is None else instant(one.at_s)))
     heads = ("channel", "mean", "sd", "largest", "at [s]")
     title = "Second log less the first"
     return [Table(name="differences", title=title, heads=heads, rows=tuple(rows))] if rows else []
+
+
+def _event_table(events: Sequence[Event]) -> list[Table]:
+    """Return the table of the events; [] without events."""
+    rows = tuple(
+        (
+            one.name,
+            ", ".join(one.channels),
+            one.state,
+            instant(one.onset_s),
+            "" if one.offset_s is None else instant(one.offset_s),
+            one.analysis,
+        )
+        for one in events
+    )
+    heads = ("event", "channels", "state", "from [s]", "to [s]", "analysis")
+    return [Table(name="events", title="Events", heads=heads, rows=rows)] if rows else []

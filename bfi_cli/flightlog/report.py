@@ -8,16 +8,16 @@ from typing import Any
 from ..display_units import SI, Shown, Units
 from ..faults import Fault, fault_from_dict, fault_to_dict, magnitude_unit, physical
 from ..notes import unique
-from ..plausibility.finding import Implausible
+from ..plausibility.finding import Implausible, in_words
 from ..provenance import Provenance
-from ..report.content import Drawing, Lane, Panel, ReportContent, Table, notes_of
+from ..report.content import Drawing, Lane, Panel, ReportContent, Table, notes_of, shown_notes
 from ..report.text import with_unit
-from ..serialization import document_of, to_plain
+from ..serialization import document_of, from_plain, mapping, member, to_plain
 from ..shapes import SHAPES
 from .defects import Defect, sentence_of_defect
-from .quality import UNEVEN, LogReport
+from .quality import UNEVEN, ChannelReport, DerivableChannel, Excitation, LogReport
 from .record import FlightLog
-from .timeline import happenings, lanes_of, phase_columns, phase_table, window_table
+from .timeline import lanes_of, phase_columns, phase_table, window_table
 
 Plain = Mapping[str, Any]
 
@@ -53,27 +53,32 @@ def info_document(
     return document_of("info", body, report.notes, provenance)
 
 
-def info_content(document: Plain, units: Units = SI) -> ReportContent:
-    """Return what the report of a document of `bfi info` holds, in `units`; in SI angles are in rad, as in a file."""
-    document = {**document, **happenings(document)}
-    log, phases = document["log"], document["phases"]
-    gaps = [(gap["start_s"], gap["stop_s"]) for gap in document["gaps"]]
-    if document["uniform"]:
+def info_content(document: Plain, units: Units = SI, *, where: str = "result") -> ReportContent:
+    """Return what the report of a document of `bfi info` holds, in `units`; in SI angles are in rad, as in a file.
+
+    Raises
+    ------
+    ConfigError : the document, named by `where`, is damaged.
+    """
+    log = _report_of(document, where)
+    findings = from_plain(tuple[Implausible, ...], document.get("plausibility", []), where=f"{where}: plausibility")
+    gaps, phases, limits = log.gaps, log.phases, (log.start_s, log.stop_s)
+    if log.uniform:
         step = "uniform"
-    elif document["jitter"] <= UNEVEN:
+    elif log.jitter <= UNEVEN:
         step = f"uniform but for {len(gaps)} gap{'s' * (len(gaps) > 1)}"
     else:
-        step = f"not uniform, off by up to {100 * document['jitter']:.3g} %"
-    size = f"{log['n_samples']} samples at {log['rate_hz']:.4g} Hz, {log['start_s']:g} s to {log['stop_s']:g} s"
+        step = f"not uniform, off by up to {100 * log.jitter:.3g} %"
+    size = f"{log.n_samples} samples at {log.rate_hz:.4g} Hz, {log.start_s:g} s to {log.stop_s:g} s"
     longest = sorted(sorted(gaps, key=lambda gap: gap[0] - gap[1])[:MOST_GAPS])
     facts = [("Gap", f"from {start:.10g} s to {stop:.10g} s ({stop - start:.3g} s)") for start, stop in longest]
     if len(gaps) > len(longest):
         facts.append(("Gaps", f"{len(gaps)} in all, of which the longest are named"))
-    if one := document.get("recorder"):
-        filtered = f"{one['kind']} low-pass, gain one half at {one['edge_hz']:.3g} Hz, {one['source']}"
-        facts.append(("Recorder", filtered))
-    limits = (log["start_s"], log["stop_s"])
-    lanes = lanes_of(phases, document["windows"], document["segments"], (), limits=limits)
+    facts += [
+        ("Recorder", f"{one.kind} low-pass, gain one half at {one.edge_hz:.3g} Hz, {one.source}")
+        for one in log.filters or ()
+    ]
+    lanes = lanes_of(phases, log.windows, log.segments, (), limits=limits)
     timeline = Drawing(
         name="phases",
         caption=(
@@ -82,23 +87,31 @@ def info_content(document: Plain, units: Units = SI) -> ReportContent:
         ),
         panels=(lane_panel(lanes, limits),),
     )
+    contradicted = units.sentence(in_words(findings))
     return ReportContent(
         category="Flight log",
-        title=str(log["path"]),
+        title=log.path,
         heading="What the log holds",
-        verdict=_verdict(f"{log['path']}: {size}, time step {step}", document, units),
+        verdict=f"{contradicted}. " * bool(contradicted) + f"{log.path}: {size}, time step {step}",
         facts=(*facts, *(("Defect", str(one["sentence"])) for one in document.get("defects", ()))),
-        tables=tuple(_tables(document, units)),
+        tables=tuple(_tables(log, units)),
         drawings=(timeline,) if lanes else (),
-        notes=notes_of(document, units),
+        notes=shown_notes(log.notes, units),
         data={"phases.csv": phase_columns(phases)} if phases else {},
     )
 
 
-def _verdict(holds: str, document: Plain, units: Units) -> str:
-    """Return what a log holds, after what its channels contradict each other in."""
-    findings = [f"{one['advice']}: {one['text']}" for one in document.get("plausibility", ()) if not one["fixed"]]
-    return f"{units.sentence('; '.join(findings))}. {holds}" if findings else holds
+def _report_of(document: Plain, where: str) -> LogReport:
+    """Return what a document of `bfi info` was made from; of the filters the recorder's."""
+    recorder, gaps = document.get("recorder"), member(document, "gaps", where=where)
+    flat = {
+        "derived": [],
+        **document,
+        **mapping(member(document, "log", where=where), where=f"{where}: log"),
+        "gaps": [[member(gap, key, where=f"{where}: gaps") for key in ("start_s", "stop_s")] for gap in gaps],
+        "filters": recorder and [recorder],
+    }
+    return from_plain(LogReport, flat, where=where)
 
 
 def lane_panel(lanes: Sequence[Lane], limits: tuple[float, float]) -> Panel:
@@ -109,52 +122,52 @@ def lane_panel(lanes: Sequence[Lane], limits: tuple[float, float]) -> Panel:
     )
 
 
-def _tables(document: Plain, units: Units) -> Iterator[Table]:
-    def shown(one: Plain) -> Shown:
-        return units.of_file(one["unit"], channel=one.get("name") or one["channel"])
+def _tables(log: LogReport, units: Units) -> Iterator[Table]:
+    def shown(one: ChannelReport | DerivableChannel | Excitation) -> Shown:
+        return units.of_file(one.unit, channel=one.channel if isinstance(one, Excitation) else one.name)
 
     channels = [
         {
-            "name": one["name"],
-            "in the file": None if one["source"] == one["name"] else one["source"],
+            "name": one.name,
+            "in the file": None if one.source == one.name else one.source,
             "unit": shown(one).unit,
-            "own rate [Hz]": one.get("own_rate_hz"),
-            "min": shown(one).reading(one["min"]),
-            "max": shown(one).reading(one["max"]),
-            "quantum": shown(one).change(one["quantum"]),
-            "NaN": one["n_nan"] or None,
-            "follows from": ", ".join(one.get("pressures", ())),
-            "held": one["hold_period_s"] and f"{100 * one['held_fraction']:.0f} %, {1 / one['hold_period_s']:.3g} Hz",
+            "own rate [Hz]": one.own_rate_hz,
+            "min": shown(one).reading(one.min),
+            "max": shown(one).reading(one.max),
+            "quantum": shown(one).change(one.quantum),
+            "NaN": one.n_nan or None,
+            "follows from": ", ".join(one.pressures),
+            "held": one.hold_period_s and f"{100 * one.held_fraction:.0f} %, {1 / one.hold_period_s:.3g} Hz",
         }
-        for one in document["channels"]
+        for one in log.channels
     ]
     derived = [
         {
-            "name": one["name"],
+            "name": one.name,
             "unit": shown(one).unit,
-            "what it is": one["description"],
-            "lacks": ", ".join(one["lacks"]) or "nothing",
+            "what it is": one.description,
+            "lacks": ", ".join(one.lacks) or "nothing",
         }
-        for one in document.get("derived", ())
+        for one in log.derived
     ]
     moving = [
         {
-            "channel": one["channel"],
+            "channel": one.channel,
             "unit": shown(one).unit,
-            "range": shown(one).change(one["range"]),
-            "moves": one["moves"],
-            "bandwidth [Hz]": one["bandwidth_hz"],
+            "range": shown(one).change(one.range),
+            "moves": one.moves,
+            "bandwidth [Hz]": one.bandwidth_hz,
         }
-        for one in document["excitation"]
+        for one in log.excitation
     ]
     segments = {"label": "label", "from [s]": "start_s", "to [s]": "stop_s", "note": "note"}
-    named = [{head: getattr(one, key) for head, key in segments.items()} for one in document["segments"]]
+    named = [{head: getattr(one, key) for head, key in segments.items()} for one in log.segments]
     yield from _table("channels", "Channels", channels)
     if any(row["lacks"] == "nothing" for row in derived):
         yield from _table("derived", "Channels that can be derived, for --input and --output", derived)
-    yield from phase_table(document["phases"])
+    yield from phase_table(log.phases)
     yield from _table("excitation", "Inputs, in flight", moving)
-    yield from window_table(document["windows"])
+    yield from window_table(log.windows)
     yield from _table("segments", "Segments named in the file", named)
 
 
@@ -184,13 +197,14 @@ def log_document(log: FlightLog, provenance: Provenance, *, kind: str) -> dict[s
     return document_of(kind, body, log.notes, provenance)
 
 
-def log_content(document: Plain, units: Units = SI) -> ReportContent:
+def log_content(document: Plain, units: Units = SI, *, where: str = "result") -> ReportContent:
     """Return what the report of a document of `bfi convert`, `bfi simulate` or `bfi inject` holds.
 
     The units of channels are those of the file that was written, whatever `units` are.
     """
     own = {one["name"]: one["unit"] for one in document["channels"]}
-    faults = [fault_from_dict(fault) for fault in (document["truth"] or {"faults": ()})["faults"]]
+    truth = member(document, "truth", where=where) or {"faults": ()}
+    faults = [fault_from_dict(fault, where=f"{where}: truth") for fault in truth["faults"]]
     rows = tuple((name, unit or "not stated") for name, unit in own.items())
     return ReportContent(
         category="Flight log",

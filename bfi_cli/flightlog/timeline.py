@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..report.content import Block, Lane, Shade, Table
 from ..report.text import instant
-from ..serialization import from_plain
 from .phases import HOVER, MANOEUVRES, NO_AIRSPEED, PARTS, TRANSITION, Phase
 from .quality import ExcitedWindow
 from .record import Segment
-
-Plain = Mapping[str, Any]
 
 SHADES: Mapping[str, Shade] = {
     "ground": "grey",
@@ -36,21 +34,32 @@ MOST_LANES = 6
 MOST_EVENTS = 8
 
 
-def happenings(document: Plain) -> dict[str, Any]:
-    """Return the phases, windows and segments of a document, none where it states none."""
-    kinds: dict[str, Any] = {
-        "phases": tuple[Phase, ...],
-        "windows": tuple[ExcitedWindow, ...],
-        "segments": tuple[Segment, ...],
-    }
-    return {key: from_plain(kind, document.get(key, []), where=key) for key, kind in kinds.items()}
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Happening:
+    """What has a lane of its own: a fault from its onset to its end, or short ones that begin at `times_s`."""
+
+    label: str
+    state: str
+    onset_s: float
+    offset_s: float | None
+    times_s: tuple[float, ...] = ()
+
+    @property
+    def blocks(self) -> list[Block]:
+        """Its stretch of time, or an instant for each of the short ones."""
+        shade = STATES.get(self.state, "suspect")
+        if self.times_s:
+            one, *others = (Block(label=self.label, low=t, high=t, shade=shade) for t in self.times_s)
+            return [one, *(replace(other, label="") for other in others)]
+        end_s = self.onset_s if self.offset_s is None else self.offset_s
+        return [Block(label=self.label, low=self.onset_s, high=end_s, shade=shade)]
 
 
 def lanes_of(
     phases: Sequence[Phase],
     windows: Sequence[ExcitedWindow],
     segments: Sequence[Segment],
-    events: Sequence[Plain],
+    events: Sequence[Happening],
     *,
     limits: tuple[float, float],
 ) -> tuple[Lane, ...]:
@@ -61,7 +70,7 @@ def lanes_of(
     limits : of the time that is shown, s; what lies outside takes no room.
     """
     phases = [one for one in phases if shows(one, limits)]
-    events = [one for one in events if one["onset_s"] <= limits[1] and (one["offset_s"] or limits[1]) >= limits[0]]
+    events = [one for one in events if one.onset_s <= limits[1] and (one.offset_s or limits[1]) >= limits[0]]
     rows: list[tuple[str, list[Block]]] = [("phase", bands_of(phases))]
     rows += [(kind, [_block("", one, "black") for one in phases if one.phase == kind]) for kind in MANOEUVRES]
     letter_s = LETTER * (limits[1] - limits[0])
@@ -69,7 +78,7 @@ def lanes_of(
     named = [_block(one.label, one, "outline") for one in segments if shows(one, limits)]
     rows += [("window", blocks) for blocks in _apart(framed, letter_s)]
     rows += [("segment", blocks) for blocks in _apart(named, letter_s)[:MOST_LANES]]
-    rows += [("event", _event(one)) for one in events[:MOST_EVENTS]]
+    rows += [("event", one.blocks) for one in events[:MOST_EVENTS]]
     filled = [(label, blocks) for label, blocks in rows if blocks]
     # Of the lanes of one kind the first is named.
     named_once = [label if i == 0 or filled[i - 1][0] != label else "" for i, (label, _) in enumerate(filled)]
@@ -112,16 +121,6 @@ def _apart(blocks: Iterable[Block], letter_s: float) -> list[list[Block]]:
     return lanes
 
 
-def _event(one: Plain) -> list[Block]:
-    """Return the block of an event; of short ones, told by `times_s`, one for each."""
-    channels = ", ".join(one["channels"])
-    label = one["name"] if not channels or channels in one["name"] else f"{one['name']} ({channels})"
-    shade, end_s = STATES.get(one["state"], "suspect"), one["offset_s"]
-    if times_s := one.get("times_s"):
-        return [Block(label="" if k else label, low=t, high=t, shade=shade) for k, t in enumerate(times_s)]
-    return [Block(label=label, low=one["onset_s"], high=one["onset_s"] if end_s is None else end_s, shade=shade)]
-
-
 def phase_table(phases: Sequence[Phase]) -> list[Table]:
     """Return the table of the kinds of phases that there are: how often, how long in all; [] without phases."""
     rows = []
@@ -148,20 +147,3 @@ def window_table(windows: Sequence[ExcitedWindow]) -> list[Table]:
     )
     heads = ("rank", "--from", "--to", "input", "moves")
     return [Table(name="windows", title="Windows to analyse", heads=heads, rows=rows)] if rows else []
-
-
-def event_table(events: Sequence[Plain]) -> list[Table]:
-    """Return the table of the events; [] without events."""
-    rows = tuple(
-        (
-            one["name"],
-            ", ".join(one["channels"]),
-            one["state"],
-            instant(one["onset_s"]),
-            "" if one["offset_s"] is None else instant(one["offset_s"]),
-            one["analysis"],
-        )
-        for one in events
-    )
-    heads = ("event", "channels", "state", "from [s]", "to [s]", "analysis")
-    return [Table(name="events", title="Events", heads=heads, rows=rows)] if rows else []

@@ -12,7 +12,7 @@ from ..errors import ConfigError
 from ..notes import Note
 from ..provenance import Provenance
 from ..report.faults import fault_entry, plain_estimate
-from ..serialization import check_schema, document_of, from_plain, mapping, member, to_plain
+from ..serialization import document_of, document_of_kind, from_plain, mapping, member, to_plain
 from .result import IdentifyResult
 
 # Samples of the series of a document, more than any figure shows: 80 minutes at 10 Hz. Chosen for its size, 10 MB.
@@ -90,7 +90,7 @@ def identify_from_document(document: object, *, where: str = "result") -> tuple[
     ------
     ConfigError : it is no `identify` document, has another schema, or is damaged.
     """
-    whole = _checked(document, where)
+    whole = document_of_kind(document, ("identify",), where=where, give=GIVE, wanted="not 'identify'")
     faults = from_plain(tuple[Any, ...], member(whole, "faults", where=where), where=f"{where}: faults")
     series = dict(_mapping_at(whole, "series", where))
     if isinstance(series.get("outputs"), list):  # made of the others
@@ -109,15 +109,6 @@ def identify_from_document(document: object, *, where: str = "result") -> tuple[
     result = from_plain(IdentifyResult, flat, where=where)
     _check_lengths(result, where)
     return result, from_plain(Provenance, member(whole, "provenance", where=where), where=f"{where}: provenance")
-
-
-def _checked(document: object, where: str) -> Mapping[str, Any]:
-    if not isinstance(document, Mapping) or "kind" not in document:
-        raise ConfigError(f"{where}: not a result of this program, it has no 'kind'; {GIVE}")
-    if document["kind"] != "identify":
-        raise ConfigError(f"{where}: kind is '{document['kind']}', not 'identify'; {GIVE}")
-    check_schema(document, where=where)
-    return document
 
 
 def _mapping_at(document: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:

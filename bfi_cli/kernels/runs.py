@@ -36,6 +36,17 @@ def joined(stretches: Iterable[tuple[Number, Number]], apart: Number) -> list[tu
     return whole
 
 
+def union(stretches: Iterable[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return stretches in order of time, those that overlap or touch as one."""
+    whole: list[tuple[float, float]] = []
+    for first, last in sorted(stretches):
+        if whole and first <= whole[-1][1]:
+            whole[-1] = (whole[-1][0], max(whole[-1][1], last))
+        else:
+            whole.append((first, last))
+    return whole
+
+
 def left_of(
     stretches: Iterable[tuple[float, float]], covered: Iterable[tuple[float, float]]
 ) -> list[tuple[float, float]]:

@@ -15,7 +15,7 @@ from made_diagnoses import PART, Diagnoses
 
 from bfi_cli.diagnose import Event
 from bfi_cli.diagnose.corrected import corrected_log
-from bfi_cli.diagnose.export import events_csv
+from bfi_cli.diagnose.report import events_csv
 from bfi_cli.flightlog import Channel, FlightLog, read_log
 from bfi_cli.flightlog.record import frozen_array
 

@@ -15,7 +15,7 @@ from made_flights import made_flight
 from noted import texts
 
 from bfi_cli.diagnose import diagnose_content
-from bfi_cli.diagnose.short_defects import events_of_defects, notes_on_defects
+from bfi_cli.diagnose.exact_events import events_of_defects, notes_on_defects
 from bfi_cli.flightlog import FlightLog, write_log
 from bfi_cli.flightlog.defects import Defect
 from bfi_cli.flightlog.record import frozen_array

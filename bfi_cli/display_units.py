@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .channels import STANDARD
-from .units import factor_and_offset
+from .units import factor_and_offset, split_rates
 
 FloatArray = NDArray[np.float64]
 UnitsName = Literal["si", "aviation"]
@@ -95,8 +95,8 @@ class Units:
         channel : what the values are of, or of whose faults; "" where that is no channel.
         own : unit of that channel, where it is no standard one.
         """
-        stem, power = _split(unit)
-        own_stem, own_power = _split(STANDARD[channel].unit if channel in STANDARD else own)
+        stem, power = split_rates(unit)
+        own_stem, own_power = split_rates(STANDARD[channel].unit if channel in STANDARD else own)
         most = own_power if own_stem == stem and own_power <= power else power
         if stem == "m" and power and channel in VERTICAL:
             named, name = 1, self.climb
@@ -137,12 +137,6 @@ class Units:
             return found[0]
         ends = [end for end in (found["low"], found["high"]) if end is not None]
         return f"{' to '.join(_with_digits_of(end, float(end) / shown.factor) for end in ends)} {shown.unit}"
-
-
-def _split(unit: str) -> tuple[str, int]:
-    """Return a unit without its divisions by seconds, and how many these are: ("m", 2) for "m/s^2"."""
-    rate = re.fullmatch(r"(.+?)/s(?:\^(\d+))?", unit)
-    return (unit, 0) if rate is None else (rate[1], int(rate[2] or 1))
 
 
 def _with_digits_of(text: str, value: float) -> str:

@@ -158,10 +158,14 @@ def change_in_si(text: str) -> tuple[float, str]:
 
 def per_second(unit: str) -> str:
     """Return the unit of the rate of what is in `unit`: "m/s^2" for "m/s", "1/s" for ""."""
-    stem, power = (unit or "1"), 1
-    if found := re.fullmatch(r"(.+)/s(?:\^(\d+))?", stem):
-        stem, power = found[1], int(found[2] or 1) + 1
-    return f"{stem}/s" if power == 1 else f"{stem}/s^{power}"
+    stem, power = split_rates(unit or "1")
+    return f"{stem}/s" if not power else f"{stem}/s^{power + 1}"
+
+
+def split_rates(unit: str) -> tuple[str, int]:
+    """Return an SI unit without its divisions by seconds, and how many these are: ("m", 2) for "m/s^2"."""
+    rate = re.fullmatch(r"(.+?)/s(?:\^(\d+))?", unit)
+    return (unit, 0) if rate is None else (rate[1], int(rate[2] or 1))
 
 
 def si_unit(unit: str) -> str | None:

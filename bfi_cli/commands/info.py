@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from .analysis import Answer, Asked, analysis, source_of, with_findings
 from .options import CHANNELS, FILES, log_argument
 
@@ -21,9 +23,9 @@ def command(asked: Asked) -> Answer:
     window = asked.config.window
     flight = read_log(asked.log, from_s=window.from_s, to_s=window.to_s, **source_of(asked.config))
     flight, findings = with_findings(flight.window(window.from_s, window.to_s), asked.config)
-    found, defects = inspect_log(flight), find_defects(with_seen_recorder(flight))
+    report, defects = inspect_log(flight), find_defects(with_seen_recorder(flight))
     return Answer(
-        document=lambda origin: info_document(found, origin, defects, findings),
+        document=partial(info_document, report, defects, findings),
         content=info_content,
         log_sha256=flight.sha256,
     )

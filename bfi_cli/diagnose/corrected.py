@@ -45,7 +45,7 @@ def corrected_channels(record: Record, events: Sequence[Event]) -> dict[str, Flo
     From the onset to the last window that shows it a fault has the course that its window tells. A line that is held
     tells nothing of the pressure, and its channels have no correction.
     """
-    found: dict[str, FloatArray] = {}
+    corrected: dict[str, FloatArray] = {}
     for event in events:
         if event.state != "declared" or event.magnitude is None or "parity" not in event.stages[:1]:
             continue
@@ -55,9 +55,9 @@ def corrected_channels(record: Record, events: Sequence[Event]) -> dict[str, Flo
         clean = without_fault(record, fault, np.where(inside, amount, 0.0))
         for name in SHOWN:
             if name in record.channels and name in {*event.channels}:
-                values = found.setdefault(name, np.full(record.time_s.shape, np.nan))
+                values = corrected.setdefault(name, np.full(record.time_s.shape, np.nan))
                 values[inside] = clean.channels[name][inside]
-    return found
+    return corrected
 
 
 def _amount(event: Event, time_s: FloatArray) -> tuple[str, FloatArray]:
@@ -109,12 +109,12 @@ def _smoother(part: Record, scan: WindowScan, hypothesis: Hypothesis) -> Callabl
 
     None where no residual shows it at once.
     """
-    other = with_fault(part, hypothesis.fault, np.full(part.time_s.shape, hypothesis.size))
+    faulty = with_fault(part, hypothesis.fault, np.full(part.time_s.shape, hypothesis.size))
     times, values, gains, columns, blocks = [], [], [], [], []
-    for kind, residual, known, own in zip(scan.kinds, scan.residuals, scan.known, scan.columns, strict=True):
-        if kind.rate is not None and np.any(np.nan_to_num(kind.rate(other) - kind.rate(part))):
+    for kind, residual, known, of_residual in zip(scan.kinds, scan.residuals, scan.known, scan.columns, strict=True):
+        if kind.rate is not None and np.any(np.nan_to_num(kind.rate(faulty) - kind.rate(part))):
             continue
-        gain = (kind.values(other, scan.constants) - kind.values(part, scan.constants))[known] / hypothesis.size
+        gain = (kind.values(faulty, scan.constants) - kind.values(part, scan.constants))[known] / hypothesis.size
         if not np.any(gain):
             continue
         t = part.time_s[known]
@@ -122,7 +122,7 @@ def _smoother(part: Record, scan: WindowScan, hypothesis: Hypothesis) -> Callabl
         values.append(residual_values(part, part, scan.constants, kind)[known])
         gains.append(gain)
         # Independent ones: a straight flight shows the wind along its track only.
-        u, s, _ = np.linalg.svd(own / np.linalg.norm(own, axis=0).clip(min=1e-300), full_matrices=False)
+        u, s, _ = np.linalg.svd(of_residual / np.linalg.norm(of_residual, axis=0).clip(min=1e-300), full_matrices=False)
         columns.append(u[:, s > 1e-3 * s[0]])
         blocks.append(correlated_noise(t, sd=residual.level, time_constant_s=FAST_S) + kind.slow(t - t[0]))
     if not times:

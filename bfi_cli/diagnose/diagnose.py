@@ -101,22 +101,24 @@ def diagnose_flight(
 
     # 5. Events, and deviations within the tolerances.
     lasting = events_of(flight, [*drafts, *glanced])
-    found = [*(event_of_offset(flight, one) for one in offsets), *events_of_defects(flight), *lasting]
-    events = tuple(one for one in found if one.beyond_tolerance is not False)
+    every_event = [*(event_of_offset(flight, one) for one in offsets), *events_of_defects(flight), *lasting]
+    events = tuple(one for one in every_event if one.beyond_tolerance is not False)
 
     # 6. What could not have been seen, and the conclusion.
     bounds = bounds_of(flight, slow.scanned, static, lasting)
     limits = limits_of(flight, bounds)
     unwatched = [*unwatched_by_scan(flight, bounds, lasting), *unwatched_by_lines(flight)]
     without_steps = unwatched_by_steps(flight, stepped) if stepped else []
-    said = conclude([evidence_of(events, limits, unwatched, flight.recorded)], config.require)
+    conclusion = conclude([evidence_of(events, limits, unwatched, flight.recorded)], config.require)
     return DiagnoseResult(
         log=_summary(flight),
-        decision=said.decision,
-        verdicts=said.verdicts,
-        summary=sentence_of(said.verdicts, events, limits, unwatched, without_steps, looked_for_steps=bool(stepped)),
+        decision=conclusion.decision,
+        verdicts=conclusion.verdicts,
+        summary=sentence_of(
+            conclusion.verdicts, events, limits, unwatched, without_steps, looked_for_steps=bool(stepped)
+        ),
         events=events,
-        deviations=tuple(one for one in found if one.beyond_tolerance is False),
+        deviations=tuple(one for one in every_event if one.beyond_tolerance is False),
         limits=limits,
         unwatched=tuple((one.from_s, one.to_s, one.why) for one in (*unwatched, *without_steps)),
         phases=flight.part_phases,
@@ -182,13 +184,18 @@ def lasting_faults(flight: Flight, progress: Progress) -> tuple[list[Draft], Sta
     drafts += [
         Draft(
             finding=one,
-            window=(max(one.onset_s - AROUND_HOLD_S, part[0]), min(one.onset_s + AROUND_HOLD_S, part[1])),
+            window=flight.around(one.onset_s, one.onset_s, AROUND_HOLD_S),
             until_s=one.onset_ci95[1] + AFTER_HOLD_S,
         )
         for one in flight.stepped
         if part[0] <= one.onset_s < part[1]
     ]
-    held = _holds(flight)
+    held: list[Draft] = []
+    for hold in flight.held.findings:
+        until_s = part[1] if hold.offset_s is None else hold.offset_s
+        if hold.onset_s < part[1] and until_s > part[0]:
+            window = flight.around(hold.onset_s, until_s, AROUND_HOLD_S)
+            held.append(Draft(finding=hold, window=window, until_s=until_s + AFTER_HOLD_S))
     drafts += [*held, *drafts_of_disagreements(flight, held)]
     series = relation_series(flight.log)
     static = find_relations(flight, series, report=partial(progress, "static relations"))
@@ -224,16 +231,6 @@ def _by_tolerance(flight: Flight, drafts: Sequence[Draft]) -> tuple[list[Draft],
     return [draft for draft, is_small in pairs if not is_small], [draft for draft, is_small in pairs if is_small]
 
 
-def _holds(flight: Flight) -> list[Draft]:
-    found = []
-    for one in flight.held.findings:
-        until_s = flight.to_s if one.offset_s is None else one.offset_s
-        if one.onset_s < flight.to_s and until_s > flight.from_s:
-            window = (max(one.onset_s - AROUND_HOLD_S, flight.from_s), min(until_s + AROUND_HOLD_S, flight.to_s))
-            found.append(Draft(finding=one, window=window, until_s=until_s + AFTER_HOLD_S))
-    return found
-
-
 def _follows_from_leak(line: Draft, slow: Sequence[Draft]) -> bool:
     """Return whether a line is held that loses its airspeed to a static line which leaks already."""
     leaks = [one.finding for one in slow if one.finding.fault == STATIC_LEAK and is_certain(one)]
@@ -258,9 +255,9 @@ def _glances(
         return [], [f"no {GLANCE_S:g} s of flight: steps and oscillations of the airspeed were not looked for"], []
     rate = rate_of(flight.false_alarm, len(windows_in(flight.phases, GLANCE_S, step_s=STEP_S)))
     used = merge(config, {"inputs": inputs, "outputs": (output,), "start_time": {"false_alarm": rate}})
-    found = glance_at_flight(flight.log, windows, used, workers=workers, report=report)
+    answers = glance_at_flight(flight.log, windows, used, workers=workers, report=report)
     drafts = []
-    for window, answer in found:
+    for window, answer in answers:
         if isinstance(answer, str) or not answer.stands_out or answer.shape == "drift":
             continue
         relations = intact_channels(static, window)
@@ -269,9 +266,9 @@ def _glances(
             answer, flight.recorded, relations=whole, to_s=window[1], unit=STANDARD[output].unit
         )
         drafts.append(Draft(finding=finding, window=window, until_s=window[1]))
-    failed = summary_of(found)
-    missing = [f"{n} of {len(found)} windows were not scanned for steps: {why}" for why, n in failed.items()]
-    return with_ends(join(drafts)), missing, [window for window, answer in found if not isinstance(answer, str)]
+    failed = summary_of(answers)
+    missing = [f"{n} of {len(answers)} windows were not scanned for steps: {why}" for why, n in failed.items()]
+    return with_ends(join(drafts)), missing, [window for window, answer in answers if not isinstance(answer, str)]
 
 
 def _event(flight: Flight, draft: Draft) -> Event:

@@ -53,26 +53,26 @@ class Draft:
 def clusters(windows: Sequence[Window]) -> list[list[int]]:
     """Return the indices of windows that overlap each other, directly or through others, in order of time."""
     order = sorted(range(len(windows)), key=lambda k: windows[k])
-    found: list[list[int]] = []
+    runs: list[list[int]] = []
     end = float("-inf")
     for k in order:
         if windows[k][0] < end:
-            found[-1].append(k)
+            runs[-1].append(k)
         else:
-            found.append([k])
+            runs.append([k])
         end = max(end, windows[k][1])
-    return found
+    return runs
 
 
 def join(drafts: Sequence[Draft]) -> list[Draft]:
     """Return the drafts of one analysis with those of overlapping windows joined; the strongest describes them."""
-    found = []
+    joined = []
     for cluster in clusters([one.window for one in drafts]):
         members = [drafts[k] for k in cluster]
         best = max(members, key=lambda one: (not one.finding.doubt, one.finding.statistic / one.finding.threshold))
         until_s = max(one.until_s for one in members)
-        found.append(replace(best, until_s=until_s))
-    return found
+        joined.append(replace(best, until_s=until_s))
+    return joined
 
 
 def merge_stages(drafts: Sequence[Draft], small: Sequence[Draft] = ()) -> list[Draft]:
@@ -107,15 +107,15 @@ def with_ends(drafts: Sequence[Draft]) -> list[Draft]:
 
     Inside of an oscillation no window shows a change; where it ends the next one does, of the same frequency.
     """
-    found: list[Draft] = []
+    ended_drafts: list[Draft] = []
     for one in sorted(drafts, key=lambda draft: draft.finding.onset_s):
-        last = found[-1] if found else None
+        last = ended_drafts[-1] if ended_drafts else None
         if last is not None and last.finding.offset_s is None and _same_frequency(last.finding, one.finding):
             ended = replace(last.finding, offset_s=one.finding.onset_s)
-            found[-1] = replace(last, finding=ended, until_s=one.until_s, also=(*last.also, one.finding))
+            ended_drafts[-1] = replace(last, finding=ended, until_s=one.until_s, also=(*last.also, one.finding))
         else:
-            found.append(one)
-    return found
+            ended_drafts.append(one)
+    return ended_drafts
 
 
 def is_certain(draft: Draft) -> bool:
@@ -130,14 +130,14 @@ def as_one(events: Sequence[Draft]) -> list[Draft]:
     A step back to where it was is its end, and what errs after that is another event. A single channel's error that
     changes no more is not seen by any analysis, so that nothing else says how long it lasts.
     """
-    found: list[Draft] = []
+    faults: list[Draft] = []
     for one in events:
-        for k, earlier in enumerate(found):
+        for k, earlier in enumerate(faults):
             begun = is_certain(earlier) and earlier.finding.offset_s is None
             if begun and _fails_further(one.finding, earlier.finding):
                 back = is_return(one.finding, earlier.finding)
                 finding = replace(earlier.finding, offset_s=one.finding.onset_s) if back else earlier.finding
-                found[k] = replace(
+                faults[k] = replace(
                     earlier,
                     finding=finding,
                     until_s=max(earlier.until_s, one.until_s),
@@ -145,8 +145,8 @@ def as_one(events: Sequence[Draft]) -> list[Draft]:
                 )
                 break
         else:
-            found.append(one)
-    return found
+            faults.append(one)
+    return faults
 
 
 def _fails_further(one: Finding, earlier: Finding) -> bool:

@@ -71,9 +71,9 @@ def physics_evidence(log: FlightLog, config: Config, progress: Progress = unseen
     if log.channels.keys().isdisjoint(INDEPENDENT):
         return Evidence(source=SOURCE)
     progress("physics", 0.0)
-    said = _evidence(log, config)
+    evidence = _evidence(log, config)
     progress("physics", 1.0)
-    return said
+    return evidence
 
 
 def _evidence(log: FlightLog, config: Config) -> Evidence:
@@ -98,14 +98,14 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
             faults += estimates
         else:
             notes.append(_beside(event))
-    found = {name: _candidate(flight, bounds, name, tolerances[name], faults, events) for name in outputs}
-    unbounded = [name for name, candidate in found.items() if candidate is None]
+    candidates_of = {name: _candidate(flight, bounds, name, tolerances[name], faults, events) for name in outputs}
+    unbounded = [name for name, candidate in candidates_of.items() if candidate is None]
     if unbounded and any(one.state == "declared" for one in events):
         named = ", ".join(unbounded)
         notes.append(Note.limit(f"physics bounds no slow fault of {named} beside the declared ones"))
     else:
         notes += dict.fromkeys(_what_would_help(flight, name, unbounded) for name in unbounded)
-    candidates = [candidate for candidate in found.values() if candidate is not None]
+    candidates = [candidate for candidate in candidates_of.values() if candidate is not None]
     return Evidence(source=SOURCE, faults=tuple(faults), candidates=tuple(candidates), notes=tuple(notes))
 
 
@@ -208,15 +208,17 @@ def _candidate(
     events: Sequence[Event],
 ) -> Candidate | None:
     """Return what became of slow faults of an output, None where nothing bounds them."""
-    own = next((one for one in faults if one.fault.channel == channel and SHAPES[one.fault.shape].kind == "slow"), None)
+    declared = next(
+        (one for one in faults if one.fault.channel == channel and SHAPES[one.fault.shape].kind == "slow"), None
+    )
     suspected = [one for one in events if one.state == "suspected" and channel in one.channels and one.kind == "slow"]
     starts = np.arange(flight.from_s, flight.to_s - BIN_S + 1e-6, BIN_S)
     errors = _hidden_errors(flight, bounds, channel, starts)
     known = np.flatnonzero(np.isfinite(errors))
     slope = effect = None
     note = f"{suspected[0].fault}: {suspected[0].note}" if suspected else None
-    if own is not None:
-        effect = own.effect
+    if declared is not None:
+        effect = declared.effect
     elif known.size:
         worst = known[0] + int(np.argmax(errors[known[0] : known[-1] + 1]))
         if np.isfinite(errors[worst]):
@@ -227,16 +229,16 @@ def _candidate(
     elif not suspected:
         return None
     unit = STANDARD[channel].unit
-    is_slope = own is not None and own.fault.shape == "drift"
+    drift = declared if declared is not None and declared.fault.shape == "drift" else None
     return Candidate(
         name=f"slow fault of {channel} (physics)",
         shape="drift",
         channel=channel,
         kind="slow",
-        state=state_of(declared=own is not None, suspected=bool(suspected), effect=effect, tolerance=tolerance),
-        magnitude=own.magnitude if own is not None and is_slope else None,
+        state=state_of(declared=declared is not None, suspected=bool(suspected), effect=effect, tolerance=tolerance),
+        magnitude=None if drift is None else drift.magnitude,
         unit=per_second(unit),
-        sd=own.sd if own is not None and is_slope and np.isfinite(own.sd) else None,
+        sd=None if drift is None or not np.isfinite(drift.sd) else drift.sd,
         excluded_above=slope,
         effect=effect,
         tolerance=tolerance,

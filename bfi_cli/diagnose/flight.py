@@ -14,7 +14,7 @@ from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
 from ..flightlog.defects import Defect, find_defects, with_bridges, without_defects
-from ..flightlog.phases import HOVER, NO_AIRSPEED, TRANSITION, Disagreement, Phase, find_phases
+from ..flightlog.phases import NO_AIRSPEED, Disagreement, Phase, find_phases
 from ..flightlog.recorder import with_seen_recorder
 from ..parity import (
     RESIDUALS,
@@ -43,8 +43,6 @@ FloatArray = NDArray[np.float64]
 BRIDGE_S = 10.0
 # Between two pieces of one hold: an airspeed that comes and goes about nothing.
 UNHELD_S = 60.0
-# Phases that no window covers, beside those in which no airspeed is known.
-LEFT_OUT = ("ground", "take-off", "approach", "landing", "parabola", HOVER, TRANSITION)
 WITHOUT_LIFT = tuple(kind.name for kind in RESIDUALS if kind.name != "lift")
 # Where an angle of zero lift that no calibration gives is from.
 OUTSIDE, WHOLE, NOWHERE = "the flight outside the window", "the whole flight", "free in every window"
@@ -139,22 +137,6 @@ class Flight:
             if one.to_s > self.from_s and one.from_s < self.to_s
         )
 
-    @property
-    def skipped(self) -> tuple[tuple[float, float, str], ...]:
-        """Stretches of the part that no window covers, and why: from, to, phase.
-
-        What lies between the phases, where nothing tells whether the aircraft flies, is among them.
-        """
-        watched = flight_stretches(self.part_phases)
-        edges = [self.from_s, *(edge for stretch in watched for edge in stretch), self.to_s]
-        found = []
-        for first, last in zip(edges[::2], edges[1::2], strict=True):
-            inside = [one for one in self.part_phases if one.from_s < last and one.to_s > first]
-            names = dict.fromkeys(one.phase for one in inside if one.phase in (*LEFT_OUT, NO_AIRSPEED))
-            if last > first:
-                found.append((first, last, ", ".join(names) or NO_AIRSPEED))
-        return tuple(found)
-
     def tolerance(self, channel: str, window: Window) -> float | None:
         """Return the largest error of a channel that may stay unseen in a window, None where it has none."""
         if channel in self.tolerances:
@@ -164,6 +146,10 @@ class Flight:
         names = {channel, *AIRSPEEDS} & self.log.channels.keys()
         slim = replace(self.log, channels={name: self.log.channels[name] for name in names})
         return tolerance_of(slim, slim.window(*window), channel)
+
+    def around(self, from_s: float, to_s: float, beside_s: float) -> Window:
+        """Return a stretch with so many seconds on either side, as far as they are in the part that is diagnosed."""
+        return max(from_s - beside_s, self.from_s), min(to_s + beside_s, self.to_s)
 
     def windows(self, length_s: float, step_s: float | None = None) -> list[Window]:
         """Return the windows of a length within the part that is diagnosed."""
@@ -213,10 +199,10 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     to_s = stop_s if config.window.to_s is None else config.window.to_s
     log.window(from_s, to_s)  # refuses one without samples
     _check_channels(log, config)
-    whether_it_flies = find_phases(whole)
-    phases = whether_it_flies.phases
+    parts = find_phases(whole)
+    phases = parts.phases
     # What one airspeed says against all others is no sign of a pressure line.
-    overruled = {one.channel for one in whether_it_flies.disagreements if one.alone}
+    overruled = {one.channel for one in parts.disagreements if one.alone}
     held = find_holds(without(log, *overruled), start_s, stop_s)
     if not flight_stretches(phases):
         raise LogError(
@@ -237,19 +223,19 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     if credible.findings:
         log = without(log, *credible.unused)
         record = record_of(log)
-    own = None if config.diagnose.calibration is None else load_air_data(config.diagnose.calibration)
+    calibration = None if config.diagnose.calibration is None else load_air_data(config.diagnose.calibration)
     flight = Flight(
         log=log,
         record=record,
         phases=phases,
         counted=phases,
-        disagreements=whether_it_flies.disagreements,
+        disagreements=parts.disagreements,
         from_s=from_s,
         to_s=to_s,
         is_part=(from_s, to_s) != (start_s, stop_s),
-        zero_lift=None if own is None else own.zero_lift_rad,
+        zero_lift=None if calibration is None else calibration.zero_lift_rad,
         zero_lift_from=str(config.diagnose.calibration),
-        tables=shipped_tables() if own is None else (*own.tables, *shipped_tables()),
+        tables=shipped_tables() if calibration is None else (*calibration.tables, *shipped_tables()),
         false_alarm=config.diagnose.false_alarm,
         moved=configuration_changes(phases, clean_up_s=clean_up_time(phases, record)),
         held=held,

@@ -15,6 +15,7 @@ from ..parity import Bound
 from ..parity.lines import METRES
 from ..parity.record import STATIC_LEAK
 from ..parity.windows import Window, flight_stretches, overlaps, within
+from ..units import per_second
 from .flight import Flight
 from .looks import Scanned
 from .relations import StaticWindows
@@ -36,7 +37,6 @@ UNITS = {"q_impact": "1", "ground_speed": "m/s", STATIC_LEAK: "Pa"}
 # times 1.2. By fault and length, the quantiles of 90 % of healthy windows of two recorded flights are 0.8 to 1.3 times
 # those of a normal distribution, 1.0 in the median.
 EXCEEDED_BY = 2.0
-PER_SECOND = {"1": "1/s", "m/s": "m/s^2", "rad": "rad/s", "m/s^2": "m/s^3", "Pa": "Pa/s"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -321,7 +321,7 @@ def _drift_of(flight: Flight, fault: str, window: Window) -> tuple[Bounds, float
         channel = "altitude"
         scale = METRES / float(np.nanmedian(flight.record.between(*window).air.p_static))
     unit = UNITS.get(fault) or STANDARD[fault].unit
-    kind = Bounds(fault=name, shape="drift", channel=channel, unit=PER_SECOND[unit], bounds="error", windows=())
+    kind = Bounds(fault=name, shape="drift", channel=channel, unit=per_second(unit), bounds="error", windows=())
     return kind, scale
 
 

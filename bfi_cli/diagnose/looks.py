@@ -211,13 +211,13 @@ def glance_at_flight(
     slim = replace(log, channels={name: log.channels[name] for name in names}, truth=None, notes=())
     parts = [slim.window(from_s, to_s) for from_s, to_s in windows]
     whole = merge(config, {"window": {"from_s": None, "to_s": None}})
-    found: list[tuple[Window, Glance | str]] = []
+    answers: list[tuple[Window, Glance | str]] = []
     workers = workers if len(parts) >= FEWEST_FOR_WORKERS else 1
     with closing(in_order(partial(_glance_in, config=whole), parts, workers=workers, chunk=CHUNK)) as results:
         for window, (answer, _) in zip(windows, results, strict=True):
-            found.append((window, answer))
-            report(len(found) / len(parts))
-    return found
+            answers.append((window, answer))
+            report(len(answers) / len(parts))
+    return answers
 
 
 def _glance_in(part: FlightLog, *, config: Config) -> Glance | str:

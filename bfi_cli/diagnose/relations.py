@@ -45,10 +45,10 @@ def drafts_of_relations(flight: Flight, series: Series, answers: StaticWindows) 
 
     A drift changes its relation in every window that follows; the first of these, with what came before, tell it.
     """
-    found = [(window, answer.findings[0]) for window, answer in answers if answer.findings]
+    broken = [(window, answer.findings[0]) for window, answer in answers if answer.findings]
     drafts = []
-    for run in clusters([window for window, _ in found]):
-        members = [Draft(finding=found[k][1], window=found[k][0], until_s=found[k][0][1]) for k in run]
+    for run in clusters([window for window, _ in broken]):
+        members = [Draft(finding=broken[k][1], window=broken[k][0], until_s=broken[k][0][1]) for k in run]
         (joined,) = join(members)
         if joined.finding.magnitude is None:
             drafts.append(_stuck(flight, joined, members))
@@ -128,20 +128,20 @@ def drafts_of_disagreements(flight: Flight, held: Sequence[Draft]) -> list[Draft
     held : what the pressure lines show; where that names the line too it is the better description.
     """
     together: dict[tuple[float, float], list[Disagreement]] = {}
-    found = []
+    drafts = []
     for one in flight.disagreements:
         if one.to_s <= flight.from_s or one.from_s >= flight.to_s:
             continue
         if one.alone:
-            found.append(_overruled(flight, one, (one.channel,), (one.channel,)))
+            drafts.append(_overruled(flight, one, (one.channel,), (one.channel,)))
         else:
             together.setdefault((one.from_s, one.to_s), []).append(one)
     for (from_s, to_s), those in together.items():
         if not any(draft.from_s < to_s and draft.until_s > from_s for draft in held):
             alone = () if len(those) > 1 or "p_total" in flight.recorded else (those[0].channel,)
             among = (*alone, "pitot_leak", "pitot_blocked")
-            found.append(_overruled(flight, those[0], among, channels_of("q_impact", flight.recorded)))
-    return found
+            drafts.append(_overruled(flight, those[0], among, channels_of("q_impact", flight.recorded)))
+    return drafts
 
 
 def _overruled(flight: Flight, one: Disagreement, among: tuple[str, ...], channels: tuple[str, ...]) -> Draft:
@@ -161,5 +161,5 @@ def _overruled(flight: Flight, one: Disagreement, among: tuple[str, ...], channe
         doubt="" if one.certain else "at least as many signs of the log say that the aircraft is on the ground",
         effect={} if one.error is None else {one.channel: abs(one.error)},
     )
-    window = (max(flight.from_s, one.from_s - AROUND_S), min(flight.to_s, one.to_s + AROUND_S))
+    window = flight.around(one.from_s, one.to_s, AROUND_S)
     return Draft(finding=finding, window=window, until_s=min(flight.to_s, one.to_s))

@@ -12,7 +12,7 @@ from ..channels import STANDARD
 from ..display_units import SI, Shown, Units
 from ..files import EVENTS
 from ..flightlog.report import lane_panel
-from ..flightlog.timeline import Happening, bands_of, lanes_of, phase_table
+from ..flightlog.timeline import Happening, bands_of, lanes_of, lines_at, phase_table
 from ..kernels.normal import TWO_SIDED_95
 from ..notes import Note
 from ..provenance import Provenance
@@ -358,17 +358,7 @@ def _happening(event: Event) -> Happening:
 
 
 def _lines(events: Sequence[Event]) -> list[Block]:
-    return [
-        Block(
-            label="",
-            low=edge,
-            high=edge,
-            shade="fault" if one.state == "declared" else "suspect",
-        )
-        for one in events
-        for edge in one.times_s or (one.onset_s, one.offset_s)
-        if edge is not None
-    ]
+    return [line for one in events for line in lines_at(one.state, one.times_s or (one.onset_s, one.offset_s))]
 
 
 def _timeline(result: DiagnoseResult, units: Units) -> Drawing:
@@ -435,7 +425,6 @@ def _channel_panel(
     limits: tuple[float, float],
     bands: tuple[Block, ...],
     units: Units,
-    height: float = 0.8,
 ) -> Panel:
     time_s, shown = result.time_s, units.of(result.units[name], channel=name)
     inside = (time_s >= limits[0]) & (time_s <= limits[1])
@@ -450,7 +439,7 @@ def _channel_panel(
         curves=tuple(curves),
         bands=bands,
         x_limits=limits,
-        height=height,
+        height=0.8,
     )
 
 

@@ -67,12 +67,12 @@ def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence
     An airspeed that no residual reads is bounded by its relation to one that is.
     """
     drifts = {(one.fault, one.bounds): one.windows for one in bounds if one.shape == "drift"}
-    found: list[tuple[Window, str]] = []
+    unbounded: list[tuple[Window, str]] = []
     for name in (PITOT_LINE, *(name for name in AIRSPEEDS if name in flight.recorded)):
         windows = drifts.get((name, "error")) or drifts.get((name, "disagreement")) or ()
         for piece in left_of(flown_of(flight), union([stretch for one in windows for stretch in one.watched])):
             if piece[1] - piece[0] >= LEAST_S:
-                found.append((piece, "the pitot line" if name == PITOT_LINE else name))
+                unbounded.append((piece, "the pitot line" if name == PITOT_LINE else name))
     declared = [
         (one.onset_s, one.seen_until_s if one.offset_s is None else one.offset_s)
         for one in events
@@ -80,12 +80,12 @@ def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence
     ]
     reasons = _reasons(flight, declared)
     parts = [(one.from_s, one.to_s) for one in flight.part_phases]
-    stretches = [*parts, *(piece for piece, _ in found), *(window for window, _ in reasons)]
+    stretches = [*parts, *(piece for piece, _ in unbounded), *(window for window, _ in reasons)]
     known = [(one.from_s, one.to_s) for one in flight.part_phases if one.phase in PARTS]
     pieces = []
     # A reason holds in all of a piece between two cuts, or in none of it; so does a phase.
     for first, last in pairwise(sorted({time_s for stretch in stretches for time_s in stretch})):
-        names = [name for piece, name in found if piece[0] <= first and last <= piece[1]]
+        names = [name for piece, name in unbounded if piece[0] <= first and last <= piece[1]]
         why = next((why for window, why in reasons if window[0] <= first and last <= window[1]), None)
         if left_of([(first, last)], known) == [(first, last)]:
             why = NO_SPEED
@@ -141,15 +141,15 @@ def _long(pieces: Sequence[Unwatched]) -> list[Unwatched]:
             runs[-1][-1] = replace(runs[-1][-1], to_s=one.to_s)
         else:
             runs[-1].append(one)
-    found = []
+    long_enough = []
     for run in runs:
         while len(run) > 1 and min(one.seconds for one in run) < LEAST_S:
             k = min(range(len(run)), key=lambda k: run[k].seconds)
             other = max((j for j in (k - 1, k + 1) if 0 <= j < len(run)), key=lambda j: run[j].seconds)
             first, last = sorted((k, other))
             run[first : last + 1] = [replace(run[first], to_s=run[last].to_s, why=run[other].why)]
-        found += [one for one in run if one.seconds >= LEAST_S - 1e-6]
-    return found
+        long_enough += [one for one in run if one.seconds >= LEAST_S - 1e-6]
+    return long_enough
 
 
 def missing_sentences(flight: Flight, scanned: Sequence[Scanned], limits: Sequence[FlightLimit]) -> tuple[str, ...]:

@@ -61,18 +61,18 @@ def sentence_of(
     looked_for_steps: bool,
 ) -> str:
     """Return what a reader is told of the kinds of faults that were not found, with their sizes, and where not."""
-    said = []
+    sentences = []
     if verdicts["slow"] != "fault":
-        said.append(_of_slow_faults(limits, excluded=verdicts["slow"] == "no_fault") + _except(unwatched))
+        sentences.append(_of_slow_faults(limits, excluded=verdicts["slow"] == "no_fault") + _except(unwatched))
     kinds = [noun for kind, noun in STEPS.items() if verdicts[kind] == "inconclusive"]
     if kinds and looked_for_steps:
         beside = " beside these events" if events else ""
         none = " and ".join(f"no {noun}" for noun, _ in kinds)
         where = _except(unwatched_by_steps)
-        said.append(f"{none} is declared{beside}{where}; bfi start-time says how large one could be unseen")
+        sentences.append(f"{none} is declared{beside}{where}; bfi start-time says how large one could be unseen")
     elif kinds:
-        said.append(f"{' or '.join(noun for _, noun in kinds)} was not looked for")
-    return "; ".join(said)
+        sentences.append(f"{' or '.join(noun for _, noun in kinds)} was not looked for")
+    return "; ".join(sentences)
 
 
 def _of_slow_faults(limits: Sequence[FlightLimit], *, excluded: bool) -> str:

@@ -132,22 +132,14 @@ def _existing(file: str, info: ValidationInfo) -> str:
     raise ValueError(f"no such file, got {shown(path)}; give a CSV file of time, value")
 
 
-Numbers = Annotated[
-    Annotated[Number, Tag("<number>")]
-    | Annotated[tuple[Number, ...], Field(min_length=1), Tag("<list>")]
-    | Annotated[Range, Tag("<range>")],
-    Discriminator(_kind_of_numbers),
-]
+One = Annotated[Number, Tag("<number>")]
+Several = Annotated[tuple[Number, ...], Field(min_length=1), Tag("<list>")] | Annotated[Range, Tag("<range>")]
+Between = Annotated[Interval, Tag("<interval>")]
+Numbers = Annotated[One | Several, Discriminator(_kind_of_numbers)]
+NumbersOrInterval = Annotated[One | Several | Between, Discriminator(_kind_of_numbers)]
 NumberOrInterval = Annotated[
-    Annotated[Number, Tag("<number>")] | Annotated[Interval, Tag("<interval>")],
+    One | Between,
     Discriminator(lambda value: "<interval>" if _kind_of_numbers(value) == "<interval>" else "<number>"),
-]
-NumbersOrInterval = Annotated[
-    Annotated[Number, Tag("<number>")]
-    | Annotated[tuple[Number, ...], Field(min_length=1), Tag("<list>")]
-    | Annotated[Range, Tag("<range>")]
-    | Annotated[Interval, Tag("<interval>")],
-    Discriminator(_kind_of_numbers),
 ]
 Names = Annotated[
     Annotated[Text, Tag("<name>")] | Annotated[tuple[Text, ...], Field(min_length=1), Tag("<list>")],

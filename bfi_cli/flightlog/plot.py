@@ -23,7 +23,7 @@ from .phases import Phase, phases_of
 from .quality import ExcitedWindow, ranked_windows
 from .record import Channel, FlightLog, FloatArray
 from .report import lane_panel
-from .timeline import STATES, Happening, bands_of, lanes_of, phase_columns, phase_table, shows, window_table
+from .timeline import Happening, bands_of, lanes_of, lines_at, phase_columns, phase_table, shows, window_table
 
 Plain = Mapping[str, Any]
 
@@ -429,12 +429,7 @@ def _changes(result: PlotResult, names: Sequence[str], units: Units, points: int
 
 def _bands(result: PlotResult) -> tuple[Block, ...]:
     """Return the parts of the flight and the onsets and ends of events, as far as they are drawn."""
-    onsets = [
-        Block(label="", low=time_s, high=time_s, shade=STATES.get(one.state, "suspect"))
-        for one in result.events
-        for time_s in (one.onset_s, one.offset_s)
-        if time_s is not None
-    ]
+    onsets = [line for one in result.events for line in lines_at(one.state, (one.onset_s, one.offset_s))]
     every = (*bands_of(result.phases), *onsets)
     return tuple(one for one in every if one.high >= result.from_s and one.low <= result.to_s)
 

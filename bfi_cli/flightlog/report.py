@@ -29,10 +29,7 @@ MOST_GAPS = 5  # named in a report; the document has all
 
 
 def info_document(
-    report: LogReport,
-    provenance: Provenance,
-    defects: Sequence[Defect] = (),
-    plausibility: Sequence[Implausible] = (),
+    report: LogReport, defects: Sequence[Defect], plausibility: Sequence[Implausible], provenance: Provenance
 ) -> dict[str, Any]:
     """Return the document of `bfi info --json`."""
     span = ("path", "rate_hz", "n_samples", "start_s", "stop_s")

@@ -85,6 +85,15 @@ def lanes_of(
     return tuple(Lane(label=label, blocks=tuple(one)) for label, (_, one) in zip(named_once, filled, strict=True))
 
 
+def lines_at(state: str, times_s: Iterable[float | None]) -> list[Block]:
+    """Return upright lines at the onset and the end of an event, as far as they are known."""
+    return [
+        Block(label="", low=time_s, high=time_s, shade=STATES.get(state, "suspect"))
+        for time_s in times_s
+        if time_s is not None
+    ]
+
+
 def bands_of(phases: Sequence[Phase]) -> list[Block]:
     """Return the parts of the flight as blocks that do not overlap."""
     return [_block(one.phase, one, SHADES[one.phase]) for one in phases if one.phase in SHADES]

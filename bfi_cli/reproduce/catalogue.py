@@ -11,7 +11,7 @@ from ..errors import ConfigError
 from ..faults import did_you_mean, shown
 from ..provenance import Provenance
 from ..report.content import ReportContent, Table
-from ..serialization import SCHEMA, from_plain, mapping, member, to_plain
+from ..serialization import document_of, from_plain, mapping, member, to_plain
 from .page import load
 from .record import Settings
 
@@ -71,14 +71,7 @@ def reproduce_document(name: str, content: ReportContent, provenance: Provenance
     body = to_plain(content)
     body["kicker"] = body.pop("category")  # as schema 1 calls it
     del body["data"]
-    return {
-        "kind": "reproduce",
-        "schema": SCHEMA,
-        "name": name,
-        "exhibit": body,
-        "notes": to_plain(content.notes),
-        "provenance": to_plain(provenance),
-    }
+    return document_of("reproduce", {"name": name, "exhibit": body}, content.notes, provenance)
 
 
 def reproduce_content(document: Mapping[str, Any], *, where: str = "reproduce") -> ReportContent:

@@ -13,7 +13,7 @@ from bfi_cli.diagnose import DiagnoseResult, diagnose_flight
 from bfi_cli.diagnose.flight import flight_of
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
-from bfi_cli.flightlog.phases import flight_stretches, phases_of
+from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import frozen_array
 
 ONSET_S = 350.0
@@ -148,12 +148,3 @@ def test_what_is_small_is_a_deviation_and_hides_no_fault(journey: FlightLog) -> 
         ("pitot_icing", "declared", True)
     ]
     assert answer.events[0].onset_s == pytest.approx(480.0, abs=6.0)
-
-
-def test_what_no_window_covers_is_told_with_its_reason(journey: FlightLog) -> None:
-    """It is what the stretches of flight leave of the part that is diagnosed."""
-    flight = flight_of(without_elevator(journey), Config())
-    stretches = flight_stretches(flight.phases)
-    edges = sorted(edge for from_s, to_s, _ in flight.skipped for edge in (from_s, to_s))
-    assert edges == sorted([flight.from_s, *(edge for stretch in stretches for edge in stretch), flight.to_s])
-    assert ["ground" in why for _, _, why in flight.skipped] == [True, True]

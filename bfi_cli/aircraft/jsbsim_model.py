@@ -69,7 +69,6 @@ def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
         fly=fly,
         source="JSBSim, an open-source flight dynamics model, and the aircraft that it brings",
         airspeed_m_s=tas,
-        manoeuvred=("elevator",),
         travel={"elevator": 1.0, "throttle": 1.0},
     )
 

@@ -68,6 +68,7 @@ class LinearModel:
                 raise ValueError(f"{self.name}: {name} has shape {matrix.shape}, the names ask for {shape}")
             object.__setattr__(self, name, matrix)
         object.__setattr__(self, "units", _all_units(self.units, (*self.states, *self.inputs, *self.outputs)))
+        object.__setattr__(self, "manoeuvred", self.manoeuvred or self.inputs[:1])
 
 
 class ModelDocument(Rules):
@@ -219,6 +220,7 @@ class NonlinearModel:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "units", _all_units(self.units, (*self.inputs, *self.outputs)))
+        object.__setattr__(self, "manoeuvred", self.manoeuvred or self.inputs[:1])
 
 
 def _all_units(given: Mapping[str, str], names: Iterable[str]) -> dict[str, str]:

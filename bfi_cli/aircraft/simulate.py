@@ -101,9 +101,8 @@ def deviations(
     ConfigError : see `manoeuvre`; a doublet of a throttle that the model does not have; more than the travel of a
         control.
     """
-    moved = model.manoeuvred or model.inputs[:1]
     travel = model.travel if isinstance(model, NonlinearModel) else {}
-    for what, size, control in (("amplitude", amplitude, moved[0]), ("throttle", throttle, "throttle")):
+    for what, size, control in (("amplitude", amplitude, model.manoeuvred[0]), ("throttle", throttle, "throttle")):
         most = travel.get(control, np.inf)
         if abs(size) > most:
             unit = f" {model.units[control]}" if model.units[control] != "1" and most != 1.0 else ""
@@ -112,7 +111,7 @@ def deviations(
                 f"{size:g}; give a smaller --{what}"
             )
     course = manoeuvre(name, time_s, amplitude_rad=amplitude, start_s=start_s, step_s=step_s)
-    u = np.outer(course, [float(one in moved) for one in model.inputs])
+    u = np.outer(course, [float(name in model.manoeuvred) for name in model.inputs])
     if throttle != 0.0:
         if "throttle" not in model.inputs:
             has = ", ".join(model.inputs)
@@ -269,8 +268,7 @@ def simulate(
                 )
     u = np.asarray(u, dtype=np.float64)
     if u.ndim == 1:
-        moved = model.manoeuvred or model.inputs[:1]
-        u = np.outer(u, [float(name in moved) for name in model.inputs])
+        u = np.outer(u, [float(name in model.manoeuvred) for name in model.inputs])
     gust_stream, *noise_streams = rng.spawn(1 + len(model.outputs))
     if isinstance(model, LinearModel):
         winds = None

@@ -202,18 +202,13 @@ def air_data_of(channels: Mapping[str, FloatArray]) -> AirData:
         tat = total_temperature(sat, mach)
     elif source != "tas" and "tas" in channels:
         made_of["tat"] = ("tas",)
-        tat = _temperature_of(channels["tas"], mach, total_temperature(isa, mach))
+        sound = np.divide(channels["tas"], mach, out=np.full(mach.shape, np.nan), where=mach > 0.05)
+        shown = (sound / speed_of_sound(1.0)) ** 2 * (1.0 + HALF * mach**2)
+        tat = np.where((shown > COLDEST) & (shown < HOTTEST), shown, total_temperature(isa, mach))
     else:
         made_of["tat"] = ()
         tat = total_temperature(isa, mach)
     return AirData(p_static=p_static, q_impact=q_impact, tat=tat, made_of=made_of, impossible=tuple(known.left_out))
-
-
-def _temperature_of(tas: FloatArray, mach: FloatArray, standard: FloatArray) -> FloatArray:
-    """Return the total temperature of true airspeeds at Mach numbers, the standard one where it is none of air."""
-    sound = np.divide(tas, mach, out=np.full(mach.shape, np.nan), where=mach > 0.05)
-    tat = (sound / speed_of_sound(1.0)) ** 2 * (1.0 + HALF * mach**2)
-    return np.where((tat > COLDEST) & (tat < HOTTEST), tat, standard)
 
 
 def channels_of(

@@ -17,7 +17,7 @@ from ..errors import LogError
 from ..notes import Note
 from ..units import si_unit, to_si
 from .rates import one_base
-from .raw import Asked, FloatArray, RawLog, Track, claimed, left_out, time_column
+from .raw import Asked, FloatArray, RawLog, Track, claimed, time_column
 
 WORDS = frozenset({"t", "time", "timestamp", "times"})
 # Of a step, by which two axes of one length are the same.
@@ -33,21 +33,21 @@ def on_one_clock(path: str, raw: RawLog, asked: Asked) -> RawLog:
     ------
     LogError : the name of none of several axes of one length tells which is a channel's; see `one_base`.
     """
-    tracks, notes = list(raw.columns), raw.notes
-    if not any(one.time_s.size for one in tracks):
-        tracks, notes = _by_axes(path, raw, asked)
-        if not tracks:
+    if not any(one.time_s.size for one in raw.columns):
+        by_axes = _by_axes(path, raw, asked)
+        if by_axes is None:
             return raw
-    merged = one_base(path, claimed(tracks, asked), output=asked.channel_map.get("tas"), notes=notes)
+        raw = by_axes
+    merged = one_base(path, claimed(raw.columns, asked), output=asked.channel_map.get("tas"), notes=raw.notes)
     return replace(raw, columns=merged.columns, filters=(), notes=merged.notes)
 
 
-def _by_axes(path: str, raw: RawLog, asked: Asked) -> tuple[list[Track], tuple[Note, ...]]:
-    """Return the channels with the time axes that they go by, and notes on these; none where all go by one."""
+def _by_axes(path: str, raw: RawLog, asked: Asked) -> RawLog | None:
+    """Return the log with each channel on the time axis that it goes by, None where all go by one."""
     main = time_column(raw.columns, asked)
     seconds = None if main is None or main.read is not None else _seconds(path, main.source, main)
     if main is None or seconds is None:
-        return [], ()
+        return None
     further = {
         one.source: times
         for one in raw.columns
@@ -55,21 +55,21 @@ def _by_axes(path: str, raw: RawLog, asked: Asked) -> tuple[list[Track], tuple[N
         if (times := _seconds(path, one.source, one, main.unit)) is not None and _is_clock(times, seconds)
     }
     clocks = {main.source: seconds, **further}
-    of = {one.source: _clock_of(path, one, clocks) for one in raw.columns if one.source not in clocks}
-    if not set(of.values()) & further.keys():
-        return [], ()
+    clock_of = {one.source: _clock_of(path, one, clocks) for one in raw.columns if one.source not in clocks}
+    if not set(clock_of.values()) & further.keys():
+        return None
     tracks = []
     for one in raw.columns:
-        if (clock := of.get(one.source)) is not None:
+        if (clock := clock_of.get(one.source)) is not None:
             tag = re.escape(_tag(clock))
             known = match_name(one.source) or match_name(re.sub(rf"^{tag}_|_{tag}$", "", one.source))
             unit = one.unit or (known.unit if known else None)
             channel = known.name if known else one.channel
             tracks.append(replace(one, time_s=clocks[clock], unit=unit, channel=channel))
-    said = [f"{', '.join(repr(s) for s, c in of.items() if c == clock)} by '{clock}'" for clock in further]
-    notes = [Note.method(f"several time axes: {'; '.join(said)}, the others by '{main.source}'")]
-    notes += [left_out(name, "has the samples of no time axis") for name, clock in of.items() if clock is None]
-    return tracks, (*raw.notes, *notes)
+    said = [f"{', '.join(repr(s) for s, c in clock_of.items() if c == clock)} by '{clock}'" for clock in further]
+    note = Note.method(f"several time axes: {'; '.join(said)}, the others by '{main.source}'")
+    strangers = {name: "has the samples of no time axis" for name, clock in clock_of.items() if clock is None}
+    return replace(raw, columns=tracks, notes=(*raw.notes, note), left_out={**raw.left_out, **strangers})
 
 
 def _words(name: str) -> set[str]:

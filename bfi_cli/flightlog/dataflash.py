@@ -9,7 +9,7 @@ from __future__ import annotations
 import mmap
 import struct
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,14 +45,6 @@ class _Format:
     fields: Mapping[str, tuple[str, int]]
 
 
-@dataclass(slots=True)
-class _Messages:
-    """The messages of a kind: their places in the file and their bytes."""
-
-    places: list[int] = field(default_factory=list)
-    bodies: list[bytes] = field(default_factory=list)
-
-
 def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
     """Return the messages of a DataFlash log that have channels, or are named in `more`, and sentences on the file."""
     names = {*fields_of("ardupilot"), *more}
@@ -60,22 +52,22 @@ def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[T
         formats, messages, damaged = _messages(data, names)
     topics: list[Topic] = []
     places: list[NDArray[np.intp]] = []
-    for kind, found in messages.items():
-        one = formats[kind]
-        clock = next((name for name in CLOCKS if name in one.fields), None)
-        if clock is None or not found.bodies:
+    for kind, of_kind in messages.items():
+        form = formats[kind]
+        clock = next((name for name in CLOCKS if name in form.fields), None)
+        if clock is None or not of_kind:
             continue
-        types = {name: (NUMBERS[letter][0], at) for name, (letter, at) in one.fields.items()}
-        table = table_of(found.bodies, types, one.length)
+        types = {name: (NUMBERS[letter][0], at) for name, (letter, at) in form.fields.items()}
+        table = table_of((body for _, body in of_kind), types, form.length)
         fields = {
             name: NUMBERS[letter][1] * table[name].astype(np.float64)
-            for name, (letter, _) in one.fields.items()
+            for name, (letter, _) in form.fields.items()
             if name not in CLOCKS
         }
         time_s = CLOCKS[clock] * table[clock].astype(np.float64)
-        every = Topic(name=one.name, instance=0, time_s=time_s, fields=fields)
-        at = np.array(found.places, dtype=np.intp)
-        sender = next((name for name in INSTANCES if one.fields.get(name, ("", 0))[0] == "B"), None)
+        every = Topic(name=form.name, instance=0, time_s=time_s, fields=fields)
+        at = np.array([place for place, _ in of_kind], dtype=np.intp)
+        sender = next((name for name in INSTANCES if form.fields.get(name, ("", 0))[0] == "B"), None)
         for which in [0] if sender is None else np.unique(table[sender]):
             own = np.ones(at.size, dtype=bool) if sender is None else table[sender] == which
             topics.append(replace(every.part(own), instance=int(which)))
@@ -91,9 +83,9 @@ def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[T
     return topics, notes_on(damaged)
 
 
-def _messages(data: mmap.mmap, names: set[str]) -> tuple[dict[int, _Format], dict[int, _Messages], int]:
-    """Return the formats, the messages of the named ones by type, and how many bytes are damaged."""
-    lengths, formats, messages = {FMT: FMT_LENGTH}, dict[int, _Format](), dict[int, _Messages]()
+def _messages(data: mmap.mmap, names: set[str]) -> tuple[dict[int, _Format], dict[int, list[tuple[int, bytes]]], int]:
+    """Return the formats, place and bytes of the messages of the named ones by type, and how many bytes are damaged."""
+    lengths, formats, messages = {FMT: FMT_LENGTH}, dict[int, _Format](), dict[int, list[tuple[int, bytes]]]()
     at, end, damaged = 0, len(data), 0
     while at < end:
         length = lengths.get(data[at + 2]) if at + 2 < end and data[at : at + 2] == BEGIN else None
@@ -107,10 +99,9 @@ def _messages(data: mmap.mmap, names: set[str]) -> tuple[dict[int, _Format], dic
             if one is not None and described not in lengths:
                 lengths[described], formats[described] = one.length, one
                 if one.name in names:
-                    messages[described] = _Messages()
+                    messages[described] = []
         elif kind in messages:
-            messages[kind].places.append(at)
-            messages[kind].bodies.append(data[at:stop])
+            messages[kind].append((at, data[at:stop]))
         at = stop
     return formats, messages, damaged
 

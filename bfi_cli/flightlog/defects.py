@@ -173,8 +173,8 @@ class _Track:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _One:
-    """One defect: when, how long and how large, by how much it stands out, and what it hides."""
+class _Flaw:
+    """A flaw: when, how long and how large, by how much it stands out, and what it hides."""
 
     shape: DefectShape
     time_s: float
@@ -194,26 +194,26 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
     tracks = {name: one for name in WATCHED if name in log.channels and (one := _track(log, log.channels[name]))}
     width_s, reach_s = _recorder(log)
     loudness = {name: _loudness(track, log) for name, track in tracks.items()}
-    found: dict[str, list[_One]] = {}
+    flaws: dict[str, list[_Flaw]] = {}
     for name, track in tracks.items():
         # Other channels that err at once take an error away; the second loudest counts.
         others = np.sort([values for other, values in loudness.items() if other != name] or [np.ones(1)], axis=0)
         alike = np.maximum(1.0, MOST_ALIKE * _at_seconds(others[max(0, len(others) - 2)], track, log))
-        found[name] = _excursions(track, alike, width_s, reach_s, is_positive=name in POSITIVE)
+        flaws[name] = _excursions(track, alike, width_s, reach_s, is_positive=name in POSITIVE)
     calm = {name: _at_seconds(loudness[name], track, log) <= LEAST for name, track in tracks.items()}
     if (rate := tracks.get("altitude_rate")) is not None:
         tracks = {**tracks, "+altitude_rate": replace(rate, values=rate.step_s * np.cumsum(rate.values))}
         calm["+altitude_rate"] = calm["altitude_rate"]
-    for name in found:
+    for name in flaws:
         told = [_expected(tracks[name], tracks[one], calm[one]) for one in RELATIVES.get(name, ()) if one in tracks]
-        found[name] += _against(tracks[name], told, width_s, reach_s)
-        found[name] += _rests(tracks[name], told, width_s, reach_s)
-    phases = phases_of(with_bridges(log, _defects(found, tracks)))
+        flaws[name] += _against(tracks[name], told, width_s, reach_s)
+        flaws[name] += _rests(tracks[name], told, width_s, reach_s)
+    phases = phases_of(with_bridges(log, _defects(flaws, tracks)))
     unwatched = [(one.from_s - BESIDE_S, one.to_s + BESIDE_S) for one in phases if one.phase in UNWATCHED]
-    for name, every in found.items():
+    for name, every in flaws.items():
         is_out = within(np.array([one.time_s for one in every]), unwatched)
-        found[name] = [one for one, out in zip(every, is_out, strict=True) if not out]
-    return _defects(found, tracks)
+        flaws[name] = [one for one, out in zip(every, is_out, strict=True) if not out]
+    return _defects(flaws, tracks)
 
 
 def with_bridges(log: FlightLog, defects: Sequence[Defect]) -> FlightLog:
@@ -334,14 +334,14 @@ def _at_seconds(seconds: FloatArray, track: _Track, log: FlightLog) -> FloatArra
     return np.asarray(seconds[np.minimum(at, len(seconds) - 1)])
 
 
-def _excursions(track: _Track, others: FloatArray, width_s: float, reach_s: float, *, is_positive: bool) -> list[_One]:
+def _excursions(track: _Track, others: FloatArray, width_s: float, reach_s: float, *, is_positive: bool) -> list[_Flaw]:
     """Return the dropouts and spikes of a channel, and take them out of its track.
 
     Parameters
     ----------
     is_positive : it reads nothing where it fails, and never in flight: no other channel then takes that away.
     """
-    found: list[_One] = []
+    found: list[_Flaw] = []
     refused = np.zeros(len(track.values), dtype=bool)
     level: dict[int, float] = {}  # of the ratio, from which on an excursion is none of the motion
     block = track.size(AROUND_S)
@@ -380,7 +380,7 @@ def _excursions(track: _Track, others: FloatArray, width_s: float, reach_s: floa
     return found
 
 
-def _described(track: _Track, k: int, half: int, width_s: float, least: float, share: float) -> _One | None:
+def _described(track: _Track, k: int, half: int, width_s: float, least: float, share: float) -> _Flaw | None:
     """Return what stands out about a tick within `half` ticks of it; None where that is none of the defects."""
     low, high = k - half, k + half
     beside = max(1, half // 3)
@@ -425,7 +425,7 @@ def _described(track: _Track, k: int, half: int, width_s: float, least: float, s
         height, lasts_s = level - reading, wide_s
     else:
         return None
-    return _One(
+    return _Flaw(
         shape=shape,
         time_s=middle_s - 0.5 * lasts_s + 0.5 * step_s,  # its first sample
         duration_s=lasts_s,
@@ -448,7 +448,7 @@ def _take_out(track: _Track, hidden: tuple[float, float]) -> None:
     track.values = np.interp(track.time_s, track.time_s[track.known], track.values[track.known])
 
 
-def _against(track: _Track, told: Sequence[_Expected], width_s: float, reach_s: float) -> list[_One]:
+def _against(track: _Track, told: Sequence[_Expected], width_s: float, reach_s: float) -> list[_Flaw]:
     """Return the spikes of a channel that stand out from what two others and more say, and take them out of its track.
 
     What one of the others does alone is none: the least of the differences counts, where all have one sign.
@@ -473,7 +473,7 @@ def _against(track: _Track, told: Sequence[_Expected], width_s: float, reach_s: 
     return found
 
 
-def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_s: float) -> list[_One]:
+def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_s: float) -> list[_Flaw]:
     """Return where a channel stays still though others say that it moves, or though it moves before and after that.
 
     Of stretches that overlap the longest counts, grown over the samples that stay as still.
@@ -484,7 +484,7 @@ def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_
     # The least that the channel moves by: its quantum, or its travel in the calmest seconds where it has none.
     least = track.quantum or (float(np.quantile(moves, CALMEST_SECONDS)) if moves.size else 0.0)
     floor = max(STILL_QUANTUM * least, ROUNDING * float(np.abs(track.values).max()))
-    found: list[_One] = []
+    found: list[_Flaw] = []
     taken = ~track.known
     for seconds in reversed(STILL_S):
         size = track.size(seconds)
@@ -521,7 +521,7 @@ def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_
             to_s = float(track.time_s[last - 1]) + max(0.5 * width_s, track.step_s)
             beside_s = reach_s - 0.5 * track.step_s
             found.append(
-                _One(
+                _Flaw(
                     shape="frozen",
                     time_s=from_s,
                     duration_s=to_s - from_s,
@@ -609,10 +609,10 @@ def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
     return course, spread + noise, known
 
 
-def _defects(found: Mapping[str, Sequence[_One]], tracks: Mapping[str, _Track]) -> tuple[Defect, ...]:
-    """Return what was found, joined by channel and shape, the first first."""
+def _defects(flaws: Mapping[str, Sequence[_Flaw]], tracks: Mapping[str, _Track]) -> tuple[Defect, ...]:
+    """Return the flaws joined by channel and shape, the first first."""
     joined = []
-    for name, every in found.items():
+    for name, every in flaws.items():
         for shape in ("dropout", "frozen", "spikes"):
             alike = sorted((one for one in every if one.shape == shape), key=lambda one: one.time_s)
             if not alike:

@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
 from ..errors import LogError
+from ..kernels import FloatArray
 from .record import FlightLog
-
-FloatArray = NDArray[np.float64]
 
 # Time steps, above which samples are missing for longer than a reader would take for jitter.
 GAP = 5.0

@@ -18,7 +18,7 @@ from ..filters import filters_from_json
 from ..notes import Note
 from ..units import si_unit, to_si
 from . import raw
-from .raw import LARGEST, Asked, FloatArray, RawLog, Track, left_out
+from .raw import LARGEST, Asked, FloatArray, RawLog, Track
 from .record import CLEAN, faults_from_json, nothing_between, segments_from_json
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
         signals, unlike = _signals(path, dict(_members(path, node, (file,))))
     parameters = {name: one.data.parent for name, one in signals.items() if FREQUENCY in one.data.parent.attrs}
     if parameters and len(parameters) == len(signals):
-        return _of_parameters(path, signals, tuple(left_out(name, why) for name, why in unlike.items()))
+        return _of_parameters(path, signals, unlike)
     clean: dict[str, _Signal] = {}
     if isinstance(truth, h5py.Group):
         injected, _ = _signals(path, dict(_members(path, truth, (file,))))
@@ -125,7 +125,7 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
             spread = np.interp(np.arange(rows.start, rows.stop), np.arange(values.size) * (n / values.size), values)
             columns.append(Track(source=name, values=spread, unit=one.unit))
         else:
-            notes = (*notes, left_out(name, f"has {one.data.size} samples, the time axis {n},"))
+            unlike[name] = raw.unlike_time(name, one.data.size, n)
     texts = (_text(_attribute(one, "segments")) or "[]" for one in (node, file))
     segments = next(filter(None, (segments_from_json(text, where=f"{path}: segments") for text in texts)), ())
     has_filters = any("filters" in one.attrs for one in (node, file))
@@ -139,11 +139,12 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
         filters=filters_from_json(_text(stated("filters")), where=f"{path}: filters") if has_filters else None,
         faults=faults_from_json(faults, where=f"{path}: /truth faults") if has_truth else None,
         clean={name: signal.track(rows) for name, signal in clean.items()},
-        notes=(*notes, *(left_out(name, why) for name, why in unlike.items())),
+        notes=notes,
+        left_out=unlike,
     )
 
 
-def _of_parameters(path: str, signals: Mapping[str, _Signal], notes: tuple[Note, ...]) -> RawLog:
+def _of_parameters(path: str, signals: Mapping[str, _Signal], unlike: Mapping[str, str]) -> RawLog:
     """Return the log of parameters that have each a rate and an offset of their own, as FlightDataAccessor stores them.
 
     Each is a group with the samples in `data`, what is invalid of them in `mask`, and the attributes `frequency`, Hz,
@@ -169,7 +170,7 @@ def _of_parameters(path: str, signals: Mapping[str, _Signal], notes: tuple[Note,
         time_s = offset_s + np.arange(values.size) / rate_hz
         channel = "cas" if name == COMPUTED else None
         tracks.append(Track(source=name, values=values, unit=stated, time_s=time_s, channel=channel))
-    return RawLog(columns=tracks, notes=notes)
+    return RawLog(columns=tracks, left_out=unlike)
 
 
 def _number(path: str, name: str, node: h5py.Group, key: str, default: float | None) -> float:

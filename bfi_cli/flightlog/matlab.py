@@ -21,7 +21,7 @@ import numpy as np
 from ..errors import first_line
 from ..notes import Note
 from . import raw
-from .raw import Asked, RawLog, Track, left_out
+from .raw import Asked, RawLog, Track
 
 # Types of elements, the bytes of their numbers and characters, and classes of arrays.
 MATRIX, COMPRESSED = 14, 15
@@ -73,7 +73,8 @@ def read_matlab(path: str, asked: Asked) -> RawLog:
     return RawLog(
         columns=columns,
         sample_rate_hz=rate,
-        notes=(*notes, *(left_out(name, why) for name, why in refused.items() if name != "sample_rate_hz")),
+        notes=tuple(notes),
+        left_out={name: why for name, why in refused.items() if name != "sample_rate_hz"},
     )
 
 

@@ -26,7 +26,6 @@ from .raw import (
     Track,
     choose_group,
     from_midnight,
-    left_out,
     parsing,
     require_few,
     require_memory,
@@ -56,7 +55,7 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
     except ImportError:
         raise LogError(f"{path}: an MCAP file, and mcap is not installed; pip install 'bfi-cli[mcap]'") from None
     topics: dict[str, tuple[list[float], dict[str, list[float]]]] = {}
-    unread: dict[str, str] = {}
+    left_out: dict[str, str] = {}
     units: dict[str, str] = {}
     n_values = 0
     with parsing(path, "MCAP file"), open(path, "rb") as file:
@@ -66,7 +65,7 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
             name = channel.topic.strip("/")
             values = _numbers(channel.message_encoding, message.data)
             if values is None:
-                unread.setdefault(name, channel.message_encoding)
+                left_out[name] = f"has messages of '{channel.message_encoding}', not of JSON numbers,"
                 continue
             if name not in topics:
                 units |= {f"{name}/{field}": unit for field, unit in _units(b"" if schema is None else schema.data)}
@@ -78,7 +77,6 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
                 n_values += 1
             times.append(1e-9 * message.log_time)
             require_memory(path, 32 * n_values, "its messages", "export fewer topics")
-    notes = [left_out(name, f"has messages of '{kind}', not of JSON numbers,") for name, kind in unread.items()]
     signals = {name: topic for name, topic in topics.items() if topic[1]}
     require_few(path, sum(len(fields) for _, fields in signals.values()), "fields")
     if asked.group is not None or not signals:
@@ -86,8 +84,7 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
         signals = {name: topic for name, topic in signals.items() if name == chosen}
     first_s = min(times[0] for times, _ in signals.values())
     zero_s = DAY_S * math.floor(first_s / DAY_S)
-    if zero_s:
-        notes.append(from_midnight(np.datetime64(int(zero_s), "s")))
+    notes = (from_midnight(np.datetime64(int(zero_s), "s")),) if zero_s else ()
     names = [field for _, fields in signals.values() for field in fields]
     columns = []
     for topic, (times, fields) in signals.items():
@@ -102,7 +99,7 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
                 columns.append(replace(column, time_s=time_s))
     if len(signals) == 1 and time_column(columns, asked) is None:
         columns.insert(0, Track(source="time", values=time_s, unit="s", channel="time"))
-    return RawLog(columns=columns, notes=tuple(notes))
+    return RawLog(columns=columns, notes=notes, left_out=left_out)
 
 
 def _units(schema: bytes) -> Iterator[tuple[str, str]]:

@@ -31,9 +31,7 @@ from .signs import (
     METRES_PER_SECOND,
     TAXI,
     WALK,
-    Overruled,
     Says,
-    Signs,
     Verdict,
     cruise_of,
     decide,
@@ -132,7 +130,7 @@ class _Flight:
     cruise, scale_s, scale_m : V, V / g and V^2 / g.
     speed : of what bears the aircraft, of another airspeed where that is overruled.
     on_ground : where the signs tell so; lost : where no airspeed is known or right though the aircraft flies.
-    against : runs in which an airspeed is overruled, and its error, see `Disagreement`.
+    disagreements : of an airspeed with the other signs, on the log's own time.
     height : pressure altitude, or an integral of its rate.
     bank : roll, rad; load : in weights, 1 in level flight.
     configured : more than 0 where flaps or gear are out.
@@ -145,7 +143,7 @@ class _Flight:
     speed: FloatArray
     on_ground: BoolArray
     lost: BoolArray
-    against: Mapping[Overruled, float | None]
+    disagreements: tuple[Disagreement, ...]
     height: FloatArray | None
     pitch: FloatArray | None
     bank: FloatArray | None
@@ -178,23 +176,6 @@ class _Flight:
         height = bridged(self.height)
         parts = runs(height - height.min() < ABOVE_GROUND * self.scale_m)
         return [(one.from_s, one.to_s) for one in (self.phase("ground", run) for run in parts)]
-
-    def disagreements(self) -> tuple[Disagreement, ...]:
-        """Return the runs in which an airspeed is overruled, on the log's own time."""
-        return tuple(
-            Disagreement(
-                channel=one.channel,
-                from_s=round(self.start_s + one.run[0] * self.step_s, 3),
-                to_s=round(min(self.start_s + one.run[1] * self.step_s, self.stop_s), 3),
-                says=one.says,
-                alone=one.alone,
-                certain=one.certain,
-                error=error,
-                latest_s=round(self.start_s + one.latest * self.step_s, 3),
-                least_s=_long(self.cruise, self.step_s) * self.step_s,
-            )
-            for one, error in self.against.items()
-        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -268,19 +249,19 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     if over_ground is not None:
         over_ground = np.where(rotors, np.nan, smoothed_speed(over_ground, log.rate_hz))
     flight = _on_grid(log, ordered, over_ground, cruises[first], suspects)
-    found = list(_parts(flight))
-    for low, high in joined([run for name, run in found if name in (*STEADY_PARTS, "approach")], 0):
+    stages = list(_parts(flight))
+    for low, high in joined([run for name, run in stages if name in (*STEADY_PARTS, "approach")], 0):
         steep = _parabolas(flight, low, high)
-        found += [("turn", run) for run in _turns(flight, low, high)]
-        found += [("parabola", run) for run in steep]
+        stages += [("turn", run) for run in _turns(flight, low, high)]
+        stages += [("parabola", run) for run in steep]
         stalls = _stalls(flight, low, high)
-        found += [("stall", run) for run in stalls if not any(run[0] < end and begin < run[1] for begin, end in steep)]
+        stages += [("stall", run) for run in stalls if not any(run[0] < end and begin < run[1] for begin, end in steep)]
     order = (*PARTS, *MANOEUVRES)
-    found.sort(key=lambda one: (one[1][0], order.index(one[0])))
-    phases = tuple(flight.phase(name, run) for name, run in found)
+    stages.sort(key=lambda one: (one[1][0], order.index(one[0])))
+    phases = tuple(flight.phase(name, run) for name, run in stages)
     if hovering:
         phases = tuple(_around(phases, hovering, flight.low_stretches()))
-    told = (replace(one, channel=sensors.get(one.channel, one.channel)) for one in flight.disagreements())
+    told = (replace(one, channel=sensors.get(one.channel, one.channel)) for one in flight.disagreements)
     return FlightPhases(phases=phases, disagreements=tuple(told))
 
 
@@ -343,13 +324,8 @@ def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> lis
 
 def flight_stretches(phases: Sequence[Phase]) -> list[tuple[float, float]]:
     """Return the stretches of flight without take-off, approach, landing and parabolas."""
-    found = _stretches(phases, STEADY_PARTS)
-    for one in (one for one in phases if one.phase == "parabola"):
-        pieces = []
-        for first, last in found:
-            pieces += [(first, min(last, one.from_s - RECOVERY_S)), (max(first, one.to_s + RECOVERY_S), last)]
-        found = [(first, last) for first, last in pieces if last > first]
-    return found
+    parabolas = [(one.from_s - RECOVERY_S, one.to_s + RECOVERY_S) for one in phases if one.phase == "parabola"]
+    return left_of(_stretches(phases, STEADY_PARTS), parabolas)
 
 
 def _stretches(phases: Sequence[Phase], parts: Collection[str]) -> list[tuple[float, float]]:
@@ -372,7 +348,7 @@ def _on_grid(
     speeds : (n_samples,) airspeeds, the one that is used first; over_ground : ground speed; cruise : of the first.
     """
     step_s = max(BLOCK * cruise / GRAVITY, 1.0 / log.rate_hz)
-    mean = _block_means(log.time_s, step_s)
+    mean, long = _block_means(log.time_s, step_s), max(2, round(LONG * cruise / GRAVITY / step_s))
 
     def channel(name: str) -> FloatArray | None:
         if name in suspects or name not in log.channels:
@@ -391,32 +367,32 @@ def _on_grid(
         rate = speed * np.sin(pitch - aoa)  # in straight flight; in turns it is too small
     if height is None and rate is not None:
         height = np.where(np.isfinite(rate), np.cumsum(np.nan_to_num(rate)) * step_s, np.nan)
-    moving = {"attitude": [one for one in (pitch, bank) if one is not None], "load": [] if load is None else [load]}
+    attitude = [values for values in (pitch, bank) if values is not None]
     thrust = next((values for name in THRUST if (values := channel(name)) is not None), None)
-    signs = Signs(
-        airspeeds={name: equivalent(name, values, height) for name, values in means.items()},
+    verdict = decide(
+        {name: equivalent(name, values, height) for name, values in means.items()},
         ground_speed=None if over_ground is None else mean(over_ground),
         height=height,
-        levels={} if thrust is None else {"thrust": thrust},
-        moving={name: group for name, group in moving.items() if group},
+        levels=[] if thrust is None else [thrust],
+        moving=[group for group in (attitude, [] if load is None else [load]) if group],
         scale_m=cruise**2 / GRAVITY,
-        long=_long(cruise, step_s),
+        long=long,
     )
-    verdict = decide(signs)
     speed, lost = _right_speed(means, verdict)
     if aoa is None and pitch is not None and rate is not None:
         path = np.arcsin(np.clip(rate / np.maximum(speed, TAXI * cruise), -1.0, 1.0))
         aoa = (pitch - path) / (1.0 if bank is None else np.maximum(np.cos(bank), 0.5))
     out = [values for name in ("flaps", "gear") if (values := channel(name)) is not None]
+    start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1]) + 1.0 / log.rate_hz
     return _Flight(
-        start_s=float(log.time_s[0]),
+        start_s=start_s,
         step_s=step_s,
-        stop_s=float(log.time_s[-1]) + 1.0 / log.rate_hz,
+        stop_s=stop_s,
         cruise=cruise,
         speed=speed,
         on_ground=verdict.on_ground,
         lost=lost,
-        against={one: _error(means, verdict, one) for one in verdict.against},
+        disagreements=tuple(_disagreements(means, verdict, start_s, step_s, stop_s, least_s=long * step_s)),
         height=height,
         pitch=pitch,
         bank=bank,
@@ -424,11 +400,6 @@ def _on_grid(
         incidence=aoa,
         configured=sum((_is_out(one) for one in out), np.zeros(speed.size)) if out else None,
     )
-
-
-def _long(cruise: float, step_s: float) -> int:
-    """Return how many steps of the grid `LONG` is."""
-    return max(2, round(LONG * cruise / GRAVITY / step_s))
 
 
 def _block_means(time_s: FloatArray, step_s: float) -> Callable[[FloatArray], FloatArray]:
@@ -480,16 +451,30 @@ def _ratio(means: Mapping[str, FloatArray], verdict: Verdict, name: str, other: 
     return float(np.median(means[name][used] / means[other][used])) if used.any() else None
 
 
-def _error(means: Mapping[str, FloatArray], verdict: Verdict, one: Overruled) -> float | None:
-    """Return the median over a run of an airspeed less that of others, in its unit."""
-    name, part = one.channel, slice(*one.run)
-    for other in means:
-        ratio = _ratio(means, verdict, name, other)
-        agrees = (verdict.claims[other] == verdict.on_ground)[part] & np.isfinite(means[name] - means[other])[part]
-        if other != name and ratio is not None and agrees.any():
-            off = np.median((means[name] - ratio * means[other])[part][agrees])
-            return float(off) / METRES_PER_SECOND.get(name, 1.0)
-    return None
+def _disagreements(
+    means: Mapping[str, FloatArray], verdict: Verdict, start_s: float, step_s: float, stop_s: float, *, least_s: float
+) -> Iterator[Disagreement]:
+    """Yield the runs in which an airspeed is overruled, with its error by the first other that is right there."""
+    for one in verdict.against:
+        name, part, error = one.channel, slice(*one.run), None
+        for other in means:
+            ratio = _ratio(means, verdict, name, other)
+            agrees = (verdict.claims[other] == verdict.on_ground)[part] & np.isfinite(means[name] - means[other])[part]
+            if other != name and ratio is not None and agrees.any():
+                off = np.median((means[name] - ratio * means[other])[part][agrees])
+                error = float(off) / METRES_PER_SECOND.get(name, 1.0)
+                break
+        yield Disagreement(
+            channel=name,
+            from_s=round(start_s + one.run[0] * step_s, 3),
+            to_s=round(min(start_s + one.run[1] * step_s, stop_s), 3),
+            says=one.says,
+            alone=one.alone,
+            certain=one.certain,
+            error=error,
+            latest_s=round(start_s + one.latest * step_s, 3),
+            least_s=least_s,
+        )
 
 
 def _is_out(values: FloatArray) -> FloatArray:
@@ -513,22 +498,17 @@ def _parts(flight: _Flight) -> Iterator[tuple[str, Run]]:
     yield from ((NO_AIRSPEED, run) for run in runs(flight.lost))
     for first, end in runs((np.isfinite(flight.speed) | flight.on_ground) & ~flight.lost):
         last = first
-        for down, up in _grounds(flight, first, end):
+        grounds: list[Run] = []
+        kept = [(first + low, first + high) for low, high in runs(flight.on_ground[first:end])]
+        for run, following in pairwise([*kept, (end, end)]):
+            grounds.append(_to_screen(flight, run, grounds[-1][1] if grounds else first, following[0]))
+        for down, up in grounds:
             if last < down:
                 yield from _aloft(flight, last, down, lands=True)
             yield from _on_ground(flight, down, up, lands=down > first, departs=up < end)
             last = up
         if last < end:
             yield from _aloft(flight, last, end, lands=False)
-
-
-def _grounds(flight: _Flight, first: int, end: int) -> list[Run]:
-    """Return the runs on the ground, from screen height at landing to screen height at take-off."""
-    kept = [(first + low, first + high) for low, high in runs(flight.on_ground[first:end])]
-    wide: list[Run] = []
-    for run, following in pairwise([*kept, (end, end)]):
-        wide.append(_to_screen(flight, run, wide[-1][1] if wide else first, following[0]))
-    return wide
 
 
 def _to_screen(flight: _Flight, run: Run, first: int, end: int) -> Run:

@@ -20,13 +20,12 @@ from ..report.text import quantity
 from .derived import DERIVED, missing_for
 from .phases import HOVER, NO_AIRSPEED, TRANSITION, Phase, note_on_rotors, phases_of
 from .plausible import doubt_about
-from .rates import AS_FAST
+from .rates import AS_FAST, GAP
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, Segment
 
 UNEVEN = 0.02  # of the median time step, by which a recorder's clock may wander
 PIECE = 1_000_000  # samples whose steps are looked at together, for memory
 MOSTLY = 0.5  # of a window
-GAP = 1.75  # median time steps, between one and two: a sample is missing from here on
 # Seconds. In a longer record the dynamics change and a scan takes minutes, so windows are suggested, this many.
 LONG_S, MOST_NAMED = 600.0, 3
 # Means of this long are compared: shorter than a pilot's stroke, longer than the noise of a position sensor.

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from ..errors import LogError
 from ..kernels.decimation import WHITE, lowpass_taps
 from ..notes import Note
-from .raw import LARGEST, FloatArray, RawLog, Track
+from .raw import FLAGS, LARGEST, FloatArray, RawLog, Track
 
 # Whose rate is that of the log, and what takes its place in a log without an airspeed.
 BASES = ("tas", "cas", "ias", "pitch", "pitch_rate", "longitudinal_acc")
-# Of a signal's typical step: a sample is missing from here on, as in `quality.GAP`.
+# Of a signal's typical step, between one and two: a sample is missing from here on.
 GAP = 1.75
 # Steps of a regular clock: this part of them within this part of their median; their mean is the rate, and not that of
 # the two half steps, or the gaps, that the log has besides.
@@ -89,7 +89,7 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
             "cut the log"
         )
     columns = [Track(source="time", values=grid, unit="s", channel="time")]
-    slow = [t for t in ranked if t.is_state or rates[t] < AS_FAST * rate_hz]
+    slow = [t for t in ranked if t.channel in FLAGS or rates[t] < AS_FAST * rate_hz]
     for t in ranked:
         if t in slow:  # the last value at or before each time, NaN before the first and in gaps
             before = np.searchsorted(t.time_s, grid, side="right") - 1
@@ -102,14 +102,14 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
     for track, (_, why) in zip(tracks, mended, strict=True):
         if why is not None:
             reasons.setdefault(why, []).append(f"'{track.source}'")
-    said = (
+    sentences = (
         *(f"{', '.join(names)}: {why}" for why, names in reasons.items()),
         f"the signals have clocks of their own; all are brought to {rate_hz:.4g} Hz, the mean rate of '{base.source}', "
         "faster ones through a low-pass",
         *_about(base, ranked, slow, grid),
     )
     # No filters, stated as such: one-quantum jumps between interpolated samples would look like those of a low-pass.
-    return RawLog(columns=columns, filters=(), notes=(*notes, *map(Note.method, said)))
+    return RawLog(columns=columns, filters=(), notes=(*notes, *map(Note.method, sentences)))
 
 
 def boot_starts(time_s: FloatArray) -> list[int]:

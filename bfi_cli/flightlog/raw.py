@@ -25,8 +25,11 @@ Span = tuple[float | None, float | None]
 # Bytes of a log's channels as float64. It is held twice while it is put together: what a computer of 8 GB has.
 LARGEST = 4 * 10**9
 DAY_S = 86_400.0  # without leap seconds, which clocks of recorders do not count
+BESIDE_TIME = "holds dates or times beside the time axis"
 # Angles that leave one end of their range and come back at the other.
 ANGLES = frozenset({"roll", "yaw"})
+# Signals that have no values between theirs: they keep the last, and nothing is filtered.
+FLAGS = frozenset({"valid_airspeed", "hover", "gear"})
 # Channels of a file. The largest recorders have about 4000 parameters.
 MOST_CHANNELS = 10_000
 
@@ -59,7 +62,6 @@ class Track:
     time_s : (n_samples,) of a signal with a clock of its own; empty where all of the file have one time axis. All or
         none of a file have one.
     rate_hz : of the signal where the file has it at a rate of its own, None otherwise.
-    is_state : values between two messages are those of the earlier one, and nothing is filtered (flags).
     turn : of an angle that leaves one end of its range and comes back at the other: a full turn in its unit.
     read : of one that is left in its file, whose `values` are empty: the values of rows; rows : those that it has.
     """
@@ -70,7 +72,6 @@ class Track:
     channel: str | None = None
     time_s: FloatArray = field(default_factory=lambda: np.empty(0))
     rate_hz: float | None = None
-    is_state: bool = False
     turn: float | None = None
     read: Callable[[slice], FloatArray] | None = None
     rows: slice = field(default_factory=lambda: slice(0, 0))
@@ -94,6 +95,7 @@ class RawLog:
     ----------
     columns : of one length and time axis, or each with a clock of its own, which `clocks.on_one_clock` makes one.
     faults : None where it carries no truth; `clean` is by channel.
+    left_out : by name why an array is no channel, "holds text", and behind a semicolon what the reader can do.
     boots : the parts of a file whose clock starts again, of a format that tells them itself.
     """
 
@@ -105,6 +107,7 @@ class RawLog:
     faults: tuple[Fault, ...] | None = None
     clean: Mapping[str, Track] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=dict)
     boots: tuple[RawLog, ...] = ()
 
 
@@ -171,14 +174,13 @@ def unlike(kind: str, shape: tuple[int, ...]) -> str | None:
     long = sum(n > 1 for n in shape)
     if long == 0:
         return "is a single number"
-    return None if long == 1 else f"is a table of {' x '.join(map(str, shape))} ({len(shape)}-D)"
+    table = f"is a table of {' x '.join(map(str, shape))} ({len(shape)}-D)"
+    return None if long == 1 else f"{table}; give each column a dataset of its own"
 
 
-def left_out(name: str, why: str) -> Note:
-    """Return the note on an array that is no channel; `why` is "holds text", "is a table of 600 x 3 (2-D)"."""
-    advice = "; give each column a dataset of its own" if why.startswith("is a table") else ""
-    advice = f"; keep it with --keep {name}" if "samples, the time axis" in why else advice
-    return Note.method(f"'{name}' {why} and is left out{advice}")
+def unlike_time(name: str, n: int, n_times: int) -> str:
+    """Return why a channel of so many samples is left out of a log of another number of times."""
+    return f"has {n} samples, the time axis {n_times},; keep it with --keep {name}"
 
 
 def from_midnight(day: np.datetime64) -> Note:

@@ -27,7 +27,7 @@ from .plausible import RIGHT, assumed_units, time_scale
 from .px4 import folder_digest, read_folder, read_topic_file, read_ulog_topics
 from .quality import is_uniform
 from .rates import boot_starts
-from .raw import Asked, RawLog, Track, by_precedence, different_length, fits, left_out, time_column, unit_of
+from .raw import Asked, RawLog, Track, by_precedence, different_length, fits, time_column, unit_of, unlike_time
 from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
 from .resampling import with_filled, with_single_samples
@@ -182,7 +182,7 @@ def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None
     boots = _boots(path, raw, asked)
     if boot is not None and not 1 <= boot <= len(boots):
         raise LogError(f"{path}: --boot {boot}: the log has {len(boots)}; give one of them, or leave it out")
-    logs = [_assemble(path, one, asked, sha256) for one in boots]
+    logs = [_assemble(path, part, asked, sha256) for part in boots]
     if len(logs) == 1:
         return logs[0]
     flown = [sum(to_s - from_s for from_s, to_s in airborne_stretches(log)) for log in logs]
@@ -264,12 +264,15 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
         notes += rounded
     channels, spread = _with_spread(path, channels, time_s, asked)
     notes += spread
-    others = {name: one for name, one in channels.items() if one.n_samples != time_s.size}
-    for name, channel in others.items():
-        if channel.source in asked.sources or 2 * len(others) > len(channels):
+    left_out = dict(raw.left_out)
+    of_other_length = {name: one for name, one in channels.items() if one.n_samples != time_s.size}
+    for name, channel in of_other_length.items():
+        if channel.source in asked.sources or 2 * len(of_other_length) > len(channels):
             raise different_length(path, channel.source, channel.n_samples, time_s.size)
-        del channels[name]
-        notes.append(left_out(channel.source, f"has {channel.n_samples} samples, the time axis {time_s.size},"))
+        left_out[channel.source] = unlike_time(channel.source, channels.pop(name).n_samples, time_s.size)
+    for name, why in left_out.items():
+        reason, semicolon, advice = why.partition("; ")
+        notes.append(Note.method(f"'{name}' {reason} and is left out{semicolon}{advice}"))
     if units := assumed_units(channels.values()):
         notes.append(
             Note.advice(
@@ -291,6 +294,7 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
         filters=raw.filters,
         sha256=sha256,
         notes=tuple(notes),
+        left_out=left_out,
     )
     if time is not None and not {"time", time.source} & asked.unit_map.keys():
         _check_clock(log, time.source)

@@ -164,6 +164,7 @@ class FlightLog:
     filters : the low-pass filters it went through, recorder first; None where nothing is known of them.
     sha256 : of the file, "" for a log made in memory.
     notes : what the reader, or resampling, decided, as sentences for the user.
+    left_out : by name in the file why an array is no channel; see `raw.RawLog`.
     earlier : other records of this aircraft without a fault, whose motion follows the same model; earlier_weights : how
         many times as quiet as this one each is, none for 1.
     """
@@ -176,6 +177,7 @@ class FlightLog:
     filters: tuple[Filter, ...] | None = None
     sha256: str = ""
     notes: tuple[Note, ...] = ()
+    left_out: Mapping[str, str] = field(default_factory=dict)
     earlier: tuple[FlightLog, ...] = ()
     earlier_weights: tuple[float, ...] = ()
     _rate_hz: list[float] = field(init=False, repr=False, default_factory=list)  # once it is known
@@ -201,10 +203,9 @@ class FlightLog:
         if (channel := self.find(name)) is not None:
             return channel
         has = ", ".join(sorted(self.channels))
-        for note in self.notes:
-            if note.text.startswith(f"'{name}' ") and "left out" in note.text:
-                what, semicolon, advice = note.text.partition("; ")
-                raise LogError(f"{self.path}: {what}; the log has: {has}{semicolon}{advice}")
+        if name in self.left_out:
+            why, semicolon, advice = self.left_out[name].partition("; ")
+            raise LogError(f"{self.path}: '{name}' {why} and is left out; the log has: {has}{semicolon}{advice}")
         meant = meant_channel(name, self.channels)
         advice = f"map one with --channel {name}=NAME" if meant is None else f"did you mean '{meant}'?"
         raise LogError(f"{self.path}: no channel '{name}'; the log has: {has}; {advice}")

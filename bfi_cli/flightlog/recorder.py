@@ -5,17 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..filters import Filter
 from ..kernels.low_pass import Kind
 from ..kernels.recorder_response import recorder_from_jumps
 from ..kernels.recorder_spectrum import recorder_from_spectra
 from .quality import is_uniform
 from .record import FlightLog
-
-FloatArray = NDArray[np.float64]
 
 # Samples that are enough to see hundreds of jumps: three hours at 10 Hz.
 MOST_SAMPLES = 108_000

@@ -21,7 +21,7 @@ from ..kernels.quantisation import Hold
 from ..kernels.runs import bridged, runs
 from ..notes import Note
 from .quality import hold_of, is_uniform
-from .raw import ANGLES
+from .raw import ANGLES, FLAGS
 from .record import FlightLog, FloatArray, frozen_array
 
 LONGEST_BRIDGE = 4.5  # median time steps: up to three missing samples are interpolated
@@ -32,8 +32,6 @@ LARGEST_DENOMINATOR = 1000  # of the ratio of two rates: within 1e-6 of any rati
 SINC_LOBES = 10  # half the length of the sinc in its own periods
 CUTOFF = 0.8  # of the sinc, over the new Nyquist frequency
 KAISER_BETA = 8.0  # of the sinc's window: a stop band 80 dB down
-# Signals that have no values between theirs: they keep the last.
-FLAGS = frozenset({"valid_airspeed", "hover", "gear"})
 # Of a step, by which a clock may wander: a stretch of just the length that is asked for is filled.
 BESIDE = 0.02
 # Of all steps: with more double ones a clock is not even. A Garmin G1000 at 1 Hz leaves out one second in 45.

@@ -7,7 +7,7 @@ load does, and the thrust. Of motion and thrust the log itself says what is usua
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
@@ -46,27 +46,6 @@ LOST = 0.25
 # Motion and thrust speak only where flight and ground differ: this quantile in flight above that one on the ground,
 # each of at least so many pieces of LONG. By definition of no overlap but for a fifth; no tuning record.
 LEAST_IN_FLIGHT, MOST_ON_GROUND, FEWEST_PIECES = 0.2, 0.8, 2
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Signs:
-    """What a log has to say, on a grid; (n,) each, NaN where it is not known.
-
-    Attributes
-    ----------
-    airspeeds : equivalent airspeeds by channel, the one that is used first; ground_speed : None where there is none.
-    height : pressure altitude, m, or an integral of its rate.
-    levels : signals that are larger in flight than on the ground; moving : groups of signals that move more.
-    scale_m : V^2 / g; long : samples that are LONG.
-    """
-
-    airspeeds: Mapping[str, FloatArray]
-    ground_speed: FloatArray | None
-    height: FloatArray | None
-    levels: Mapping[str, FloatArray]
-    moving: Mapping[str, Sequence[FloatArray]]
-    scale_m: float
-    long: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,57 +129,75 @@ def equivalent(name: str, speed: FloatArray, height: FloatArray | None) -> Float
     return np.asarray(speed * np.sqrt(pressure * isa_temperature(0.0) / isa_temperature(height)))
 
 
-def decide(signs: Signs) -> Verdict:
+def decide(
+    airspeeds: Mapping[str, FloatArray],
+    *,
+    ground_speed: FloatArray | None,
+    height: FloatArray | None,
+    levels: Sequence[FloatArray],
+    moving: Sequence[Sequence[FloatArray]],
+    scale_m: float,
+    long: int,
+) -> Verdict:
     """Return where the aircraft is on the ground, by the majority of the signs.
 
     1. What each speed claims: ground where it is too slow to bear the aircraft and comes down to that of taxiing.
     2. Claims that differ for less than LONG differ about when, not about whether: those of the majority count.
     3. Every run of equal claims is decided by the votes of all signs; where they are equal the altitude decides, which
        no airspeed fault can move, and where it does not say, the airspeeds.
+
+    Parameters
+    ----------
+    airspeeds : equivalent ones by channel, the one that is used first, (n,) on a grid and NaN where they are not known,
+        as the other signs, which are None or empty where there are none.
+    height : pressure altitude, m, or an integral of its rate.
+    levels : signals that are larger in flight than on the ground; moving : groups of signals that move more.
+    scale_m : V^2 / g; long : samples that are LONG.
     """
-    speeds = {**signs.airspeeds, **({} if signs.ground_speed is None else {"ground_speed": signs.ground_speed})}
+    speeds = {**airspeeds, **({} if ground_speed is None else {"ground_speed": ground_speed})}
     n = next(iter(speeds.values())).size
     cruises = {name: cruise_of(speed) for name, speed in speeds.items()}
     known = {name: np.isfinite(speed) for name, speed in speeds.items()}
-    claims, common = _claims(signs, speeds, cruises)
+    claims, common = _claims(airspeeds, speeds, cruises, long)
     table = np.array([*claims.values(), *known.values()])
     edges = [0, *(np.flatnonzero(np.any(table[:, 1:] != table[:, :-1], axis=0)) + 1).tolist(), n]
-    any_known = np.any([known[name] for name in signs.airspeeds], axis=0)
+    any_known = np.any([known[name] for name in airspeeds], axis=0)
     any_claims = np.any(list(claims.values()), axis=0)
     all_ground = np.all([claims[name] | ~known[name] for name in claims], axis=0) & any_known
     all_flight = ~any_claims & any_known
-    moving = [np.sum([_variance(one, signs.long) for one in group], axis=0) for group in signs.moving.values()]
-    height = np.full(n, np.nan) if signs.height is None else _variance(signs.height, signs.long)
-    rests = np.any([speed < TAXI * cruises[name] for name, speed in signs.airspeeds.items()], axis=0)
+    claimed = common | any_claims | ~any_known
+    motions = [np.sum([_variance(values, long) for values in group], axis=0) for group in moving]
+    swing = np.full(n, np.nan) if height is None else _variance(height, long)
+    rests = np.any([speed < TAXI * cruises[name] for name, speed in airspeeds.items()], axis=0)
     on_ground, unknown = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
     against: list[Overruled] = []
     for low, high in pairwise(edges):
         if all_flight[low]:
             continue
-        run, here = slice(low, high), {name: bool(claims[name][low]) for name in signs.airspeeds if known[name][low]}
+        run, here = slice(low, high), {name: bool(claims[name][low]) for name in airspeeds if known[name][low]}
         n_ground = sum(here.values())
         # A slow approach is of the same run as the landing: whether that is one, the part tells in which a speed rests.
         still = np.flatnonzero(rests[run]) if n_ground else np.empty(0, dtype=int)
-        core = (low + int(still[0]), low + int(still[-1]) + 1) if still.size >= signs.long else (low, high)
-        claimed = common | any_claims | ~any_known
-        altitude, others = _altitude_says(signs, (low, high), core, claimed, all_ground), []
-        if high - low >= signs.long:
-            if signs.ground_speed is not None and known["ground_speed"][low]:
+        core = (low + int(still[0]), low + int(still[-1]) + 1) if still.size >= long else (low, high)
+        others: list[int] = []
+        altitude = _altitude_says(height, (low, high), core, claimed, all_ground, scale_m=scale_m, long=long)
+        if high - low >= long:
+            if ground_speed is not None and known["ground_speed"][low]:
                 others.append(1 if claims["ground_speed"][low] else -1)
             outside = np.ones(n, dtype=bool)
             outside[run] = False
             usual = (all_ground & outside, all_flight & outside)
-            altitude = altitude or _usual(height, slice(*core), *usual, signs.long)  # one voice, of one sensor
-            others += [_usual(values, slice(*core), *usual, signs.long) for values in (*signs.levels.values(), *moving)]
+            altitude = altitude or _usual(swing, slice(*core), *usual, long)  # one voice, of one sensor
+            others += [_usual(values, slice(*core), *usual, long) for values in (*levels, *motions)]
         votes = [np.sign(2 * n_ground - len(here)), altitude, *others]
         total = sum(votes) or altitude or votes[0] or (2 * int(common[low]) - 1 if here else 0)
         on_ground[run] = total > 0
         unknown[run] = total == 0
-        for name, says_ground in here.items() if high - low >= signs.long else ():
-            at_rest = low + np.flatnonzero(signs.airspeeds[name][run] < TAXI * cruises[name])
+        for name, says_ground in here.items() if high - low >= long else ():
+            at_rest = low + np.flatnonzero(airspeeds[name][run] < TAXI * cruises[name])
             # An airspeed in flight, without another at rest, may be wind: a drone on the ground flies as well in that.
             alone = n_ground < len(here)
-            is_wrong_on_ground = says_ground and total < 0 and (alone or at_rest.size >= signs.long)
+            is_wrong_on_ground = says_ground and total < 0 and (alone or at_rest.size >= long)
             if is_wrong_on_ground or (not says_ground and total > 0 and n_ground):
                 against.append(
                     Overruled(
@@ -220,7 +217,7 @@ def decide(signs: Signs) -> Verdict:
 
 
 def _claims(
-    signs: Signs, speeds: Mapping[str, FloatArray], cruises: Mapping[str, float]
+    airspeeds: Collection[str], speeds: Mapping[str, FloatArray], cruises: Mapping[str, float], long: int
 ) -> tuple[dict[str, BoolArray], BoolArray]:
     """Return where each speed says ground, and what most airspeeds say; see steps 1 and 2 of `decide`.
 
@@ -233,18 +230,27 @@ def _claims(
             continue
         for low, high in runs(speed < BORNE * cruises[name]):
             claims[name][low:high] = speed[low:high].min() < TAXI * cruises[name]
-    votes = np.array([np.isfinite(speeds[name]) * np.where(claims[name], 1, -1) for name in signs.airspeeds])
+    votes = np.array([np.isfinite(speeds[name]) * np.where(claims[name], 1, -1) for name in airspeeds])
     first = np.take_along_axis(votes, np.argmax(votes != 0, axis=0)[None], axis=0)[0]
     total = votes.sum(axis=0)
     common = np.asarray(np.where(total == 0, first, total) > 0)
-    for own in claims.values():
-        for low, high in runs(own != common):
-            if high - low < signs.long:
-                own[low:high] = common[low:high]
+    for claim in claims.values():
+        for low, high in runs(claim != common):
+            if high - low < long:
+                claim[low:high] = common[low:high]
     return claims, common
 
 
-def _altitude_says(signs: Signs, run: Run, core: Run, claimed: BoolArray, all_ground: BoolArray) -> int:
+def _altitude_says(
+    height: FloatArray | None,
+    run: Run,
+    core: Run,
+    claimed: BoolArray,
+    all_ground: BoolArray,
+    *,
+    scale_m: float,
+    long: int,
+) -> int:
     """Return 1 where the altitude of a run is that of a ground, -1 where it is not, 0 where it does not tell.
 
     Parameters
@@ -252,28 +258,28 @@ def _altitude_says(signs: Signs, run: Run, core: Run, claimed: BoolArray, all_gr
     core : the part of the run whose altitude counts; claimed, all_ground : (n,) where an airspeed, and all signs, say
         ground.
     """
-    if signs.height is None or not np.isfinite(heights := signs.height[slice(*core)]).any():
+    if height is None or not np.isfinite(heights := height[slice(*core)]).any():
         return 0
-    low, high = run
     heights = heights[np.isfinite(heights)]
+    low, high = run
     # Not the extremes: an altimeter may begin at 0, and a sample may be wrong.
     lowest, highest = np.percentile(heights, (20.0, 80.0))
-    if highest - lowest > LOST * signs.scale_m:
+    if highest - lowest > LOST * scale_m:
         return -1
     # An aircraft that is slow on high has come up there, or goes down from there: on that side nothing is higher.
     before = np.flatnonzero(claimed[:low])  # the flight right before the run, and right after it
     after = np.append(np.flatnonzero(claimed[high:]), claimed.size - high)
-    sides = [signs.height[(int(before[-1]) + 1 if before.size else 0) : low], signs.height[high : high + int(after[0])]]
-    own = float(np.median(heights))
+    sides = [height[(int(before[-1]) + 1 if before.size else 0) : low], height[high : high + int(after[0])]]
+    level = float(np.median(heights))
     # A shorter side may be the roll before lift-off or after touch-down.
-    long = [side for side in sides if side.size >= signs.long and np.isfinite(side).any()]
-    rises = [float(np.nanmax(side)) - own for side in long]
-    if rises and min(rises) < ABOVE_GROUND * signs.scale_m:
+    longer = [side for side in sides if side.size >= long and np.isfinite(side).any()]
+    rises = [float(np.nanmax(side)) - level for side in longer]
+    if rises and min(rises) < ABOVE_GROUND * scale_m:
         return -1
-    others = signs.height.copy()
-    others[low:high] = np.nan
-    fields = others[all_ground & np.isfinite(others)]
-    above = bool(fields.size) and own > float(fields.max()) + ABOVE_GROUND * signs.scale_m
+    elsewhere = height.copy()
+    elsewhere[low:high] = np.nan
+    fields = elsewhere[all_ground & np.isfinite(elsewhere)]
+    above = bool(fields.size) and level > float(fields.max()) + ABOVE_GROUND * scale_m
     return 1 if rises and not above else 0
 
 

@@ -18,6 +18,7 @@ from ..channels import match_name
 from ..errors import LogError
 from ..notes import Note
 from .raw import (
+    BESIDE_TIME,
     DAY_S,
     Asked,
     FloatArray,
@@ -25,7 +26,6 @@ from .raw import (
     Track,
     choose_group,
     from_midnight,
-    left_out,
     parsing,
     rate_of,
     require_few,
@@ -84,13 +84,13 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
     # From an open file, because beside a name the index file of a stranger would be read.
     quiet = np.errstate(all="ignore")
     with parsing(path, "TDMS file"), open(path, "rb") as file, quiet, nptdms.TdmsFile.open(file) as tdms:
-        signals, stated_rate, notes = _signals(path, tdms, asked.group)
+        signals, stated_rate, left_out = _signals(path, tdms, asked.group)
         is_cut = bool(tdms.file_status.incomplete_final_segment)
-    has_time = any(one.is_time for one in signals)
+    notes, has_time = list[Note](), any(one.is_time for one in signals)
     if not has_time and any(one.clock is not None for one in signals):
         untimed = [one.source for one in signals if one.clock is None]
+        left_out |= dict.fromkeys(untimed, "has no wf_increment beside channels that have one")
         signals = [one for one in signals if one.clock is not None]
-        notes += [left_out(name, "has no wf_increment beside channels that have one") for name in untimed]
     if is_cut:
         notes.append(Note.limit("the file is cut off before its end: samples are missing there; copy it again"))
     if is_cut and len({one.group if has_time or one.clock is None else one.clock for one in signals}) == 1:
@@ -99,33 +99,34 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
         if shortest < longest:
             signals = [replace(one, values=one.values[:shortest]) for one in signals]
             notes.append(Note.limit(f"of {longest} samples {shortest} are there of every channel and are read"))
-    columns = [Track(source=one.source, values=one.values, unit=one.unit) for one in signals]
+    made = RawLog(columns=[Track(source=one.source, values=one.values, unit=one.unit) for one in signals])
     if has_time:
-        columns, counted = _with_time(signals)
-        notes += counted
+        made = _with_time(signals)
     elif all(one.clock is not None for one in signals):
         day = min((one.clock.day for one in signals if one.clock and one.clock.day is not None), default=None)
         if day is not None:
             notes.append(from_midnight(day))
         times = [_times(one, day) for one in signals]
         if len({(one.clock, one.values.size) for one in signals}) > 1:
-            columns = [replace(column, time_s=time_s) for column, time_s in zip(columns, times, strict=True)]
+            columns = [replace(column, time_s=time_s) for column, time_s in zip(made.columns, times, strict=True)]
         else:
-            columns.insert(0, Track(source="time", values=times[0], unit="s", channel="time"))
-    return RawLog(columns=columns, sample_rate_hz=stated_rate, notes=tuple(notes))
+            columns = [Track(source="time", values=times[0], unit="s", channel="time"), *made.columns]
+        made = RawLog(columns=columns)
+    left_out = {**left_out, **made.left_out}
+    return replace(made, sample_rate_hz=stated_rate, notes=(*notes, *made.notes), left_out=left_out)
 
 
-def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], float | None, list[Note]]:
-    """Return the channels of numbers of the wanted group, or of all groups that can be one log."""
+def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], float | None, dict[str, str]]:
+    """Return the numbers of the wanted group, or of all that can be one log, their rate, and what is left out."""
     channels = [channel for group in tdms.groups() for channel in group.channels()]
     require_few(path, len(channels), "channels")
     why = {"V": "is empty", "O": "holds text", "U": "holds text", "S": "holds text", "c": "holds complex numbers"}
     why |= dict.fromkeys("fiubM", "")
-    notes, numbers = [], []
+    unlike, numbers = [], []
     for channel in channels:
         reason = why.get(np.dtype(channel.dtype).kind if len(channel) else "V", "holds no numbers")
         if reason or not channel.name:
-            notes.append((channel.group_name, left_out(channel.name, reason if channel.name else "has no name")))
+            unlike.append((channel, reason if channel.name else "has no name"))
         else:
             numbers.append(channel)
     if channels and not numbers and tdms.file_status.incomplete_final_segment:
@@ -158,7 +159,8 @@ def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], f
         )
     stated = [tdms.properties, *(group.properties for group in tdms.groups() if group.name in (chosen, *groups[:1]))]
     rate = next((rate_of(path, one["sample_rate_hz"]) for one in stated if "sample_rate_hz" in one), None)
-    return signals, rate, [note for group, note in notes if chosen is None or group == chosen]
+    left_out = {one.name: reason for one, reason in unlike if chosen is None or one.group_name == chosen}
+    return signals, rate, left_out
 
 
 def _clock(properties: Mapping[str, Any]) -> _Clock | None:
@@ -189,19 +191,19 @@ def _times(signal: _Signal, day: np.datetime64 | None) -> FloatArray:
     return DAY_S * days + clock.start_s + clock.step_s * np.arange(signal.values.size, dtype=np.float64)
 
 
-def _with_time(signals: Sequence[_Signal]) -> tuple[list[Track], list[Note]]:
-    """Return the columns with moments made a time axis from midnight of their first day, and sentences on it."""
+def _with_time(signals: Sequence[_Signal]) -> RawLog:
+    """Return the log with moments made a time axis from midnight of their first day."""
     has_axis = any(one.is_time and not one.is_moment for one in signals)
-    kept, notes = [], []
+    kept, notes, left_out = [], [], {}
     for signal in signals:
         if not signal.is_moment:
             kept.append(Track(source=signal.source, values=signal.values, unit=signal.unit))
         elif has_axis:
-            notes.append(left_out(signal.source, "holds dates or times beside the time axis"))
+            left_out[signal.source] = BESIDE_TIME
         else:
             has_axis = True
             known = signal.values[np.isfinite(signal.values)]
             first = np.floor(known[0] / DAY_S) * DAY_S if known.size else 0.0
             notes.append(from_midnight(np.datetime64(int(first), "s")))
             kept.append(Track(source=signal.source, values=signal.values - first, unit="s", channel="time"))
-    return kept, notes
+    return RawLog(columns=kept, notes=tuple(notes), left_out=left_out)

@@ -12,7 +12,7 @@ import os
 import re
 from array import array
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, date, datetime
 from itertools import chain
 from typing import Literal, TextIO
@@ -24,7 +24,7 @@ from ..errors import LogError
 from ..filters import filters_from_json
 from ..notes import Note
 from ..units import si_unit
-from .raw import DAY_S, Asked, RawLog, Track, left_out, require_few
+from .raw import BESIDE_TIME, DAY_S, Asked, RawLog, Track, require_few
 from .record import CLEAN, FloatArray, faults_from_json, segments_from_json
 from .topics import maps_of
 
@@ -112,17 +112,17 @@ def _read(path: str, encoding: str, named: Sequence[str]) -> RawLog:
         first = [row for row in (second, next(rows, None)) if row is not None]
         if len(first) < 2:
             raise LogError(f"{path}: {len(first)} samples below the header, at least 2 are needed; give a recorded log")
-        cells = Cells(names=names, comma=delimiter != "," and not any(DECIMAL_POINT.search(text) for _, text in first))
+        comma = delimiter != "," and not any(DECIMAL_POINT.search(text) for _, text in first)
+        cells = Cells(names=names, comma=comma, kinds=[None] * len(names))
         values, notes = cells.table(path, chain(first, rows), delimiter, may_be_cut=garmin)
     columns = [
         Track(source=source, values=values[:, i].copy(), unit=unit or units[i])
         for i, (source, unit) in enumerate(map(split_unit, names))
     ]
-    if not cells.plain:
-        columns, added = in_seconds(columns, cells.kinds)
-        notes += added
-        if min((column.values.size for column in columns), default=2) < 2:
-            raise LogError(f"{path}: less than 2 samples with a time, at least 2 are needed; give a recorded log")
+    made = RawLog(columns=columns) if cells.plain else in_seconds(columns, cells.kinds)
+    columns = list(made.columns)
+    if min((column.values.size for column in columns), default=2) < 2:
+        raise LogError(f"{path}: less than 2 samples with a time, at least 2 are needed; give a recorded log")
     maps = {row.field: row for row in maps_of("garmin")} if garmin else {}
     for i, column in enumerate(columns):
         if row := maps.get(column.source):
@@ -135,7 +135,10 @@ def _read(path: str, encoding: str, named: Sequence[str]) -> RawLog:
         faults = faults_from_json(comments[FAULTS], where=f"{path}: faults")
         clean = {c.source.removesuffix(CLEAN): c for c in columns if c.source.endswith(CLEAN)}
         columns = [c for c in columns if not c.source.endswith(CLEAN)]
-    return RawLog(columns=columns, segments=segments, filters=filters, faults=faults, clean=clean, notes=tuple(notes))
+    notes += made.notes
+    return replace(
+        made, columns=columns, segments=segments, filters=filters, faults=faults, clean=clean, notes=tuple(notes)
+    )
 
 
 def _is_spaced(line: str) -> bool:
@@ -251,11 +254,8 @@ class Cells:
 
     names: Sequence[str]
     comma: bool
+    kinds: list[Kind | None]
     plain: bool = True
-    kinds: list[Kind | None] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self.kinds = [None] * len(self.names)
 
     def table(
         self, path: str, rows: Iterator[tuple[int, str]], delimiter: str, *, may_be_cut: bool
@@ -331,8 +331,8 @@ class Cells:
         return "text", math.nan
 
 
-def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> tuple[list[Track], list[Note]]:
-    """Return the columns with a time axis made of clock and date where no number is one, and sentences on it.
+def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog:
+    """Return the columns with a time axis made of clock and date where no number is one.
 
     Time counts from midnight of the first day (UTC where an offset is stated), through later ones. Rows without a time
     are left out, those that repeat the second before too; where most seconds have several rows, these are spread over
@@ -343,12 +343,13 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> tuple[
         by_kind.setdefault(kind, []).append(column)
     texts, dates = by_kind.get("text", []), by_kind.get("date", [])
     clocks, moments = by_kind.get("clock", []), by_kind.get("moment", [])
-    notes = [left_out(column.source, "holds text") for column in texts]
+    notes, left_out = list[Note](), dict.fromkeys((column.source for column in texts), "holds text")
     kept = [c for c, kind in zip(columns, kinds, strict=True) if kind in ("number", None)]
     timed = [*moments, *clocks, *dates]
     matches = (match_name(column.source) for column in kept)
     if not timed or timed[0] in dates or any(match is not None and match.name == "time" for match in matches):
-        return kept, notes + [left_out(c.source, "holds dates or times beside the time axis") for c in timed]
+        left_out |= dict.fromkeys((column.source for column in timed), BESIDE_TIME)
+        return RawLog(columns=kept, left_out=left_out)
     chosen = timed[0]
     time_s = chosen.values.copy()
     if chosen in clocks and dates:
@@ -386,7 +387,8 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> tuple[
             )
         )
     time = Track(source=chosen.source, values=time_s[rows], unit="s", channel="time")
-    return [time, *(replace(column, values=column.values[rows]) for column in kept)], notes
+    kept = [time, *(replace(column, values=column.values[rows]) for column in kept)]
+    return RawLog(columns=kept, notes=tuple(notes), left_out=left_out)
 
 
 def _spread(time_s: np.ndarray) -> np.ndarray:

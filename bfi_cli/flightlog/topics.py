@@ -52,14 +52,9 @@ class Topic:
         return self.name if self.instance == 0 else f"{self.name}_{self.instance}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class ChannelMap:
-    """A field of a topic that is a standard channel: `scale * value + offset` is it, in `unit`.
-
-    Attributes
-    ----------
-    is_state : values between two messages are those of the earlier one, and nothing is filtered (flags).
-    """
+    """A field of a topic that is a standard channel: `scale * value + offset` is it, in `unit`."""
 
     topic: str
     field: str
@@ -67,10 +62,9 @@ class ChannelMap:
     unit: str
     scale: float = 1.0
     offset: float = 0.0
-    is_state: bool = False
 
 
-# Recorder, then topic.field, channel, unit, and where they are not 1 and 0 scale and offset; "state" for flags.
+# Recorder, then topic.field, channel, unit, and where they are not 1 and 0 scale and offset.
 # Of several sources of a channel the first that is as fast as the log's base is taken, see `rates.one_base`.
 # PX4: message definitions of PX4-Autopilot (msg/*.msg), 1.9 to 1.15. Body axes are forward, right, down. The control of
 # pitch is positive nose up, an elevator positive trailing edge down.
@@ -87,11 +81,11 @@ airspeed_validated.calibrated_airspeed_m_s    cas               m/s
 airspeed_validated.equivalent_airspeed_m_s    cas               m/s
 airspeed_validated.indicated_airspeed_m_s     ias               m/s
 airspeed.indicated_airspeed_m_s               ias               m/s
-airspeed_validated.airspeed_sensor_measurement_valid  valid_airspeed  1  1  0  state
+airspeed_validated.airspeed_sensor_measurement_valid  valid_airspeed  1
 differential_pressure.differential_pressure_pa           q_impact  Pa
 differential_pressure.differential_pressure_filtered_pa  q_impact  Pa
-vtol_vehicle_status.hover                     hover             1       1  0  state
-vehicle_status.hover                          hover             1       1  0  state
+vtol_vehicle_status.hover                     hover             1
+vehicle_status.hover                          hover             1
 vehicle_air_data.baro_alt_meter               altitude          m
 vehicle_air_data.baro_pressure_pa             p_static          Pa
 vehicle_attitude.pitch                        pitch             rad
@@ -164,7 +158,7 @@ NKF2.VWN            wind_north        m/s
 NKF2.VWE            wind_east         m/s
 AOA.AOA             aoa               deg
 AOA.SSA             sideslip          deg
-QTUN.hover          hover             1       1  0  state
+QTUN.hover          hover             1
 AETR.Ail            aileron           1       {1 / 4500}
 AETR.Elev           elevator          1       {-1 / 4500}
 AETR.Rudd           rudder            1       {1 / 4500}
@@ -173,8 +167,8 @@ mavlink
 VFR_HUD.airspeed           ias               m/s
 VFR_HUD.groundspeed        ground_speed      m/s
 VFR_HUD.throttle           throttle          1       0.01
-EXTENDED_SYS_STATE.hover   hover             1       1  0  state
-HEARTBEAT.hover            hover             1       1  0  state
+EXTENDED_SYS_STATE.hover   hover             1
+HEARTBEAT.hover            hover             1
 ATTITUDE.pitch             pitch             rad
 ATTITUDE.roll              roll              rad
 ATTITUDE.yaw               yaw               rad
@@ -223,19 +217,9 @@ for _line in _TABLE.strip().splitlines():
     if not _words:
         _rows = _MAPS.setdefault(_place, [])
         continue
+    _channel, _unit, *_numbers = _words
     _topic, _, _field = _place.partition(".")
-    _scale, _offset = (*map(float, _words[2:4]), *(1.0, 0.0)[len(_words[2:4]) :])
-    _rows.append(
-        ChannelMap(
-            topic=_topic,
-            field=_field,
-            channel=_words[0],
-            unit=_words[1],
-            scale=_scale,
-            offset=_offset,
-            is_state="state" in _words,
-        )
-    )
+    _rows.append(ChannelMap(_topic, _field, _channel, _unit, *map(float, _numbers)))
 
 
 def maps_of(recorder: Recorder) -> tuple[ChannelMap, ...]:
@@ -343,7 +327,6 @@ def tracks_of(recorder: Recorder, topics: Sequence[Topic], wanted: Sequence[str]
                     unit=row.unit,
                     time_s=topic.time_s,
                     values=values,
-                    is_state=row.is_state,
                 )
 
     tracks = list(mapped())

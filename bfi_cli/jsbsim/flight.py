@@ -50,14 +50,6 @@ class FlightError(Exception):
     """What the user is told, without the name of the aircraft."""
 
 
-def aircraft_names() -> list[str]:
-    """Return the aircraft that the package brings, by name."""
-    import jsbsim
-
-    folder = Path(jsbsim.get_default_root_dir()) / "aircraft"
-    return sorted(one.name for one in folder.iterdir() if (one / f"{one.name}.xml").is_file())
-
-
 def trimmed(name: str, *, tas_m_s: float, altitude_m: float, rate_hz: float) -> Any:
     """Return JSBSim with the aircraft in steady level flight to the northeast, its gear up; None for no trim.
 
@@ -244,7 +236,10 @@ def main(folder: Path) -> None:
     answer: dict[str, Any]
     try:
         if request["do"] == "names":
-            answer = {"names": aircraft_names()}
+            import jsbsim
+
+            known = (Path(jsbsim.get_default_root_dir()) / "aircraft").iterdir()
+            answer = {"names": sorted(one.name for one in known if (one / f"{one.name}.xml").is_file())}
         elif request["do"] == "cruise":
             wanted = {"tas_m_s": request["tas_m_s"], "altitude_m": request["altitude_m"]}
             answer = {"tas_m_s": cruise_airspeed(request["name"], **wanted)}

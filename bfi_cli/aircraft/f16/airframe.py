@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from ...flightlog.record import frozen_array
 from ...kernels import FloatArray
+from ...units import DEGREE, FOOT
 from ...yaml12 import load_yaml
 
 IntArray = NDArray[np.intp]
@@ -34,11 +35,9 @@ ELEVATOR, THROTTLE = 0, 3  # see above
 SURFACES = slice(0, 3)
 NOZZLE = slice(4, 6)
 
-# In SI, exact by definition or rounded to fourteen digits.
-FOOT = 0.3048
+# In SI, of a force, and rounded to fourteen digits.
 POUND = 4.4482216152605
 SLUG_FT2 = 1.3558179483314
-DEGREE = 0.017453292519943295
 
 # The book's.
 SURFACE_LIMITS = (25.0 * DEGREE, 21.5 * DEGREE, 30.0 * DEGREE)

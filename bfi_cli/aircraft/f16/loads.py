@@ -12,12 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...kernels import FloatArray
+from ...units import FOOT
 from .airframe import (
     AIRFRAME,
     ALTITUDE,
     AOA,
     ELEVATOR,
-    FOOT,
     NOZZLE,
     PITCH,
     POUND,

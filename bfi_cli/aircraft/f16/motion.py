@@ -256,6 +256,5 @@ F16 = NonlinearModel(
     outputs=(*STATES[: RATES.stop], "altitude", *ACCELERATIONS),
     fly=fly,
     source="Stevens and Lewis, Aircraft Control and Simulation, after NASA TP-1538; centre of gravity at 0.30 chord",
-    manoeuvred=("elevator",),
     travel={"elevator": SURFACE_LIMITS[0], "throttle": 1.0},
 )

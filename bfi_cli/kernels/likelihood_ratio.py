@@ -13,10 +13,9 @@ import numpy as np
 from scipy.linalg import eigh
 
 from . import FloatArray
+from .generalised_least_squares import RANK_TOLERANCE, regressions
 
 FAST_S = 1.0  # correlation time of the fast part: gusts and vibration that outlast one sample
-# Of a nuisance column's largest, below which its part off the others is rounding.
-RANK_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,6 +54,36 @@ class Residual:
     cost: float
     level: float
 
+    @classmethod
+    def of(
+        cls, noise: NoiseModel, values: FloatArray, nuisances: FloatArray, prior_sd: FloatArray, signatures: FloatArray
+    ) -> Residual:
+        """Return a residual at the level that it has where the best of these signatures is in it.
+
+        A fault that stands out of the noise is not to raise the noise it is held against; the likelihood that a higher
+        level costs without the fault is kept as `cost`.
+
+        Parameters
+        ----------
+        values : (n,).
+        nuisances : (n, m), added to the residual in unknown amounts; prior_sd : (m,) of these, inf for none.
+        signatures : (n, n_signatures) that a fault may have in this residual, in any amount.
+        """
+        weights = 1.0 / np.sqrt(noise.variances)[:, :, None]
+        y, courses, columns = (weights * (noise.modes @ x) for x in (values[:, None], signatures, nuisances))
+        left = regressions(y[:, :, 0], courses, columns, prior_sd)
+        least = RANK_TOLERANCE * np.maximum(left.power.max(axis=1, initial=0.0), np.finfo(float).tiny)[:, None]
+        gain = np.divide(left.shown**2, left.power, out=np.zeros_like(left.power), where=left.power > least)
+        without = -noise.log_det - left.squares
+        k = int(np.argmax(without + gain.max(axis=1, initial=0.0)))
+        return cls(
+            values=left.y[k].copy(),  # of all levels the rows are many
+            whitening=noise.modes * weights[k],
+            nuisances=left.basis[k][:, left.basis[k].any(axis=0)],
+            cost=float(without[k] - without.max()),
+            level=float(noise.levels[k]),
+        )
+
     def whitened(self, signatures: FloatArray) -> FloatArray:
         """Return (n + n_prior, ...) signatures, (n, ...) in the residual's unit, whitened and off the nuisances."""
         white = self.whitening @ signatures
@@ -68,18 +97,13 @@ class LikelihoodRatio:
 
     Attributes
     ----------
-    ratio : (n_onsets,) twice the log-likelihood ratio against no fault.
-    magnitude, sd : (n_onsets,) estimates.
-    parts : (n_residuals, n_onsets) of `ratio`, what each residual says at the joint magnitude.
     shown, power : (n_residuals, n_onsets) inner products of the signature with the residual, and with itself.
+    costs : (n_residuals,) of the residuals, 0 or negative.
     """
 
-    ratio: FloatArray
-    magnitude: FloatArray
-    sd: FloatArray
-    parts: FloatArray
     shown: FloatArray
     power: FloatArray
+    costs: FloatArray
 
     def weighted(self, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return magnitude and sd, (n_onsets,), where the noise of each residual is not what its model says.
@@ -93,6 +117,20 @@ class LikelihoodRatio:
         safe = np.where(seen, power, 1.0)
         return np.where(seen, weights @ self.shown / safe, 0.0), np.where(seen, 1.0 / np.sqrt(safe), np.inf)
 
+    @property
+    def magnitude(self) -> FloatArray:
+        """(n_onsets,) the likeliest one of all residuals."""
+        return self.weighted(np.ones(len(self.costs)))[0]
+
+    @property
+    def ratio(self) -> FloatArray:
+        """(n_onsets,) twice the log-likelihood ratio against no fault."""
+        return np.asarray(self.parts(self.magnitude).sum(axis=0))
+
+    def parts(self, magnitude: FloatArray) -> FloatArray:
+        """Return (n_residuals, n_onsets) what each residual says of magnitudes, (n_onsets,)."""
+        return np.asarray(self.costs[:, None] + 2.0 * magnitude * self.shown - magnitude**2 * self.power)
+
 
 def noise_model(time_s: FloatArray, levels: FloatArray, slow: FloatArray) -> NoiseModel:
     """Return the covariances of samples at times, (n,) s, for levels of the fast part and a slow part (n, n)."""
@@ -105,78 +143,16 @@ def noise_model(time_s: FloatArray, levels: FloatArray, slow: FloatArray) -> Noi
     return NoiseModel(levels=levels, modes=np.ascontiguousarray(vectors.T), variances=variances, log_det=log_det)
 
 
-def settle(
-    noise: NoiseModel, values: FloatArray, nuisances: FloatArray, prior_sd: FloatArray, own: FloatArray
-) -> Residual:
-    """Return a residual at the level that it has where the best of its own signatures is in it.
-
-    A fault that stands out of the noise is not to raise the noise it is held against; the likelihood that a higher
-    level costs without the fault is kept as `cost`.
-
-    Parameters
-    ----------
-    values : (n,).
-    nuisances : (n, m), added to the residual in unknown amounts; prior_sd : (m,) of these, inf for none.
-    own : (n, n_own) signatures that a fault may have in this residual, in any amount.
-    """
-    priors = np.diag(1.0 / prior_sd)[np.isfinite(prior_sd)]
-    n, weights = len(values), 1.0 / np.sqrt(noise.variances)[:, :, None]
-    values, nuisances, own = noise.modes @ values, noise.modes @ nuisances, noise.modes @ own
-    below = np.broadcast_to(priors, (len(weights), *priors.shape))
-    bases = _orthonormal(np.concatenate([weights * nuisances, below], axis=1))
-    rows = np.concatenate([weights * values[:, None], np.zeros((*below.shape[:2], 1))], axis=1)
-    y = (rows - bases @ (bases.transpose(0, 2, 1) @ rows))[:, :, 0]
-    columns = weights * own
-    inside = bases[:, :n].transpose(0, 2, 1) @ columns
-    power = np.einsum("kij,kij->kj", columns, columns) - np.einsum("kij,kij->kj", inside, inside)
-    shown = np.einsum("kij,ki->kj", columns, y[:, :n])
-    least = RANK_TOLERANCE * np.maximum(power.max(axis=1, initial=0.0), np.finfo(float).tiny)[:, None]
-    gain = np.divide(shown**2, power, out=np.zeros_like(power), where=power > least).max(axis=1, initial=0.0)
-    without = -noise.log_det - np.einsum("ki,ki->k", y, y)
-    k = int(np.argmax(without + gain))
-    return Residual(
-        values=y[k],
-        whitening=noise.modes * weights[k],
-        nuisances=bases[k][:, bases[k].any(axis=0)],
-        cost=float(without[k] - without.max()),
-        level=float(noise.levels[k]),
-    )
-
-
-def likelihood_ratio(residuals: Sequence[Residual], signatures: Sequence[FloatArray | None]) -> LikelihoodRatio:
+def likelihood_ratio(residuals: Sequence[Residual], signatures: Sequence[FloatArray]) -> LikelihoodRatio:
     """Return what residuals say of a fault.
 
     Parameters
     ----------
-    signatures : of every residual (n, n_onsets), what the fault of magnitude 1 makes of it; None where it makes
-        nothing. At least one is there.
+    signatures : of every residual (n, n_onsets), what the fault of magnitude 1 makes of it.
     """
-    n_onsets = next(one.shape[1] for one in signatures if one is not None)
-    shown, power = np.zeros((len(residuals), n_onsets)), np.zeros((len(residuals), n_onsets))
+    shown, power = np.zeros((2, len(residuals), signatures[0].shape[1]))
     for j, (residual, signature) in enumerate(zip(residuals, signatures, strict=True)):
-        if signature is not None:
+        if signature.any():
             columns = residual.whitened(signature)
             shown[j], power[j] = columns.T @ residual.values, np.einsum("ij,ij->j", columns, columns)
-    total = power.sum(axis=0)
-    seen = total > RANK_TOLERANCE * max(float(total.max(initial=0.0)), np.finfo(float).tiny)
-    safe = np.where(seen, total, 1.0)
-    magnitude = np.where(seen, shown.sum(axis=0) / safe, 0.0)
-    costs = np.array([residual.cost for residual in residuals])
-    parts = costs[:, None] + 2.0 * magnitude * shown - magnitude**2 * power
-    return LikelihoodRatio(
-        ratio=costs.sum() + np.where(seen, shown.sum(axis=0) ** 2 / safe, 0.0),
-        magnitude=magnitude,
-        sd=np.where(seen, 1.0 / np.sqrt(safe), np.inf),
-        parts=parts,
-        shown=shown,
-        power=power,
-    )
-
-
-def _orthonormal(columns: FloatArray) -> FloatArray:
-    """Return orthonormal bases of what columns, (n_levels, n, m), span, zeros in place of what depends on others."""
-    if not columns.shape[2]:
-        return columns
-    scale = np.linalg.norm(columns, axis=1, keepdims=True)
-    u, s, _ = np.linalg.svd(columns / np.where(scale > 0.0, scale, 1.0), full_matrices=False)
-    return np.asarray(u * (s > RANK_TOLERANCE * s[:, :1])[:, None, :])
+    return LikelihoodRatio(shown=shown, power=power, costs=np.array([residual.cost for residual in residuals]))

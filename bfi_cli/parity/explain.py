@@ -208,7 +208,7 @@ def _linear_looks(
     since_s = record.time_s[:, None] - scan.onsets_s[None, :]
     every = np.hstack([_course(*one)(since_s) for one in courses])
     small = likelihood_ratio(scan.residuals, fault_signatures(scan, record, hypothesis, every))
-    ratios = (scan.weights @ small.parts).reshape(len(courses), -1)
+    ratios = (scan.weights @ small.parts(small.magnitude)).reshape(len(courses), -1)
     best = np.argmax(ratios, axis=1)
     return [(float(ratios[k, best[k]]), float(scan.onsets_s[best[k]]), one) for k, one in enumerate(courses)]
 
@@ -275,12 +275,7 @@ def fit_course(
     before_s, after_s = min(reach_s, np.floor(near_s - first)), min(reach_s, np.floor(last - near_s))
     onsets_s = near_s + np.arange(-before_s, after_s + 1.0)
     courses = _course(shape, constant)(record.time_s[:, None] - onsets_s[None, :])
-    before = np.array([float(one.values @ one.values) for one in scan.residuals])
-    costs = np.array([one.cost for one in scan.residuals])
-    recorded = [
-        residual_values(record, record, scan.constants, kind)[seen]
-        for kind, seen in zip(scan.kinds, scan.known, strict=True)
-    ]
+    recorded = [residual_values(record, record, scan.constants, kind) for kind in scan.kinds]
     k, magnitude = 0, 0.0
     for step in range(STEPS):
         amount = magnitude * courses[:, k]
@@ -289,32 +284,26 @@ def fit_course(
         try:
             clean = without_fault(record, hypothesis.fault, amount) if step else record
             signatures = fault_signatures(scan, clean, hypothesis, courses / left_over[:, None])
-            corrected_values = [residual_values(clean, record, scan.constants, kind) for kind in scan.kinds]
+            cleaned = [residual_values(clean, record, scan.constants, kind) for kind in scan.kinds]
         except ValueError:
             # Without such a fault the record would leave the air that the equations hold for: it is no candidate.
             ratios, magnitudes = np.full(len(onsets_s), -np.inf), np.zeros(len(onsets_s))
             break
-        shown, power, left = (np.zeros((len(scan.kinds), len(onsets_s))) for _ in range(3))
-        for j, seen in enumerate(scan.known):
-            residual, signature, values = scan.residuals[j], signatures[j], corrected_values[j][seen]
+        residuals = []
+        for j, residual in enumerate(scan.residuals):
             # A correction that takes all lift or airspeed away explains nothing by it.
-            y = residual.whitened(np.where(np.isfinite(values), values, recorded[j]))
-            if signature is None:
-                left[j] = float(y @ y)
-                continue
-            columns = residual.whitened(signature)
-            y = y + magnitude * columns[:, k]
-            shown[j], power[j], left[j] = columns.T @ y, np.einsum("ij,ij->j", columns, columns), float(y @ y)
-        total = weights @ power
-        seen_at = total > 0.0
-        magnitudes = np.where(seen_at, (weights @ shown) / np.where(seen_at, total, 1.0), 0.0)
-        left = left - 2.0 * magnitudes * shown + magnitudes**2 * power
-        parts = weights[:, None] * (costs[:, None] + before[:, None] - left)
+            values = np.where(np.isfinite(cleaned[j]), cleaned[j], recorded[j])[scan.known[j]]
+            y = residual.whitened(values + magnitude * signatures[j][:, k])
+            cost = residual.cost + float(residual.values @ residual.values - y @ y)
+            residuals.append(replace(residual, values=y, cost=cost))
+        linear = likelihood_ratio(residuals, signatures)
+        magnitudes, sds = linear.weighted(weights)
+        parts = weights[:, None] * linear.parts(magnitudes)
         ratios = parts.sum(axis=0)
         before_k, before_magnitude = k, magnitude
         k = int(np.argmax(ratios))
         magnitude = _bounded(hypothesis, float(magnitudes[k]), courses[:, k])
-        if k == before_k and abs(magnitude - before_magnitude) ** 2 * total[k] < CONVERGED**2:
+        if k == before_k and abs(magnitude - before_magnitude) < CONVERGED * sds[k]:
             break
     return Fit(
         fault=hypothesis,
@@ -323,7 +312,7 @@ def fit_course(
         onsets_s=onsets_s,
         ratios=ratios,
         magnitudes=magnitudes,
-        sds=np.where(seen_at, 1.0 / np.sqrt(np.where(seen_at, total, 1.0)), np.inf),
+        sds=sds,
         parts={kind.name: float(part) for kind, part in zip(scan.kinds, parts[:, k], strict=True)},
     )
 

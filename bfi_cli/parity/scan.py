@@ -9,7 +9,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratio, noise_model, settle
+from ..kernels.change_scan import steps_and_ramps
+from ..kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratio, noise_model
 from ..kernels.runs import bridged
 from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, climbing, hypotheses, with_fault, without_fault
 from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of, weights_of
@@ -67,11 +68,6 @@ class WindowScan:
         return weights_of(self.kinds, self.length_s)
 
 
-def ramps(time_s: FloatArray, onsets_s: FloatArray) -> FloatArray:
-    """Return (n, n_onsets) of ramps of one a second."""
-    return np.maximum(time_s[:, None] - onsets_s[None, :], 0.0)
-
-
 @lru_cache(maxsize=64)  # 0.5 MB each at 240 s
 def _noise(kind: str, n: int, missing: bytes, levels: tuple[float, ...]) -> NoiseModel:
     known = ~np.frombuffer(missing, dtype=bool)
@@ -109,7 +105,7 @@ def scan_window(
     onsets_s = np.arange(first + FIRST_ONSET_S, last - LAST_ONSET_S + 1e-6, ONSET_STEP_S)
     if not len(onsets_s):
         return None
-    courses = ramps(record.time_s, onsets_s)
+    _, ramps = steps_and_ramps(record.time_s, onsets_s)
     n, fewest = len(record.time_s), FEWEST * _samples(record)
     begun = [one for one in hypotheses(record) if one.fault in lasting]
     course = np.column_stack([np.ones(n), (record.time_s - record.time_s[0]) / n])
@@ -135,7 +131,7 @@ def scan_window(
         used.append(kind)
         masks.append(known)
         kept_columns.append(columns[known])
-        residuals.append(settle(noise, values[known], columns[known], prior_sd, courses[known]))
+        residuals.append(Residual.of(noise, values[known], columns[known], prior_sd, ramps[known]))
     if not used:
         return None
     scan = WindowScan(
@@ -150,8 +146,8 @@ def scan_window(
     )
     ratios, healthy = {}, [level_of(kind, record, constants) for kind in used]
     for hypothesis in hypotheses(record):
-        signatures = fault_signatures(scan, record, hypothesis, courses, healthy)
-        if any(one is not None for one in signatures):
+        signatures = fault_signatures(scan, record, hypothesis, ramps, healthy)
+        if any(signature.any() for signature in signatures):
             ratios[hypothesis.fault] = likelihood_ratio(residuals, signatures)
     return replace(scan, ratios=ratios) if ratios else None
 
@@ -241,31 +237,30 @@ def fault_signatures(
     hypothesis: Hypothesis,
     courses: FloatArray,
     healthy: Sequence[Level] | None = None,
-) -> list[FloatArray | None]:
-    """Return what a fault of these courses, (n, n_courses), makes of every residual; None for one it leaves alone.
+) -> list[FloatArray]:
+    """Return what a fault of these courses, (n, n_courses), makes of every residual; 0 of one that it leaves alone.
 
     Parameters
     ----------
     record : where it is linearised.
     healthy : where the residuals of the scan are at the record, for several faults at one record; None to find out.
     """
-    found: list[FloatArray | None] = []
+    signatures: list[FloatArray] = []
     other = with_small(record, hypothesis)
     moved = {name for name, values in other.channels.items() if values is not record.channels[name]}
     # A static pressure that changes shows as a climb while it does.
     turning = climbing(record, hypothesis.size) if hypothesis.fault == STATIC_LEAK else None
     for k, (kind, known) in enumerate(zip(scan.kinds, scan.known, strict=True)):
         if moved.isdisjoint(kind.reads):
-            found.append(None)
+            signatures.append(np.zeros((np.count_nonzero(known), courses.shape[1])))
             continue
         level = level_of(kind, record, scan.constants) if healthy is None else healthy[k]
         signature = _signature(level, level_of(kind, other, scan.constants), hypothesis, courses)
         if turning is not None and "altitude_rate" in kind.reads:
             climb = (kind.values(turning, scan.constants) - level.values) / hypothesis.size
             signature = signature + climb[:, None] * np.gradient(courses, STEP_S, axis=0)
-        signature = np.nan_to_num(signature[known])
-        found.append(signature if signature.any() else None)
-    return found
+        signatures.append(np.nan_to_num(signature[known]))
+    return signatures
 
 
 def _lasting_columns(

@@ -322,6 +322,14 @@ def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> lis
     return _stretches(phases_of(log, suspects=suspects), (*STEADY_PARTS, "approach"))
 
 
+def airborne(log: FlightLog, time_s: FloatArray) -> BoolArray:
+    """Mark the times, (n,), at which the aircraft flies."""
+    flies = np.zeros(time_s.shape, dtype=bool)
+    for from_s, to_s in airborne_stretches(log):
+        flies |= (time_s >= from_s) & (time_s <= to_s)
+    return flies
+
+
 def flight_stretches(phases: Sequence[Phase]) -> list[tuple[float, float]]:
     """Return the stretches of flight without take-off, approach, landing and parabolas."""
     parabolas = [(one.from_s - RECOVERY_S, one.to_s + RECOVERY_S) for one in phases if one.phase == "parabola"]

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-from . import FloatArray
+from . import FloatArray, IntArray
 
 # Allowance of the cumulative sum, in standard deviations: half the change that it is fastest for (Page 1954).
 ALLOWANCE = 0.5
@@ -36,7 +35,7 @@ class ChangeStatistic:
 
     errors: FloatArray
     values: FloatArray
-    onset: NDArray[np.intp]
+    onset: IntArray
 
     def alarm(self, threshold: float) -> ChangeAlarm | None:
         """Return the first row whose statistic is beyond the threshold, None where there is none."""

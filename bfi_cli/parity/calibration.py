@@ -15,19 +15,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..decision.calibration import FEWEST_WINDOWS, Null, calibration_document, check_digest, null_from, wrong_statistics
 from ..errors import ConfigError
 from ..flightlog import FlightLog
 from ..flightlog.phases import phases_of
+from ..kernels import FloatArray
 from ..serialization import from_plain
 from .record import record_of
 from .residuals import RESIDUALS
 from .scan import scan_window
 from .windows import LENGTHS_S, clean_up_time, configuration_changes, overlaps, windows_in, zero_lift_of
-
-FloatArray = NDArray[np.float64]
 
 # Windows of a short flight follow each other more closely, so that there are enough for a table.
 CLOSEST_S = 5.0

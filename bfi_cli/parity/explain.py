@@ -6,14 +6,13 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..kernels import FloatArray
 from ..kernels.likelihood_ratio import likelihood_ratio
 from ..kernels.normal import CHI_SQUARE_95
 from .record import STATIC_LEAK, Hypothesis, Record, hypotheses, without_fault
 from .scan import FIRST_ONSET_S, WindowScan, fault_signatures, residual_values
 
-FloatArray = NDArray[np.float64]
 Course = Callable[[FloatArray], FloatArray]
 
 # Twice a log-likelihood ratio, so dispersed, by which a fault may explain a window worse and still be the one: so much,

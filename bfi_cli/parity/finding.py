@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+
+from ..kernels import FloatArray, IntArray
 
 Bound = Literal["error", "disagreement"]
 Stage = Literal["sensors", "static relations", "holds", "parity", "scan"]
 
-FloatArray = NDArray[np.float64]
 
 CHI_SQUARE = 3.84  # with one degree of freedom, 95 %: twice what a log-likelihood may lose of an interval's middle
 
@@ -94,6 +94,6 @@ def squares_by_onset(y: FloatArray, courses: FloatArray) -> tuple[FloatArray, Fl
     return np.einsum("ij,ij->j", rest, rest), sizes
 
 
-def as_good(squares: FloatArray, n: int, alike: float) -> NDArray[np.intp]:
+def as_good(squares: FloatArray, n: int, alike: float) -> IntArray:
     """Return which onsets explain n samples about as well as the best, of whose errors so many in a row are alike."""
     return np.flatnonzero(squares <= squares.min() * (1.0 + alike * CHI_SQUARE / n))

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..flightlog import FlightLog
+from ..kernels import BoolArray
 from ..kernels.runs import runs
 from .finding import Finding
 from .leaks import LANDING, LEFT, begins_within, brakes, pitot_leaks, static_leaks
@@ -33,9 +33,6 @@ from .lines import (
     stretches_of,
     touching_runs,
 )
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 FAULT = {"p_total": "pitot_blocked", "p_static": "static_blocked"}
 PRESSURES = {fault: pressure for pressure, fault in FAULT.items()}

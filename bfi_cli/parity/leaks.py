@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..airdata import G
 from ..flightlog import FlightLog
+from ..kernels import BoolArray, FloatArray
 from ..kernels.runs import runs
 from .finding import Finding, as_good, squares_by_onset
 from .lines import (
@@ -22,9 +22,6 @@ from .lines import (
     touching_runs,
 )
 from .relaxation import ALIKE, Relaxation, relaxations
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 # Less than this share of the impact pressure in flight is left on the ground, and in a tube with an open drain.
 LEFT = 0.15

@@ -9,17 +9,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..airdata import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of
 from ..flightlog import FlightLog
+from ..flightlog.phases import airborne
+from ..kernels import BoolArray, FloatArray
 from ..kernels.quantisation import find_hold
 from ..kernels.running import noise_of_second_differences, sd_about_lines
 from ..kernels.runs import runs
-from .sampled import Blocks, airborne, quanta_of
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
+from .sampled import Blocks, quanta_of
 
 # s of a log of which one mean is taken: five to a point.
 BLOCK_S = 0.5

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..airdata import (
     DEPENDS_ON,
@@ -26,9 +25,8 @@ from ..airdata import (
     kinematic_acceleration,
 )
 from ..flightlog import FlightLog
+from ..kernels import FloatArray, IntArray
 from ..kernels.runs import bridged
-
-FloatArray = NDArray[np.float64]
 
 STEP_S = 1.0  # faults of interest last tens of seconds; a sample per second holds all that tells them
 LONGEST_GAP_S = 3.0  # bridged by a straight line before an acceleration is integrated
@@ -160,7 +158,7 @@ def _true_airspeed(channels: Mapping[str, FloatArray]) -> FloatArray:
     return channels_of(air.p_static, air.q_impact, air.tat)["tas"]
 
 
-def _means(values: FloatArray, seconds: NDArray[np.intp], n: int, expected: float) -> FloatArray:
+def _means(values: FloatArray, seconds: IntArray, n: int, expected: float) -> FloatArray:
     known = np.isfinite(values)
     count = np.bincount(seconds[known], minlength=n)
     total = np.bincount(seconds[known], weights=values[known], minlength=n)

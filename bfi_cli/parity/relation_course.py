@@ -10,15 +10,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from ..kernels import FloatArray
 from ..shapes import SHAPES
 from .explain import PRICE
 from .finding import CHI_SQUARE, Finding
 from .static_relations import AVERAGED, BLOCK_S, MARGIN_S, RelationSeries
 
-FloatArray = NDArray[np.float64]
 Candidate = tuple[str, float | None, float]  # shape; duration, or what draws a step out, in s; onset in s
 
 # Of a second, at which a course is averaged over it.

@@ -9,12 +9,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..kernels import BoolArray, FloatArray, IntArray
 from .finding import as_good
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 # These constants were set on both recorded Citations with leaks of 1 to 20 s (docs/theory.md, 15.6), except where a
 # reason is given.
@@ -100,7 +97,7 @@ def relaxations(
 
 
 def _best(
-    time_s: FloatArray, pressure: FloatArray, onsets: NDArray[np.intp], before: int, least_jump: FloatArray
+    time_s: FloatArray, pressure: FloatArray, onsets: IntArray, before: int, least_jump: FloatArray
 ) -> Relaxation | None:
     """Return the relaxation from the onset that fits best, None where it does not fit well.
 

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..airdata import (
     IMPACT_SOURCES,
@@ -17,9 +16,8 @@ from ..airdata import (
     isa_temperature,
     kinematic_acceleration,
 )
+from ..kernels import FloatArray
 from .record import KINEMATICS, Record
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

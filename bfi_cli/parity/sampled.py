@@ -6,14 +6,11 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..channels import STANDARD
 from ..flightlog import FlightLog
-from ..flightlog.phases import airborne_stretches
+from ..kernels import FloatArray, IntArray
 from ..kernels.quantisation import find_quantum, quantum_of_plateaus
-
-FloatArray = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -27,7 +24,7 @@ class Blocks:
     time_s : (n_blocks,) their mean time.
     """
 
-    block: NDArray[np.intp]
+    block: IntArray
     count: FloatArray
     time_s: FloatArray
 
@@ -46,14 +43,6 @@ class Blocks:
         n = np.bincount(self.block, finite)
         total = np.bincount(self.block, np.where(finite, x - middle, 0.0))
         return np.where(2.0 * n >= self.count, total / np.maximum(n, 1.0) + middle, np.nan)
-
-
-def airborne(log: FlightLog, time_s: FloatArray) -> NDArray[np.bool_]:
-    """Mark the times at which the aircraft flies."""
-    flies = np.zeros(len(time_s), dtype=bool)
-    for start_s, end_s in airborne_stretches(log):
-        flies |= (time_s >= start_s) & (time_s <= end_s)
-    return flies
 
 
 def quanta_of(log: FlightLog, names: Collection[str]) -> Mapping[str, float]:

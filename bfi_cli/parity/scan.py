@@ -7,15 +7,13 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..kernels import BoolArray, FloatArray
 from ..kernels.change_scan import steps_and_ramps
 from ..kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratio, noise_model
 from ..kernels.runs import bridged
 from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, climbing, hypotheses, with_fault, without_fault
 from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of, weights_of
-
-FloatArray = NDArray[np.float64]
 
 # A ramp whose onset lies between two of these loses 0.6 % of its statistic at most; `explain` goes on in whole seconds.
 ONSET_STEP_S = 3.0
@@ -48,7 +46,7 @@ class WindowScan:
     ratios: Mapping[str, LikelihoodRatio]
     kinds: tuple[ResidualKind, ...]
     residuals: tuple[Residual, ...]
-    known: tuple[NDArray[np.bool_], ...]
+    known: tuple[BoolArray, ...]
     columns: tuple[FloatArray, ...]
     constants: Constants
     lacking: Mapping[str, str]
@@ -111,7 +109,7 @@ def scan_window(
     course = np.column_stack([np.ones(n), (record.time_s - record.time_s[0]) / n])
     used: list[ResidualKind] = []
     residuals: list[Residual] = []
-    masks: list[NDArray[np.bool_]] = []
+    masks: list[BoolArray] = []
     kept_columns: list[FloatArray] = []
     for kind in kinds:
         values = residual_values(record, record, constants, kind)

@@ -13,7 +13,6 @@ from itertools import combinations
 from operator import itemgetter
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..airdata import (
     SEA_LEVEL_SPEED_OF_SOUND,
@@ -28,13 +27,14 @@ from ..airdata import (
 )
 from ..channels import REPEATED, STANDARD, match_name, quantity_of
 from ..flightlog import FlightLog
+from ..flightlog.phases import airborne
+from ..kernels import BoolArray, FloatArray
 from ..kernels.change_scan import ChangeScan, scan_changes, steps_and_ramps
 from ..shapes import SHAPES
 from .finding import CHI_SQUARE, Bound, Finding, Limit, squares_by_onset
-from .sampled import Blocks, airborne, quanta_of, unit_of
+from .sampled import Blocks, quanta_of, unit_of
 from .stuck import stuck_errors
 
-FloatArray = NDArray[np.float64]
 Values = Mapping[str, FloatArray]
 
 # s of which one mean of a relation is taken: what is sought lasts longer, and channels are tenths of a second apart.
@@ -588,7 +588,7 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
     )
 
 
-def _stuck_courses(part: RelationSeries, during: NDArray[np.bool_]) -> Iterator[tuple[str, str, FloatArray]]:
+def _stuck_courses(part: RelationSeries, during: BoolArray) -> Iterator[tuple[str, str, FloatArray]]:
     """Yield channel, shape and (n, n_stretches) what each of two sensors adds to their difference while it is stuck.
 
     Parameters

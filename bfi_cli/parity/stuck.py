@@ -8,19 +8,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..airdata import IMPACT_SOURCES, SEA_LEVEL_PRESSURE, SONIC_RATIO, STATIC_SOURCES, air_data_of, channels_of
-
-FloatArray = NDArray[np.float64]
-
+from ..kernels import BoolArray, FloatArray
 
 # Of the static pressure that a port holds, from the reading and itself: each leaves q/p of the error, 0.35 at Mach 0.7.
 ROUNDS = 8
 
 
 def stuck_errors(
-    quantity: str, reading: FloatArray, twin: FloatArray, air: Mapping[str, FloatArray], during: NDArray[np.bool_]
+    quantity: str, reading: FloatArray, twin: FloatArray, air: Mapping[str, FloatArray], during: BoolArray
 ) -> dict[str, FloatArray]:
     """Return by shape of a fault (n, n_stretches) what a sensor reads too much while it is stuck, 0 else.
 

@@ -5,15 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..airdata import IMPACT_SOURCES, STATIC_SOURCES, air_data_of, zero_lift_angle
 from ..flightlog.phases import Phase
 from ..flightlog.phases import flight_stretches as flight_stretches
+from ..kernels.runs import within as within
 from .record import Record
 
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 Window = tuple[float, float]
 
 # Slow faults need long windows, fast ones are over in them (docs/theory.md, 15.7).
@@ -27,14 +25,6 @@ LEAST_S = 300.0
 # Parts of the flight in a row that must tell the same, rad: a fault that lasts through one of them moves the angle, and
 # the wrong one makes faults of healthy windows. Parts of 1000 s of two recorded Citations lie within 0.2 degrees.
 PARTS, LEAST_PART_S, SAME_ANGLE = 3, 150.0, np.radians(1.0)
-
-
-def within(time_s: FloatArray, stretches: Sequence[Window]) -> BoolArray:
-    """Return (n,) which times lie in one of the stretches; the end of a stretch is no part of it."""
-    inside = np.zeros(time_s.shape, dtype=np.bool_)
-    for first, last in stretches:
-        inside |= (time_s >= first) & (time_s < last)
-    return inside
 
 
 def overlaps(window: Window, stretches: Sequence[Window]) -> bool:

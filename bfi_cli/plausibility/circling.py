@@ -10,14 +10,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from ..flightlog import FlightLog
-from ..flightlog.phases import airborne_stretches
+from ..flightlog.phases import airborne
+from ..kernels import FloatArray
 from ..preprocessing.tolerance import tolerance_of
 from .finding import Implausible
-from .seconds import FloatArray
 
 NEEDS = ("tas", "velocity_north", "velocity_east")
 # Hz at which velocities are compared; gusts are slower.
@@ -41,7 +40,7 @@ def scale_by_circles(log: FlightLog) -> Implausible | None:
         return None
     mean = float(scales.mean())
     half = float(stdtrit(scales.size - 1, 0.975) * scales.std(ddof=1) / math.sqrt(scales.size))
-    flown = log.time_s[_flown(log)]
+    flown = log.time_s[airborne(log, log.time_s)]
     part = log.window(float(flown[0]), float(flown[-1]))
     speed = float(np.nanmedian(part.channels["tas"].values))
     if abs(mean - 1.0) <= half or abs(mean - 1.0) * speed <= tolerance_of(log, part, "tas"):
@@ -66,20 +65,13 @@ def scale_by_circles(log: FlightLog) -> Implausible | None:
 def circle_scales(log: FlightLog) -> FloatArray:
     """Return (n_circles,) by what the true airspeed must be multiplied in each circle of a flight."""
     every = max(1, round(log.rate_hz / RATE_HZ))
-    flown = np.flatnonzero(_flown(log))[::every]
+    flown = np.flatnonzero(airborne(log, log.time_s))[::every]
     speed, north, east = (log.channels[name].values[flown] for name in NEEDS)
     known = np.isfinite(speed + north + east)
     time_s, speed, north, east = log.time_s[flown][known], speed[known], north[known], east[known]
     pieces = _circles(time_s, np.unwrap(np.arctan2(east, north)))
     chosen = pieces[:: max(1, -(-len(pieces) // MOST))]
     return np.array([_scale(speed[one], north[one], east[one]) for one in chosen])
-
-
-def _flown(log: FlightLog) -> NDArray[np.bool_]:
-    flown = np.zeros(log.n_samples, dtype=bool)
-    for from_s, to_s in airborne_stretches(log):
-        flown |= (log.time_s >= from_s) & (log.time_s <= to_s)
-    return flown
 
 
 def _circles(time_s: FloatArray, course: FloatArray) -> list[slice]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..channels import STANDARD
 from ..flightlog import FlightLog
-from ..flightlog.record import FloatArray
+from ..kernels import FloatArray
 from ..notes import Note
 from ..preprocessing.tolerance import tolerance_of
 from ..report.text import quantity

@@ -35,7 +35,7 @@ from ..airdata import (
     true_airspeed,
     vane_angle,
 )
-from .seconds import FloatArray
+from ..kernels import FloatArray
 
 Values = Mapping[str, FloatArray]
 Make = Callable[["State"], FloatArray]

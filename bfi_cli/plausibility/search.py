@@ -6,11 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from ..kernels import BoolArray, FloatArray, IntArray
 from .changes import Change, named_changes
 from .relations import Relation, State
-from .seconds import BoolArray, FloatArray, Seconds
+from .seconds import Seconds
 
 # Pieces of a flight in each of which a relation fails that fails throughout; what begins during a flight is a fault
 # with an onset, which the analyses find. Slopes need longer pieces than medians.
@@ -95,7 +95,7 @@ class Told:
 
     relation: Relation
     channels: tuple[str, ...]
-    rows: NDArray[np.intp]
+    rows: IntArray
 
     def is_touched_by(self, change: Change) -> bool:
         """Return whether it takes a channel that is changed, or a rate by a clock that is."""

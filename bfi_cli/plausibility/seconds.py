@@ -6,16 +6,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..channels import STANDARD
 from ..flightlog import FlightLog
 from ..flightlog.record import LARGEST_VALUE
 from ..flightlog.signs import BORNE, FASTEST, METRES_PER_SECOND, MOVING, WALK
+from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.runs import runs
-
-FloatArray = NDArray[np.float64]
-BoolArray = NDArray[np.bool_]
 
 # Samples of a large log that are looked at, from its middle: three hours at 100 Hz take a tenth of a second.
 LOOKED_AT = 1_000_000
@@ -85,7 +82,7 @@ def _continuous(name: str, values: FloatArray) -> FloatArray:
     return values
 
 
-def _means(values: FloatArray, first: NDArray[np.intp]) -> FloatArray:
+def _means(values: FloatArray, first: IntArray) -> FloatArray:
     """Return (n_seconds,) means of the samples from each `first` on, NaN where a second has none."""
     known = np.isfinite(values)
     if known.all():

@@ -367,24 +367,7 @@ class StaticRelations:
     too_short: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Stuck:
-    """A sensor that is stuck in a part of a window, from its start on where `onset_ci95` begins at -inf.
-
-    Attributes
-    ----------
-    loss : twice the negative log-likelihood, but for a constant.
-    effect : largest error of the relation in the window.
-    """
-
-    channel: str
-    shape: str
-    onset_s: float
-    onset_ci95: tuple[float, float]
-    offset_s: float | None
-    loss: float
-    statistic: float
-    effect: float
+_Stuck = tuple[float, Finding]  # twice the negative log-likelihood, but for a constant, and the sensor that is stuck
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -421,7 +404,7 @@ class _Scanned:
     def not_overruled(self, changed: Sequence[_Scanned]) -> tuple[_Stuck, ...]:
         """Return what is stuck, without a sensor whose twin is at odds with a third channel while it is not itself."""
         at_odds = [one.effects.keys() for one in changed if one.effects.keys() & self.effects.keys()]
-        return tuple(one for one in self.stuck if all(one.channel in channels for channels in at_odds))
+        return tuple(one for one in self.stuck if all(one[1].fault in channels for channels in at_odds))
 
     @property
     def best(self) -> int:
@@ -432,14 +415,19 @@ class _Scanned:
 
     @property
     def answer(self) -> RelationAnswer:
-        best, stuck = self.best, self.stuck[0] if self.stuck else None
+        best, reached = self.best, self.reach[self.best]
+        statistic, effect = float(self.scan.statistic[best]), abs(float(self.scan.amplitude[best] * reached))
+        least_effect = float(self.least[best] * reached)
+        for _, stuck in self.stuck[:1]:
+            statistic, effect = stuck.statistic, abs(stuck.effect[stuck.fault] * self.effects[stuck.fault])
+            least_effect = LEAST_STEPS * self.series.noise_sd
         return RelationAnswer(
             name=self.series.relation.name,
             channels=tuple(self.effects),
-            statistic=stuck.statistic if stuck else float(self.scan.statistic[best]),
+            statistic=statistic,
             threshold=THRESHOLD,
-            effect=stuck.effect if stuck else abs(float(self.scan.amplitude[best] * self.reach[best])),
-            least_effect=LEAST_STEPS * self.series.noise_sd if stuck else float(self.least[best] * self.reach[best]),
+            effect=effect,
+            least_effect=least_effect,
             declares=self.series.relation.declares,
         )
 
@@ -563,7 +551,7 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
         scan = part.scan(candidates, declared_at=THRESHOLD)
         effects = {name: float(np.nanmedian(effect)) for name, effect in part.effects.items()}
         effects = {name: effect for name, effect in effects.items() if effect}  # at rest a temperature has none
-        stuck = tuple(_stuck_sensors(part, onsets_s, candidates))
+        stuck = tuple(_stuck_sensors(part, onsets_s, candidates, effects))
         scanned.append(_Scanned(series=part, scan=scan, effects=effects, reach=reach, stuck=stuck))
     changed = [one for one in scanned if one.answer.declares and one.answer.changes]
     scanned = [replace(one, stuck=one.not_overruled(changed)) for one in scanned]
@@ -575,8 +563,13 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
     findings: tuple[Finding, ...] = ()
     if declared:
         strongest = scanned[max(declared)[-1]]
-        of_a_pair = strongest.stuck and _stuck_finding(scanned, strongest)
-        findings = (of_a_pair or _finding(log, scanned, strongest, onsets_s),)
+        if strongest.stuck:
+            loss, finding = strongest.stuck[0]
+            among = dict.fromkeys(other.fault for its_loss, other in strongest.stuck if its_loss <= loss + AS_GOOD)
+            evidence = {one.name: one.statistic for one in answers}
+            findings = (replace(finding, among=tuple(among), evidence=evidence),)
+        else:
+            findings = (_finding(log, scanned, strongest, onsets_s),)
     # Beside a change that is told no second one is looked for.
     limits = () if findings else _limits(log, scanned, onsets_s)
     return StaticRelations(
@@ -605,7 +598,9 @@ def _stuck_courses(part: RelationSeries, during: BoolArray) -> Iterator[tuple[st
             yield channel, shape, effect * errors + np.append(level, 0.0) * during
 
 
-def _stuck_sensors(part: RelationSeries, onsets_s: FloatArray, candidates: FloatArray) -> list[_Stuck]:
+def _stuck_sensors(
+    part: RelationSeries, onsets_s: FloatArray, candidates: FloatArray, effects: Mapping[str, float]
+) -> list[_Stuck]:
     """Return two sensors as stuck ones, by channel and shape in the likeliest stretch, the likeliest first.
 
     A sensor is stuck from an onset on, or was before and is until some time, or throughout the window. It then errs by
@@ -616,6 +611,7 @@ def _stuck_sensors(part: RelationSeries, onsets_s: FloatArray, candidates: Float
     Parameters
     ----------
     candidates : (n, n_candidates) steps and ramps, none of which may be as likely.
+    effects : by channel, what one unit of its error adds to the relation.
     """
     least, n = LEAST_STEPS * part.noise_sd, len(part.time_s)
     if not part.relation.twins or np.ptp(part.values) < least:
@@ -652,39 +648,21 @@ def _stuck_sensors(part: RelationSeries, onsets_s: FloatArray, candidates: Float
         stuck_s = part.time_s[during[:, best]]
         near_s = part.time_s[rows[losses[begins] <= losses[best] + CHI_SQUARE]]
         first_s, last_s = (near_s[0], near_s[-1]) if best in begins else (-np.inf, stuck_s[0])
-        found.append(
-            _Stuck(
-                channel=channel,
-                shape=shape,
-                onset_s=float(stuck_s[0]) - 0.5 * BLOCK_S,
-                onset_ci95=(float(first_s) - 1.5 * BLOCK_S, float(last_s) + 0.5 * BLOCK_S),
-                offset_s=None if during[-1, best] else float(stuck_s[-1]) + 0.5 * BLOCK_S,
-                loss=float(losses[best]),
-                statistic=statistic,
-                effect=float(sizes[-1]),
-            )
+        finding = Finding(
+            fault=channel,
+            among=(channel,),
+            channels=(channel,),
+            stage="static relations",
+            shape=shape,
+            onset_s=float(stuck_s[0]) - 0.5 * BLOCK_S,
+            onset_ci95=(float(first_s) - 1.5 * BLOCK_S, float(last_s) + 0.5 * BLOCK_S),
+            offset_s=None if during[-1, best] else float(stuck_s[-1]) + 0.5 * BLOCK_S,
+            statistic=statistic,
+            threshold=THRESHOLD,
+            effect={channel: float(sizes[-1]) / abs(effects[channel])},
         )
-    return sorted(found, key=lambda one: one.loss)
-
-
-def _stuck_finding(scanned: list[_Scanned], strongest: _Scanned) -> Finding:
-    """Return the sensor that is stuck beside its twin."""
-    stuck = strongest.stuck[0]
-    among = [one.channel for one in strongest.stuck if one.loss <= stuck.loss + AS_GOOD]
-    return Finding(
-        fault=stuck.channel,
-        among=tuple(dict.fromkeys(among)),
-        channels=(stuck.channel,),
-        stage="static relations",
-        shape=stuck.shape,
-        onset_s=stuck.onset_s,
-        onset_ci95=stuck.onset_ci95,
-        offset_s=stuck.offset_s,
-        statistic=stuck.statistic,
-        threshold=THRESHOLD,
-        effect={stuck.channel: stuck.effect / abs(strongest.effects[stuck.channel])},
-        evidence={one.series.relation.name: one.answer.statistic for one in scanned},
-    )
+        found.append((float(losses[best]), finding))
+    return sorted(found, key=itemgetter(0))
 
 
 def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onsets_s: FloatArray) -> Finding:

@@ -7,7 +7,7 @@ flight (`seconds`), and where one fails throughout, the change of one channel is
 """
 
 from .finding import Implausible, in_words
-from .judge import implausible_channels, with_fixed_units, without_offsets
+from .implausible import implausible_channels, with_fixed_units, without_offsets
 from .verdict import without_verdict
 
 __all__ = ["Implausible", "implausible_channels", "in_words", "with_fixed_units", "without_offsets", "without_verdict"]

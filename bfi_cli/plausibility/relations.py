@@ -64,15 +64,18 @@ class State:
     values: Values
     rates: Values
 
+    @property
+    def zeros(self) -> FloatArray:
+        """A channel that is 0 throughout."""
+        return np.zeros_like(next(iter(self.values.values())))
+
     def of(self, name: str) -> FloatArray:
-        """Return a channel that may be missing, which then is nothing."""
-        found = self.values.get(name)
-        return np.zeros_like(next(iter(self.values.values()))) if found is None else found
+        """Return a channel, 0 where it is missing."""
+        return self.values.get(name, self.zeros)
 
     def rate(self, name: str) -> FloatArray:
-        """Return the rate of a channel that may be missing, which then is nothing."""
-        found = self.rates.get(name)
-        return np.zeros_like(next(iter(self.values.values()))) if found is None else found
+        """Return the rate of a channel, 0 where it is missing."""
+        return self.rates.get(name, self.zeros)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -137,8 +140,8 @@ def _cas_of_mach(state: State, static: str) -> FloatArray:
     return calibrated_airspeed(_within(impact, 0.0, LARGEST_IMPACT))
 
 
-def _altitude_of(state: State, name: str) -> FloatArray:
-    return altitude_of(_pressure(state, name))
+def _standard_air(state: State) -> FloatArray:
+    return isa_temperature(_within(state.values["altitude"], LOWEST, HIGHEST))
 
 
 def _climb_rate(state: State, source: str) -> FloatArray:
@@ -146,7 +149,7 @@ def _climb_rate(state: State, source: str) -> FloatArray:
     rate = state.rates["altitude"] if source == "altitude" else state.values["altitude_rate"]
     if "sat" not in state.values or "altitude" not in state.values:
         return rate
-    warmth = _temperature(state, "sat") / isa_temperature(_within(state.values["altitude"], LOWEST, HIGHEST))
+    warmth = _temperature(state, "sat") / _standard_air(state)
     return rate * np.where(np.isfinite(warmth), np.clip(warmth, 0.8, 1.2), 1.0)
 
 
@@ -214,7 +217,7 @@ def _turning(state: State, name: str = "tas") -> FloatArray:
 def _heading_rate(state: State) -> FloatArray:
     if "yaw" in state.rates:
         return state.rates["yaw"]
-    return _turning(state) if {"tas", "roll"} <= state.values.keys() else np.zeros_like(state.of("pitch"))
+    return _turning(state) if {"tas", "roll"} <= state.values.keys() else state.zeros
 
 
 def _pitching(state: State) -> FloatArray:
@@ -235,32 +238,12 @@ def _off_track(state: State) -> FloatArray:
     return (state.values["yaw"] - track + np.pi) % (2.0 * np.pi) - np.pi
 
 
-def _nothing(state: State) -> FloatArray:
-    return np.zeros_like(next(iter(state.values.values())))
-
-
 def _value(name: str) -> Make:
     return lambda state: state.values[name]
 
 
 def _rate(name: str) -> Make:
     return lambda state: state.rates[name]
-
-
-def _standard_air(state: State) -> FloatArray:
-    return isa_temperature(_within(state.values["altitude"], LOWEST, HIGHEST))
-
-
-def _total(state: State) -> FloatArray:
-    return total_temperature(_temperature(state, "sat"), _within(state.values["mach"], 0.0, 1.0))
-
-
-def _cas_of_impact(state: State) -> FloatArray:
-    return calibrated_airspeed(_within(state.values["q_impact"], 0.0, LARGEST_IMPACT))
-
-
-def _yaw_by_rate(state: State) -> FloatArray:
-    return state.values["yaw_rate"] / np.cos(state.of("roll"))
 
 
 def _air_data() -> Iterator[Relation]:
@@ -286,12 +269,25 @@ def _air_data() -> Iterator[Relation]:
         for name, tolerance, share in (("cas", 0.3, 0.001), ("ias", *INDICATED)):
             yield Relation(_value(name), cas_of_mach, needs=(name, "mach", static), tolerance=tolerance, share=share)
     yield Relation(_value("cas"), _value("ias"), needs=("cas", "ias"), tolerance=INDICATED[0], share=INDICATED[1])
-    yield Relation(_value("tat"), _total, needs=("tat", "sat", "mach"), tolerance=1.5)
-    by_pressure = partial(_altitude_of, name="p_static")
-    yield Relation(_value("altitude"), by_pressure, needs=("altitude", "p_static"), tolerance=550.0)
+    yield Relation(
+        _value("tat"),
+        lambda s: total_temperature(_temperature(s, "sat"), _within(s.values["mach"], 0.0, 1.0)),
+        needs=("tat", "sat", "mach"),
+        tolerance=1.5,
+    )
+    of_pressure = ("altitude", "p_static")
+    yield Relation(
+        _value("altitude"), lambda s: altitude_of(_pressure(s, "p_static")), needs=of_pressure, tolerance=550.0
+    )
     for name in ("cas", "ias"):
         # The differential pressure of a flow sensor is no impact pressure before its tubes are corrected for: by 0.4.
-        yield Relation(_value(name), _cas_of_impact, needs=(name, "q_impact"), tolerance=2.6, share=0.4)
+        yield Relation(
+            _value(name),
+            lambda s: calibrated_airspeed(_within(s.values["q_impact"], 0.0, LARGEST_IMPACT)),
+            needs=(name, "q_impact"),
+            tolerance=2.6,
+            share=0.4,
+        )
     sum_of = ("p_total", "p_static", "q_impact")
     yield Relation(
         _value("p_total"), lambda s: s.values["p_static"] + s.values["q_impact"], needs=sum_of, tolerance=100.0
@@ -352,7 +348,12 @@ def _rates() -> Iterator[Relation]:
         least=0.3 * DEGREE,
     )
     yield Relation(
-        _rate("yaw"), _yaw_by_rate, needs=("yaw", "yaw_rate"), beside=("roll",), least=0.3 * DEGREE, timed=True
+        _rate("yaw"),
+        lambda s: s.values["yaw_rate"] / np.cos(s.of("roll")),
+        needs=("yaw", "yaw_rate"),
+        beside=("roll",),
+        least=0.3 * DEGREE,
+        timed=True,
     )
 
 
@@ -367,7 +368,7 @@ def _over_ground() -> Iterator[Relation]:
     moved = partial(Relation, expected=_moved, tolerance=3.0, share=0.1, timed=True)
     yield moved(_value("ground_speed"), needs=("ground_speed", "latitude", "longitude"))
     yield moved(_ground, needs=(*north, "latitude", "longitude"))
-    yield Relation(_off_track, _nothing, needs=("yaw", *north), tolerance=0.8)
+    yield Relation(_off_track, lambda state: state.zeros, needs=("yaw", *north), tolerance=0.8)
 
 
 RELATIONS = (*_air_data(), *_attitude(), *_rates(), *_over_ground())

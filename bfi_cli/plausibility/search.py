@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -90,7 +91,7 @@ class Misfit:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Told:
+class KnownRelation:
     """A relation of the log with the seconds (8, m) in which all of its channels are known."""
 
     relation: Relation
@@ -162,11 +163,11 @@ class Blame:
 
     change: Change
     rivals: tuple[Change, ...]
-    explains: tuple[Told, ...]
+    explains: tuple[KnownRelation, ...]
     misfit: float
 
 
-def told_relations(relations: Sequence[Relation], seconds: Seconds) -> list[Told]:
+def known_relations(relations: Sequence[Relation], seconds: Seconds) -> list[KnownRelation]:
     """Return the relations that a log tells of, with the seconds in which it does."""
     found = []
     for one in relations:
@@ -174,13 +175,13 @@ def told_relations(relations: Sequence[Relation], seconds: Seconds) -> list[Told
             continue
         channels = one.channels(seconds.values)
         known = np.flatnonzero(np.all([np.isfinite(seconds.values[name]) for name in channels], axis=0))
-        per_piece = known.size // PIECES
-        if per_piece >= LEAST_PER_PIECE:
-            found.append(Told(relation=one, channels=channels, rows=known[: PIECES * per_piece].reshape(PIECES, -1)))
+        rows = known[: known.size // PIECES * PIECES].reshape(PIECES, -1)
+        if rows.shape[1] >= LEAST_PER_PIECE:
+            found.append(KnownRelation(relation=one, channels=channels, rows=rows))
     return found
 
 
-def blames(relations: Sequence[Told], seconds: Seconds, stated: Mapping[str, str | None]) -> list[Blame]:
+def blames(relations: Sequence[KnownRelation], seconds: Seconds, stated: Mapping[str, str | None]) -> list[Blame]:
     """Return what explains the relations that fail throughout a flight, what explains most of them first.
 
     A change is to blame that makes relations hold which fail, and lets none fail that holds. Of changes that explain
@@ -206,77 +207,65 @@ def blames(relations: Sequence[Told], seconds: Seconds, stated: Mapping[str, str
 
 
 def _blame(
-    relations: Sequence[Told],
+    relations: Sequence[KnownRelation],
     before: Sequence[Misfit],
     state: State,
-    failing: Sequence[Told],
+    failing: Sequence[KnownRelation],
     stated: Mapping[str, str | None],
 ) -> Blame | None:
     suspects = tuple(dict.fromkeys(name for one in failing for name in one.channels))
-    tried: list[tuple[tuple[float, ...], Change, list[Told], float]] = []
-
-    def tries(change: Change) -> None:
-        after_state = change.of(state)
+    explanations: list[tuple[tuple[float, ...], Blame]] = []
+    for change in (*named_changes(suspects, state.values, stated), *_sized(suspects, failing, state)):
+        changed = change.of(state)
         touched = [k for k, one in enumerate(relations) if one.is_touched_by(change)]
-        explained: list[Told] = []
+        explained: list[KnownRelation] = []
         cost, left = 0.0, 0.0
         # What fails now first: most changes mend none of it.
         for k in sorted(touched, key=lambda k: not before[k].fails):
             was = before[k]
             if not was.fails and not explained:
-                return
-            after = relations[k].misfit(after_state)
+                break
+            after = relations[k].misfit(changed)
             if was.explained_by(after, change):
                 left = left if explained or not after.size else abs(after.difference) / after.size
                 explained.append(relations[k])
             elif (was.holds and not after.holds) or (after.fails and not was.fails):
-                return
+                explained.clear()
+                break
             cost += np.log(max(after.cost, SOLVED) / max(was.cost, SOLVED))
         if explained and (change.what != "clock" or len(explained) >= FEWEST_CLOCKED):
             # In level flight a scale fits as well as an offset, which is simpler.
             cost += SIMPLER * (change.what == "scale")
             order = (-len(explained), change.rank, len(change.channels) > 1, cost)
-            tried.append((order, change, explained, left))
-
-    for change in named_changes(suspects, state.values, stated):
-        tries(change)
-    for change in _sized(suspects, failing, state):
-        tries(change)
-    if not tried:
+            explanations.append((order, Blame(change=change, rivals=(), explains=tuple(explained), misfit=left)))
+    if not explanations:
         return None
-    tried.sort(key=lambda one: one[0])
-    order, change, explains, left = tried[0]
-    rivals = {one[1].channels: one[1] for one in reversed(tried) if one[0][:3] == order[:3]}
-    rivals.pop(change.channels, None)
-    return Blame(change=change, rivals=tuple(rivals.values()), explains=tuple(explains), misfit=left)
+    explanations.sort(key=lambda explanation: explanation[0])
+    best, blame = explanations[0]
+    as_likely = [other.change for rank, other in explanations if rank[:3] == best[:3]]
+    rivals = {change.channels: change for change in reversed(as_likely)}
+    rivals.pop(blame.change.channels)
+    return replace(blame, rivals=tuple(rivals.values()))
 
 
-def _sized(suspects: Sequence[str], failing: Sequence[Told], state: State) -> list[Change]:
-    """Return the offsets and scales of single channels, and the clocks, that make relations hold that fail."""
-    found = []
-    for name in suspects:
-        for one in failing:
-            if name not in one.channels:
-                continue
-            for is_scale in (False, True):
-                change = _solved(one, name, state, is_scale=is_scale)
-                if change is not None:
-                    found.append(change)
+def _sized(suspects: Sequence[str], failing: Sequence[KnownRelation], state: State) -> Iterator[Change]:
+    """Yield the offsets and scales of single channels, and the clocks, that make relations hold that fail."""
+    for name, one in product(suspects, failing):
+        if name in one.channels and one.relation.tolerance is not None:
+            sized = (_solved(one, name, state, is_scale=is_scale) for is_scale in (False, True))
+            yield from (change for change in sized if change is not None)
     for one in failing:
         misfit = one.misfit(state)
         alike = misfit.told & (np.abs(misfit.correlation) >= ALIKE) & (misfit.slope > 0.0)
         if misfit.is_wrong and one.relation.has_scale and alike.any():
             slope = float(np.median((np.sign(misfit.correlation) * misfit.slope)[alike]))
-            found.append(Change(what="scale", channels=(one.relation.needs[0],), factor=1.0 / slope))
+            yield Change(what="scale", channels=(one.relation.needs[0],), factor=1.0 / slope)
             if one.relation.timed:
-                found.append(Change(what="clock", channels=(), factor=1.0 / slope))
-    return found
+                yield Change(what="clock", channels=(), factor=1.0 / slope)
 
 
-def _solved(told: Told, name: str, state: State, *, is_scale: bool) -> Change | None:
+def _solved(known: KnownRelation, name: str, state: State, *, is_scale: bool) -> Change | None:
     """Return the offset or scale of a channel at which a relation's median difference is nothing; None for none."""
-    if told.relation.tolerance is None:
-        return None
 
     def change(size: float) -> Change:
         if is_scale:
@@ -284,7 +273,7 @@ def _solved(told: Told, name: str, state: State, *, is_scale: bool) -> Change | 
         return Change(what="offset", channels=(name,), offset=size)
 
     def left(size: float) -> float:
-        return told.misfit(change(size).of(state)).difference
+        return known.misfit(change(size).of(state)).difference
 
     typical = float(np.nanmedian(np.abs(state.values[name]))) or 1.0
     last, size = 0.0, 0.01 * (1.0 if is_scale else typical)

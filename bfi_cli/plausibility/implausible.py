@@ -18,7 +18,7 @@ from .changes import RANKS, Change
 from .circling import scale_by_circles
 from .finding import Implausible
 from .relations import NAMES, RELATIONS
-from .search import Blame, blames, told_relations
+from .search import Blame, blames, known_relations
 from .seconds import Seconds, seconds_of
 
 TINY = 1e-12  # a tolerance of nothing, of a channel that rests
@@ -31,7 +31,7 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
         return ()
     stated = {name: log.channels[name].source_unit for name in seconds.values}
     sources = {name: log.channels[name].source for name in seconds.values}
-    found = blames(told_relations(RELATIONS, seconds), seconds, stated)
+    found = blames(known_relations(RELATIONS, seconds), seconds, stated)
     findings = tuple(_finding(_beyond_tolerance(one, log, seconds), stated, sources) for one in found)
     turned = None if any("tas" in one.channels or one.what == "clock" for one in findings) else scale_by_circles(log)
     return findings if turned is None else (*findings, turned)

@@ -40,22 +40,20 @@ PRICE, TRIED = 3.0, 3
 TAILS = 1.3
 
 
-def _lag(seconds: float) -> Course:
-    return lambda t: -np.expm1(-np.maximum(t, 0.0) / seconds)
-
-
-def _hold(seconds: float) -> Course:
-    return lambda t: np.clip(t / seconds, 0.0, 1.0)
+# By shape, of magnitude 1, of the seconds t since the onset and the shape's constant in s.
+OF_TIME: Mapping[str, Callable[[FloatArray, float], FloatArray]] = {
+    "drift": lambda t, _: np.maximum(t, 0.0),
+    "bias": lambda t, _: np.clip(t + 0.5, 0.0, 1.0),  # of a sample, the part after the onset
+    "lagged_bias": lambda t, seconds: -np.expm1(-np.maximum(t, 0.0) / seconds),
+    "ramp_hold": lambda t, seconds: np.clip(t / seconds, 0.0, 1.0),
+}
 
 
 def course_for(shape: str, constant_s: float | None) -> Course | None:
     """Return the course of magnitude 1 of a shape, of the seconds since the onset; None for one that is not fitted."""
-    if shape == "drift":
-        return lambda t: np.maximum(t, 0.0)
-    if shape == "bias":
-        return lambda t: np.clip(t + 0.5, 0.0, 1.0)  # of a sample, the part after the onset
-    kinds = {"lagged_bias": _lag, "ramp_hold": _hold}
-    return kinds[shape](constant_s) if shape in kinds and constant_s is not None else None
+    if shape not in OF_TIME or (constant_s is None and shape in ("lagged_bias", "ramp_hold")):
+        return None
+    return lambda t: OF_TIME[shape](t, constant_s or 0.0)
 
 
 # Shapes with their constants in s, where they have one, from which the best fit starts.

@@ -27,7 +27,7 @@ from .relaxation import ALIKE, Relaxation, relaxations
 LEFT = 0.15
 # Shares of the loss of airspeed that the ground speed, or the accelerometer, shows up to which the aircraft does not
 # brake, and from which it does.
-SLOWED = (0.25, 0.5)
+NO_BRAKING, BRAKING = 0.25, 0.5
 # What names no other source was set with 137 windows of two Citation flights, their landings and those of a Cessna 172
 # and a drone in view (docs/theory.md, 15.6): what is counted there is in-sample.
 FREED = "the static pressure rests before it too: it may be a blocked port that opens"
@@ -92,7 +92,7 @@ def brakes(log: FlightLog, from_s: float, to_s: float, level: float, p_static: f
         share = -ahead * (to_s - from_s) / ((1.0 - np.sqrt(LEFT)) * np.sqrt(2.0 * level * G * METRES / p_static))
     else:
         return None
-    return None if SLOWED[0] < share < SLOWED[1] else bool(share >= SLOWED[1])
+    return None if NO_BRAKING < share < BRAKING else bool(share >= BRAKING)
 
 
 def static_leaks(log: FlightLog, lines: Lines, from_s: float, to_s: float) -> list[Finding]:

@@ -208,28 +208,28 @@ def _holds_of(
 ) -> tuple[LineReport, list[Finding]]:
     """Return how a line was watched, and where it held."""
     length_s = LENGTH_S[line.pressure]
-    own = stretches_of(lines, line, length_s, from_s, to_s)
-    beside = None if other is None else stretches_of(lines, other, length_s, from_s, to_s)
-    calm = _calm(lines, line, own, own.still)
+    stretches = stretches_of(lines, line, length_s, from_s, to_s)
+    of_other = None if other is None else stretches_of(lines, other, length_s, from_s, to_s)
+    calm = _calm(lines, line, stretches, stretches.still)
     findings: list[Finding] = []
     untold: list[tuple[float, float, str]] = []
-    for first, last in touching_runs(own.still & own.inside, own.n):
+    for first, last in touching_runs(stretches.still & stretches.inside, stretches.n):
         # The stillest stretch of a run tells whether the line holds, and where.
-        best = first + int(np.argmin(own.sd[first : last + 1] / own.limit[first : last + 1]))
-        onset = edge_of(lines, line, first + own.n // 2, -1)
-        why = doubt_of(log, lines, line, own, beside, calm, (first, best, last), onset)
+        best = first + int(np.argmin(stretches.sd[first : last + 1] / stretches.limit[first : last + 1]))
+        onset = edge_of(lines, line, first + stretches.n // 2, -1)
+        why = doubt_of(log, lines, line, stretches, of_other, calm, (first, best, last), onset)
         if why:
-            untold.append((float(lines.time_s[first]), float(lines.time_s[last + own.n - 1]), why))
+            untold.append((float(lines.time_s[first]), float(lines.time_s[last + stretches.n - 1]), why))
             continue
-        end_s = lines.offset_s(edge_of(lines, line, last + own.n // 2, 1), to_s)
+        end_s = lines.offset_s(edge_of(lines, line, last + stretches.n // 2, 1), to_s)
         left_s = float(lines.time_s[onset])
         if findings and (findings[-1].offset_s is None or left_s <= findings[-1].offset_s):
             # The line goes on beyond stretches in which noise hid it.
             findings[-1] = replace(findings[-1], offset_s=end_s)
             continue
-        evidence = {line.pressure: float(own.sd[best])}
+        evidence = {line.pressure: float(stretches.sd[best])}
         if other is not None:
-            evidence[other.pressure] = float(np.std(other.values[best : best + own.n]))
+            evidence[other.pressure] = float(np.std(other.values[best : best + stretches.n]))
         # Seen backwards in time the pressure leaves the line at the onset, or later where it moves slowly: at most so
         # much as it took to leave such a band in the flight before.
         latest_s = left_s + _passage_s(lines, line, onset) + lines.step_s
@@ -243,18 +243,18 @@ def _holds_of(
             onset_s=left_s,
             onset_ci95=(left_s - SMEARED_S - lines.step_s, latest_s),
             offset_s=end_s,
-            statistic=float(own.limit[best] / max(own.sd[best], 1e-3 * own.limit[best])),
+            statistic=float(stretches.limit[best] / max(stretches.sd[best], 1e-3 * stretches.limit[best])),
             threshold=1.0,
             evidence=evidence,
         )
         findings.append(hold)
-    watched = own.inside & ~own.still
+    watched = stretches.inside & ~stretches.still
     flies = lines.flies & (lines.time_s >= from_s) & (lines.time_s < to_s)
     report = LineReport(
         pressure=line.pressure,
         made_of=line.made_of,
-        watched_s=float(np.count_nonzero(_covered(lines, watched, own.n)) * lines.step_s),
-        unwatched=_stretches(lines, flies & ~_covered(lines, own.inside, own.n)),
+        watched_s=float(np.count_nonzero(_covered(lines, watched, stretches.n)) * lines.step_s),
+        unwatched=_stretches(lines, flies & ~_covered(lines, stretches.inside, stretches.n)),
         untold=tuple(untold),
     )
     return report, findings
@@ -264,8 +264,8 @@ def doubt_of(
     log: FlightLog,
     lines: Lines,
     line: PressureLine,
-    own: Stretches,
-    beside: Stretches | None,
+    stretches: Stretches,
+    of_other: Stretches | None,
     calm: float | None,
     run: tuple[int, int, int],
     onset: int,
@@ -282,15 +282,15 @@ def doubt_of(
     run : its first stretch, the stillest, and the last.
     """
     first, best, last = run
-    sd, limit, static = float(own.sd[best]), float(own.limit[best]), line.pressure == "p_static"
+    sd, limit, static = float(stretches.sd[best]), float(stretches.limit[best]), line.pressure == "p_static"
     coarse = _altitude_step_m(lines, best) > COARSE_M
     coarse_airspeed = not static and _airspeed_step_sd(lines, line, best) > COARSE_PA
     if coarse_airspeed or (static and coarse):
         # The other still stretches are calm flight within a step as well as holds.
-        stretches = np.arange(len(own.sd))
-        calm = _calm(lines, line, own, (stretches >= first) & (stretches <= last))
+        every = np.arange(len(stretches.sd))
+        calm = _calm(lines, line, stretches, (every >= first) & (every <= last))
     # The total pressure moves at least as the static one does, unless speed is traded for it.
-    stirred = beside is not None and limit <= HIDDEN * float(beside.sd[best])
+    stirred = of_other is not None and limit <= HIDDEN * float(of_other.sd[best])
     told = _stopped(lines, line, onset) if static else stirred
     moving = 1.0 / HIDDEN if coarse else 1.0  # times its limit, by which the other line strays at least
     hidden = calm is None or limit > HIDDEN * calm
@@ -298,8 +298,8 @@ def doubt_of(
     stillest = MOTIONLESS * calmest if hidden else STILL * calmest
     rivals = (
         (LANDED, static and _has_landed(log, lines, line, onset)),
-        (AT_REST, beside is not None and not beside.sd[best] > moving * beside.limit[best]),
-        (STEADY, own.rise[best] > LEVEL_M),
+        (AT_REST, of_other is not None and not of_other.sd[best] > moving * of_other.limit[best]),
+        (STEADY, stretches.rise[best] > LEVEL_M),
         (TOO_LITTLE, calm is None and not told),
         (STEPS_HIDE, static and hidden and not told),
         (TOO_CALM.format(calmest), sd > stillest and not (static and hidden)),
@@ -327,17 +327,17 @@ def _covered(lines: Lines, marked: BoolArray, n: int) -> BoolArray:
     return np.convolve(marked, np.ones(n)) > 0.5 if marked.size else np.zeros(len(lines.time_s), dtype=bool)
 
 
-def _calm(lines: Lines, line: PressureLine, own: Stretches, still: BoolArray) -> float | None:
+def _calm(lines: Lines, line: PressureLine, stretches: Stretches, still: BoolArray) -> float | None:
     """Return how far the calmest of the stretches besides still ones stray, of level flight for the static pressure."""
-    held = np.concatenate([[0], np.cumsum(_covered(lines, still, own.n))])
-    first = np.arange(len(own.sd))
-    moving = own.whole & (held[first + own.n] == held[first])
+    held = np.concatenate([[0], np.cumsum(_covered(lines, still, stretches.n))])
+    first = np.arange(len(stretches.sd))
+    moving = stretches.whole & (held[first + stretches.n] == held[first])
     if line.pressure == "p_static":
-        moving &= own.rise < LEVEL_M
-    moving_samples = sum(end - 1 - first + own.n for first, end in runs(moving))
+        moving &= stretches.rise < LEVEL_M
+    moving_samples = sum(end - 1 - first + stretches.n for first, end in runs(moving))
     if moving_samples * lines.step_s < FEWEST_MOVING_S:
         return None
-    return float(np.quantile(own.sd[moving], CALMEST))
+    return float(np.quantile(stretches.sd[moving], CALMEST))
 
 
 def _has_landed(log: FlightLog, lines: Lines, line: PressureLine, onset: int) -> bool:

@@ -105,22 +105,22 @@ def static_leaks(log: FlightLog, lines: Lines, from_s: float, to_s: float) -> li
     if line is None or total is None:
         return []
     t = lines.time_s
-    own = stretches_of(lines, line, LENGTH_S["p_static"], float(t[0]), np.inf)
+    stretches = stretches_of(lines, line, LENGTH_S["p_static"], float(t[0]), np.inf)
     # With the cabin's pressure there may be no airspeed, and nothing that shows the flight.
-    still = np.flatnonzero(own.sd <= own.limit)
+    still = np.flatnonzero(stretches.sd <= stretches.limit)
     if not still.size:
         return []
     following = still[np.minimum(np.searchsorted(still, np.arange(len(t))), still.size - 1)]
     soon = (following >= np.arange(len(t))) & (t[following] - t <= LONGEST_STILL_AFTER_S)
-    held = touching_runs(own.sd <= own.limit, own.n)
+    held = touching_runs(stretches.sd <= stretches.limit, stretches.n)
     least_jump = STOPPED_AT / METRES * line.values
-    found: list[Finding] = []
-    for one in relaxations(t, line.values, soon & (t >= from_s - 1e-6) & (t < to_s), least_jump):
-        first = int(following[one.onset])
-        rests = float(np.mean(line.values[first : first + own.n]))
-        in_time = t[first] - t[one.onset] <= STILL_AFTER * one.time_constant_s + STILL_AFTER_S
-        same = abs(rests - one.level) <= SAME_LEVEL * abs(one.change)
-        if not (in_time and same and _leaves_total(lines, line, total, one)):
+    leaks: list[Finding] = []
+    for relaxation in relaxations(t, line.values, soon & (t >= from_s - 1e-6) & (t < to_s), least_jump):
+        first = int(following[relaxation.onset])
+        rests = float(np.mean(line.values[first : first + stretches.n]))
+        in_time = t[first] - t[relaxation.onset] <= STILL_AFTER * relaxation.time_constant_s + STILL_AFTER_S
+        same = abs(rests - relaxation.level) <= SAME_LEVEL * abs(relaxation.change)
+        if not (in_time and same and _leaves_total(lines, line, total, relaxation)):
             continue
         # The line that is held goes on to the last of the stretches that touch.
         last = next(last for _, last in held if last >= first)
@@ -130,26 +130,26 @@ def static_leaks(log: FlightLog, lines: Lines, from_s: float, to_s: float) -> li
             channels=channels_after(log, "p_static"),
             stage="holds",
             shape="static_leak",
-            onset_s=float(t[one.onset]),
-            onset_ci95=(one.from_s - SMEARED_S, one.to_s + SMEARED_S),
-            offset_s=lines.offset_s(edge_of(lines, line, last + own.n // 2, 1), to_s),
-            statistic=METRES * abs(one.jump) / float(line.values[one.onset]),
+            onset_s=float(t[relaxation.onset]),
+            onset_ci95=(relaxation.from_s - SMEARED_S, relaxation.to_s + SMEARED_S),
+            offset_s=lines.offset_s(edge_of(lines, line, last + stretches.n // 2, 1), to_s),
+            statistic=METRES * abs(relaxation.jump) / float(line.values[relaxation.onset]),
             threshold=STOPPED_AT,
-            evidence={"time_constant_s": one.time_constant_s},
-            doubt=FREED if any(first <= one.onset <= last + own.n for first, last in held) else "",
+            evidence={"time_constant_s": relaxation.time_constant_s},
+            doubt=FREED if any(first <= relaxation.onset <= last + stretches.n for first, last in held) else "",
         )
-        found += [] if any(begins_within(leak, earlier) for earlier in found) else [leak]
-    return found
+        leaks += [] if any(begins_within(leak, earlier) for earlier in leaks) else [leak]
+    return leaks
 
 
-def _leaves_total(lines: Lines, line: PressureLine, total: PressureLine, one: Relaxation) -> bool:
+def _leaves_total(lines: Lines, line: PressureLine, total: PressureLine, relaxation: Relaxation) -> bool:
     """Say whether a relaxation of the static pressure began in flight and did not take the total pressure with it.
 
     Where the cabin's pressure is above the total pressure there is no airspeed left, and none of the latter to see.
     """
     t, q = lines.time_s, lines.q_impact
-    last = int(np.searchsorted(t, t[one.onset] + COMPARED * one.time_constant_s))
-    before = (t >= t[one.onset] - LEVEL_S) & (t < t[one.onset])
+    last = int(np.searchsorted(t, t[relaxation.onset] + COMPARED * relaxation.time_constant_s))
+    before = (t >= t[relaxation.onset] - LEVEL_S) & (t < t[relaxation.onset])
     if q is None or last >= len(t) or not before.any():
         return False
     level = float(np.median(q[before]))
@@ -157,7 +157,7 @@ def _leaves_total(lines: Lines, line: PressureLine, total: PressureLine, one: Re
         return False
     if q[last] < LEFT * level:
         return True
-    share = (total.values[last] - total.values[one.onset]) / (line.values[last] - line.values[one.onset])
+    share = (total.values[last] - total.values[relaxation.onset]) / (line.values[last] - line.values[relaxation.onset])
     return bool(abs(share) <= LARGEST_SHARE_OF_TOTAL)
 
 
@@ -171,7 +171,7 @@ def pitot_leaks(
         return [], []
     typical = float(np.nanmedian(q[lines.flies]))
     within = (t >= from_s - 1e-6) & (t < to_s)
-    found, untold = [], []
+    leaks, landings = [], []
     for first, end in runs((q < LEFT * typical) & within):
         last = end - 1
         fall = _fall(t, q, first, last, LEFT * typical, within)
@@ -184,7 +184,7 @@ def pitot_leaks(
         metres = METRES * np.ptp(p_static) / np.mean(p_static)
         slows = brakes(log, onset_s, float(t[first]), level, float(np.mean(p_static)))
         if slows or (slows is None and not (level > NO_ROLL * typical or metres > FLYING_M)):
-            untold.append((onset_s, float(t[last]), LANDING))
+            landings.append((onset_s, float(t[last]), LANDING))
             continue
         if _grows_evenly(t, q, onset_s, first):
             continue
@@ -207,8 +207,8 @@ def pitot_leaks(
             threshold=1.0 - LEFT,
             evidence={"time_constant_s": time_constant_s} if fault == "pitot_leak" else {},
         )
-        found.append((finding, float(t[first])))
-    return found, untold
+        leaks.append((finding, float(t[first])))
+    return leaks, landings
 
 
 def _fall(

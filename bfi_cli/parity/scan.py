@@ -107,10 +107,7 @@ def scan_window(
     n, fewest = len(record.time_s), FEWEST * _samples(record)
     begun = [one for one in hypotheses(record) if one.fault in lasting]
     course = np.column_stack([np.ones(n), (record.time_s - record.time_s[0]) / n])
-    used: list[ResidualKind] = []
-    residuals: list[Residual] = []
-    masks: list[BoolArray] = []
-    kept_columns: list[FloatArray] = []
+    used: list[tuple[ResidualKind, Residual, BoolArray, FloatArray]] = []
     for kind in kinds:
         values = residual_values(record, record, constants, kind)
         columns, prior_sd = np.ones((n, 1)), np.array([np.inf])
@@ -126,23 +123,22 @@ def scan_window(
             lacking[kind.name] = _gaps(record, kind, fewest)
             continue
         noise = _noise(kind.name, n, (~known).tobytes(), tuple(kind.levels.tolist()))
-        used.append(kind)
-        masks.append(known)
-        kept_columns.append(columns[known])
-        residuals.append(Residual.of(noise, values[known], columns[known], prior_sd, ramps[known]))
+        residual = Residual.of(noise, values[known], columns[known], prior_sd, ramps[known])
+        used.append((kind, residual, known, columns[known]))
     if not used:
         return None
+    kinds, residuals, masks, nuisances = zip(*used, strict=True)
     scan = WindowScan(
         onsets_s=onsets_s,
         ratios={},
-        kinds=tuple(used),
-        residuals=tuple(residuals),
-        known=tuple(masks),
-        columns=tuple(kept_columns),
+        kinds=kinds,
+        residuals=residuals,
+        known=masks,
+        columns=nuisances,
         constants=constants,
         lacking=lacking,
     )
-    ratios, healthy = {}, [level_of(kind, record, constants) for kind in used]
+    ratios, healthy = {}, [level_of(kind, record, constants) for kind in kinds]
     for hypothesis in hypotheses(record):
         signatures = fault_signatures(scan, record, hypothesis, ramps, healthy)
         if any(signature.any() for signature in signatures):

@@ -120,33 +120,33 @@ def _fitted(time_s: FloatArray, pressure: FloatArray, onset: int, before: int) -
     earlier = slice(onset - before, onset + 1)
     if not np.isfinite(pressure[earlier]).all():
         return None
-    at = time_s[earlier] - time_s[onset]
-    start, rate = np.linalg.lstsq(np.column_stack([np.ones(len(at)), at]), pressure[earlier], rcond=None)[0].tolist()
-    gap_s = GAP * float(np.median(np.diff(time_s)))
-    fits = []
-    for constant_s in STEPS.tolist():
-        last = int(np.searchsorted(time_s, time_s[onset] + max(FITTED * constant_s, LEAST_FITTED_S)))
-        at, later = time_s[onset : last + 1] - time_s[onset], pressure[onset : last + 1]
-        if last >= len(time_s) or np.diff(time_s[onset - before : last + 1]).max() > gap_s or np.isnan(later).any():
-            break
-        fitted = at >= ROUNDED_S
-        if np.count_nonzero(fitted) < FEWEST:
-            continue
-        gone = -np.expm1(-at[fitted] / constant_s)
-        rest = later[fitted] - (1.0 - gone) * (start + rate * at[fitted])
-        level = float(gone @ rest / (gone @ gone))
-        change = level - start
-        fits.append(
-            Relaxation(
-                onset=onset,
-                from_s=float(time_s[onset]),
-                to_s=float(time_s[onset]),
-                time_constant_s=constant_s,
-                change=change,
-                level=level,
-                rate=rate,
-                loss=float(np.mean((rest - gone * level) ** 2)) / max(change**2, np.finfo(float).tiny),
-                n_blocks=len(at),
-            )
-        )
-    return min(fits, key=lambda one: one.loss, default=None)
+    since_s, steps_s = time_s - time_s[onset], np.diff(time_s)
+    line = np.column_stack([np.ones(before + 1), since_s[earlier]])
+    start, rate = np.linalg.lstsq(line, pressure[earlier], rcond=None)[0].tolist()
+    # Of every exponential the last block, the first of those before which a block is missing left out.
+    last = np.searchsorted(time_s, time_s[onset] + np.maximum(FITTED * STEPS, LEAST_FITTED_S))
+    missing = np.isnan(pressure[onset - before + 1 :]) | (steps_s[onset - before :] > GAP * float(np.median(steps_s)))
+    last = last[last <= onset - before + (int(np.argmax(missing)) if missing.any() else len(missing))]
+    blocks = np.arange(onset, last[-1] + 1 if last.size else onset)[:, None]
+    fitted = (since_s[blocks] >= ROUNDED_S) & (blocks <= last)
+    count = np.count_nonzero(fitted, axis=0)
+    if not np.any(count >= FEWEST):
+        return None
+    gone = -np.expm1(-since_s[blocks] / STEPS[: last.size])
+    rest = np.where(fitted, pressure[blocks] - (1.0 - gone) * (start + rate * since_s[blocks]), 0.0)
+    gone = np.where(fitted, gone, 0.0)
+    level = np.einsum("ij,ij->j", gone, rest) / np.maximum(np.einsum("ij,ij->j", gone, gone), np.finfo(float).tiny)
+    squares = np.sum((rest - gone * level) ** 2, axis=0) / np.maximum(count, 1)
+    loss = np.where(count >= FEWEST, squares / np.maximum((level - start) ** 2, np.finfo(float).tiny), np.inf)
+    k = int(np.argmin(loss))
+    return Relaxation(
+        onset=onset,
+        from_s=float(time_s[onset]),
+        to_s=float(time_s[onset]),
+        time_constant_s=float(STEPS[k]),
+        change=float(level[k]) - start,
+        level=float(level[k]),
+        rate=rate,
+        loss=float(loss[k]),
+        n_blocks=int(last[k]) - onset + 1,
+    )

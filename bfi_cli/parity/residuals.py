@@ -69,10 +69,6 @@ def _exponential(sd: float, seconds: float) -> Callable[[FloatArray], FloatArray
     return lambda t: sd**2 * np.exp(-np.abs(t[:, None] - t[None, :]) / seconds)
 
 
-def _random_walk(sd: float) -> Callable[[FloatArray], FloatArray]:
-    return lambda t: sd**2 * np.minimum(t[:, None], t[None, :])
-
-
 def _lift(record: Record, constants: Constants) -> FloatArray:
     channels = record.channels
     impact, force = record.air.q_impact, channels["normal_acc"] + G
@@ -108,22 +104,6 @@ def _climb(record: Record, constants: Constants) -> FloatArray:
     return np.degrees(geometric_climb_rate(record) / speed - rise)
 
 
-def _airspeed(record: Record, constants: Constants) -> FloatArray:
-    return record.channels["tas"]
-
-
-# m/s^2, of a longitudinal accelerometer's bias, or of gravity along it by 0.3 degrees of attitude.
-BIAS_SD = 0.05
-
-
-def _bias_column(record: Record, constants: Constants) -> tuple[FloatArray, FloatArray]:
-    return (record.time_s - record.time_s[0])[:, None], np.array([BIAS_SD])
-
-
-def _kinematic_rate(record: Record) -> FloatArray:
-    return kinematic_acceleration(*(record.channels[name] for name in KINEMATICS))
-
-
 def _horizontal(record: Record) -> FloatArray:
     squared = record.channels["tas"] ** 2 - geometric_climb_rate(record) ** 2
     return np.sqrt(np.where(squared > 0.0, squared, np.nan))
@@ -153,6 +133,8 @@ def _wind_columns(record: Record, constants: Constants) -> tuple[FloatArray, Flo
     return np.column_stack([ahead, ahead * height[:, None]]), np.array([WIND_SD, WIND_SD, SHEAR_SD, SHEAR_SD])
 
 
+# m/s^2, of a longitudinal accelerometer's bias, or of gravity along it by 0.3 degrees of attitude.
+BIAS_SD = 0.05
 # 1/s, of the wind over altitude: 10 m/s in 1000 m are common outside of the lowest layers.
 SHEAR_SD = 0.01
 AIR = (STATIC_SOURCES, IMPACT_SOURCES)
@@ -191,11 +173,11 @@ RESIDUALS = (
         unit="m/s",
         needs=(("tas",), *((name,) for name in KINEMATICS)),
         reads=frozenset(("tas", *KINEMATICS)),
-        values=_airspeed,
-        rate=_kinematic_rate,
-        nuisances=_bias_column,
+        values=lambda record, constants: record.channels["tas"],
+        rate=lambda record: kinematic_acceleration(*(record.channels[name] for name in KINEMATICS)),
+        nuisances=lambda record, constants: ((record.time_s - record.time_s[0])[:, None], np.array([BIAS_SD])),
         levels=np.geomspace(0.1, 2.0, 8),
-        slow=_random_walk(0.3),
+        slow=lambda t: 0.3**2 * np.minimum(t[:, None], t[None, :]),  # a random walk
         dispersion=1.3,
     ),
     ResidualKind(

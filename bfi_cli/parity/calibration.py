@@ -52,16 +52,16 @@ class AirDataCalibration:
 
     def lines(self) -> list[str]:
         """Return what a reader is told of it."""
-        said = []
+        lines = []
         if self.zero_lift_rad is not None:
-            said.append(f"angle of attack of zero lift: {np.degrees(self.zero_lift_rad):.2f} deg")
+            lines.append(f"angle of attack of zero lift: {np.degrees(self.zero_lift_rad):.2f} deg")
         for table in self.tables:
             level = null_from({"largest": table.statistics}).threshold("largest", 0.01)
             names = ", ".join(table.residuals)
-            said.append(
+            lines.append(
                 f"{names}: {len(table.statistics)} windows of {table.length_s:g} s, 1 % false alarms above {level:.4g}"
             )
-        return said or ["air data: too few windows for thresholds"]
+        return lines or ["air data: too few windows for thresholds"]
 
 
 def calibrate_air_data(logs: Sequence[FlightLog]) -> AirDataCalibration | None:
@@ -74,7 +74,7 @@ def calibrate_air_data(logs: Sequence[FlightLog]) -> AirDataCalibration | None:
     angles = [zero_lift_of(record, parts) for record, parts in zip(records, phases, strict=True)]
     known = [angle for angle in angles if angle is not None]
     zero_lift = float(np.mean(known)) if known else None
-    found: dict[tuple[tuple[str, ...], float], list[float]] = {}
+    statistics: dict[tuple[tuple[str, ...], float], list[float]] = {}
     for record, parts in zip(records, phases, strict=True):
         for length_s in LENGTHS_S:
             moved = configuration_changes(parts, clean_up_s=clean_up_time(parts, record))
@@ -86,7 +86,7 @@ def calibrate_air_data(logs: Sequence[FlightLog]) -> AirDataCalibration | None:
                 scan = scan_window(record.between(*window), zero_lift=zero_lift)
                 if scan is not None:
                     names = tuple(kind.name for kind in scan.kinds)
-                    found.setdefault((names, length_s), []).append(scan.statistic)
+                    statistics.setdefault((names, length_s), []).append(scan.statistic)
     tables = tuple(
         ParityTable(
             residuals=names,
@@ -95,10 +95,10 @@ def calibrate_air_data(logs: Sequence[FlightLog]) -> AirDataCalibration | None:
             statistics=np.sort(values),
             logs=tuple(Path(log.path).name for log in logs),
         )
-        for (names, length_s), values in found.items()
+        for (names, length_s), values in statistics.items()
         if len(values) >= FEWEST_WINDOWS
     )
-    return AirDataCalibration(zero_lift_rad=zero_lift, tables=tables) if found else None
+    return AirDataCalibration(zero_lift_rad=zero_lift, tables=tables) if statistics else None
 
 
 def load_air_data(path: str | Path) -> AirDataCalibration:
@@ -120,15 +120,15 @@ def air_data_in(document: Mapping[str, Any], *, where: str) -> AirDataCalibratio
     """
     if not document.get("air_data"):
         raise ConfigError(f"{where}: holds no air data; run bfi calibrate again on flights that have them")
-    found = from_plain(AirDataCalibration, document["air_data"], where=f"{where}: air_data")
+    air_data = from_plain(AirDataCalibration, document["air_data"], where=f"{where}: air_data")
     check_digest(document, where=where)
-    wrong = [f"tables[{k}]: {why}" for k, table in enumerate(found.tables) if (why := _wrong_with(table))]
-    angle = found.zero_lift_rad
+    wrong = [f"tables[{k}]: {why}" for k, table in enumerate(air_data.tables) if (why := _wrong_with(table))]
+    angle = air_data.zero_lift_rad
     if angle is not None and not abs(angle) <= MOST_ZERO_LIFT:
         wrong.insert(0, f"zero_lift_rad is {angle:.4g}, not an angle of zero lift")
     if wrong:
         raise ConfigError(f"{where}: air_data: {wrong[0]}; run bfi calibrate again")
-    return found
+    return air_data
 
 
 def _wrong_with(table: ParityTable) -> str | None:

@@ -146,7 +146,7 @@ def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()
     ruled_out : faults that other relations of the log contradict; one is kept where nothing else explains the window.
     """
     looks = {one: _linear_looks(scan, record, one) for one in hypotheses(record) if one.fault in scan.ratios}
-    nearest = {one: max(ratio for ratio, _, _ in found) for one, found in looks.items()}
+    nearest = {one: max(ratio for ratio, _, _ in by_course) for one, by_course in looks.items()}
     best = max(nearest.values())
     least = best - FITTED_WITHIN * max(CLOSE, CLOSE_SHARE * best)
     contenders = [one for one, ratio in nearest.items() if ratio >= least]
@@ -187,12 +187,9 @@ def corrected(record: Record, fit: Fit) -> Record:
 def effects(record: Record, fit: Fit) -> dict[str, float]:
     """Return by channel the largest error of a fault in a record."""
     clean = corrected(record, fit)
-    found = {}
-    for name, values in record.channels.items():
-        error = values - clean.channels[name]
-        if np.any(np.nan_to_num(error)):
-            found[name] = float(error[np.nanargmax(np.abs(error))])
-    return found
+    errors = {name: values - clean.channels[name] for name, values in record.channels.items()}
+    wrong = {name: error for name, error in errors.items() if np.any(np.nan_to_num(error))}
+    return {name: float(error[np.nanargmax(np.abs(error))]) for name, error in wrong.items()}
 
 
 Look = tuple[float, float, tuple[str, float | None]]  # ratio, onset in s, course

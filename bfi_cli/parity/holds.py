@@ -119,13 +119,13 @@ class Holds:
 
     def missing_in(self, from_s: float, to_s: float) -> tuple[str, ...]:
         """Return these sentences for a part of the window."""
-        said = list(self.lacking)
+        sentences = list(self.lacking)
         for fault, what, why in dict.fromkeys((one.fault, one.what, one.why) for one in self.unseen):
             alike = [one for one in self.unseen if (one.fault, one.why) == (fault, why)]
             seconds = sum(max(0.0, min(one.to_s, to_s) - max(one.from_s, from_s)) for one in alike)
             if seconds >= LENGTH_S[PRESSURES[fault]]:
-                said.append(f"{fault} {what} in {seconds:.0f} s of the flight: {why}")
-        return tuple(said)
+                sentences.append(f"{fault} {what} in {seconds:.0f} s of the flight: {why}")
+        return tuple(sentences)
 
 
 def find_holds(log: FlightLog, from_s: float, to_s: float, *, lines: Lines | None = None) -> Holds:

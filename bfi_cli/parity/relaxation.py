@@ -85,15 +85,15 @@ def relaxations(
     earlier = (pressure[k] - pressure[k - before]) / (time_s[k] - time_s[k - before])
     later = (pressure[k + after] - pressure[k]) / (time_s[k + after] - time_s[k])
     jumps = np.nan_to_num(np.where(within[k], np.abs(later - earlier) / least_jump[k], 0.0))
-    found: list[Relaxation] = []
+    kept: list[Relaxation] = []
     around = max(1, round(AROUND_S / step_s))
     while jumps.size and jumps.max() >= 1.0:
         largest = int(np.argmax(jumps))
         one = _best(time_s, pressure, k[max(0, largest - around) : largest + around + 1], before, least_jump)
         if one is not None:
-            found.append(one)
+            kept.append(one)
         jumps[max(0, largest - 2 * around) : largest + 2 * around + 1] = 0.0
-    return sorted(found, key=lambda one: one.onset)
+    return sorted(kept, key=lambda one: one.onset)
 
 
 def _best(

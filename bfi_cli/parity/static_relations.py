@@ -631,7 +631,7 @@ def _stuck_sensors(
     after = np.arange(n)[:, None] >= rows
     during = np.hstack([after, ~after, np.ones((n, 1), dtype=bool)])
     begins = np.arange(len(rows))  # of `during`, the stretches of which the onset is in the window
-    found = []
+    stuck = []
     for channel, shape, courses in _stuck_courses(part, during):
         losses = loss(n * np.var(part.values[:, None] - courses, axis=0))
         first, second = courses[rows, begins], courses[rows + 1, begins]
@@ -661,8 +661,8 @@ def _stuck_sensors(
             threshold=THRESHOLD,
             effect={channel: float(sizes[-1]) / abs(effects[channel])},
         )
-        found.append((float(losses[best]), finding))
-    return sorted(found, key=itemgetter(0))
+        stuck.append((float(losses[best]), finding))
+    return sorted(stuck, key=itemgetter(0))
 
 
 def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onsets_s: FloatArray) -> Finding:

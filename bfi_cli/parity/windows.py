@@ -73,15 +73,15 @@ def configuration_changes(phases: Sequence[Phase], *, clean_up_s: float | None =
     """
     clean_up_s = CLEAN_UP_S if clean_up_s is None else clean_up_s
     parts = [one for one in phases if one.phase not in ("turn", "stall", "parabola")]
-    found = []
+    changes = []
     for k, part in enumerate(parts):
         if part.phase == "take-off":
-            found.append((part.from_s, part.to_s + clean_up_s))
+            changes.append((part.from_s, part.to_s + clean_up_s))
         elif part.phase in ("approach", "landing"):
             before = [one for one in parts[:k] if one.phase in ("descent", "take-off", "ground")]
             first = before[-1].from_s if before and before[-1].phase == "descent" else part.from_s
-            found.append((first, part.to_s))
-    return found
+            changes.append((first, part.to_s))
+    return changes
 
 
 def zero_lift_of(record: Record, phases: Sequence[Phase], *, without: Sequence[Window] = ()) -> float | None:

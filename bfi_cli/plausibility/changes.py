@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain, combinations
 
 from ..channels import STANDARD
 from ..units import CONVERSIONS, factor_and_offset
@@ -81,15 +82,15 @@ class Change:
         return State(values=values, rates=rates)
 
 
-def unit_changes(name: str, stated: str | None) -> Iterator[Change]:
-    """Yield what other units do to a channel whose values are taken to be in the `stated` one, None for SI."""
-    si = STANDARD[name].unit
+def unit_changes(channels: tuple[str, ...], stated: str | None) -> Iterator[Change]:
+    """Yield what other units do to channels whose values are taken to be in the `stated` one, None for SI."""
+    si = STANDARD[channels[0]].unit
     factor, offset = factor_and_offset(stated) if stated else (1.0, 0.0)
     for conversion, spellings in CONVERSIONS:
         if conversion.si == si and (conversion.factor, conversion.offset) != (factor, offset):
             ratio = conversion.factor / factor
             shift = conversion.offset - ratio * offset
-            yield Change(what="unit", channels=(name,), factor=ratio, offset=shift, unit=spellings.split()[0])
+            yield Change(what="unit", channels=channels, factor=ratio, offset=shift, unit=spellings.split()[0])
 
 
 def named_changes(suspects: Collection[str], known: Collection[str], stated: Mapping[str, str | None]) -> list[Change]:
@@ -99,25 +100,17 @@ def named_changes(suspects: Collection[str], known: Collection[str], stated: Map
     ----------
     suspects : channels of relations that fail; known : all; stated : the units that the log states for them.
     """
-    found: list[Change] = []
-    for name in suspects:
-        found += unit_changes(name, stated[name])
-        if name in SIGNED:
-            found.append(Change(what="sign", channels=(name,), factor=-1.0))
-    for group in TOGETHER:
-        members = tuple(name for name in group if name in known)
-        if len(members) < 2 or not set(members) & set(suspects) or len({stated[name] for name in members}) > 1:
-            continue
-        for one in unit_changes(members[0], stated[members[0]]):
-            found.append(Change(what="unit", channels=members, factor=one.factor, offset=one.offset, unit=one.unit))
-        if all(name in SIGNED for name in members):
-            found.append(Change(what="sign", channels=members, factor=-1.0))
-    ordered = sorted(suspects)
-    found += [
+    groups = [(name,) for name in suspects], (tuple(name for name in group if name in known) for group in TOGETHER)
+    changes: list[Change] = []
+    for members in dict.fromkeys(chain(*groups)):
+        if set(members) & set(suspects) and len({stated[name] for name in members}) == 1:
+            changes += unit_changes(members, stated[members[0]])
+            if all(name in SIGNED for name in members):
+                changes.append(Change(what="sign", channels=members, factor=-1.0))
+    changes += [
         Change(what="swapped", channels=(one, other))
-        for k, one in enumerate(ordered)
-        for other in ordered[k + 1 :]
+        for one, other in combinations(sorted(suspects), 2)
         if STANDARD[one].unit == STANDARD[other].unit
     ]
-    found += [Change(what="clock", channels=(), factor=factor, unit=words) for factor, words in CLOCKS.items()]
-    return list(dict.fromkeys(found))
+    changes += [Change(what="clock", channels=(), factor=factor, unit=words) for factor, words in CLOCKS.items()]
+    return list(dict.fromkeys(changes))

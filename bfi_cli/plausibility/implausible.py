@@ -31,8 +31,8 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
         return ()
     stated = {name: log.channels[name].source_unit for name in seconds.values}
     sources = {name: log.channels[name].source for name in seconds.values}
-    found = blames(known_relations(RELATIONS, seconds), seconds, stated)
-    findings = tuple(_finding(_beyond_tolerance(one, log, seconds), stated, sources) for one in found)
+    to_blame = blames(known_relations(RELATIONS, seconds), seconds, stated)
+    findings = tuple(_finding(_beyond_tolerance(one, log, seconds), stated, sources) for one in to_blame)
     turned = None if any("tas" in one.channels or one.what == "clock" for one in findings) else scale_by_circles(log)
     return findings if turned is None else (*findings, turned)
 
@@ -89,9 +89,9 @@ def _finding(blame: Blame, stated: Mapping[str, str | None], sources: Mapping[st
     every = [name for one in blame.explains for name in one.channels]
     others = tuple(dict.fromkeys(name for name in every if name not in change.channels))
     near = [name for name in blame.explains[0].channels if name not in change.channels]
-    said = _said(change, _and(near) or _and(others), blame.misfit, stated)
+    text = _text(change, _and(near) or _and(others), blame.misfit, stated)
     if rivals := [f"{_and(one.channels) or 'time'}{_wrong(one)}" for one in blame.rivals]:
-        said += f"; or {' or '.join(rivals)}"
+        text += f"; or {' or '.join(rivals)}"
     return Implausible(
         channels=change.channels,
         what=change.what,
@@ -101,12 +101,12 @@ def _finding(blame: Blame, stated: Mapping[str, str | None], sources: Mapping[st
         agrees_with=others,
         relative_misfit=blame.misfit,
         rivals=tuple(dict.fromkeys(name for one in blame.rivals for name in one.channels)),
-        text=said,
+        text=text,
         advice=_advice(change, sources),
     )
 
 
-def _said(change: Change, others: str, misfit: float, stated: Mapping[str, str | None]) -> str:
+def _text(change: Change, others: str, misfit: float, stated: Mapping[str, str | None]) -> str:
     names, several = _and(change.channels), len(change.channels) > 1
     to = f"to {max(100.0 * misfit, 0.1):.2g} %"
     if change.what == "unit":

@@ -192,7 +192,7 @@ def blames(relations: Sequence[KnownRelation], seconds: Seconds, stated: Mapping
     ----------
     stated : the units that the log states, None where it does not.
     """
-    state, found = State(values=seconds.values, rates=seconds.rates), list[Blame]()
+    state, to_blame = State(values=seconds.values, rates=seconds.rates), list[Blame]()
     for _ in range(MOST_FINDINGS):
         before = [one.misfit(state) for one in relations]
         failing = [one for one, misfit in zip(relations, before, strict=True) if misfit.fails]
@@ -201,9 +201,9 @@ def blames(relations: Sequence[KnownRelation], seconds: Seconds, stated: Mapping
         blame = _blame(relations, before, state, failing, stated)
         if blame is None:
             break
-        found.append(blame)
+        to_blame.append(blame)
         state = blame.change.of(state)
-    return found
+    return to_blame
 
 
 def _blame(

@@ -154,7 +154,7 @@ def _summary(flight: Flight) -> LogSummary:
 def _notes(slow: SlowFaults) -> tuple[Note, ...]:
     """Return what is said of short defects, of what was not watched or set aside, and of thresholds that are raised."""
     flight = slow.flight
-    unwatched = map(Note.limit, flight.held.missing_in(flight.from_s, flight.to_s))
+    unwatched = map(Note.limit, flight.held.missing(flight.from_s, flight.to_s))
     notes = [*flight.log.notes, *notes_on_defects(flight), *unwatched, *slow.notes]
     if "flaps" not in flight.recorded and flight.moved:
         notes.append(

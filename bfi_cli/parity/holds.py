@@ -112,13 +112,8 @@ class Holds:
     unseen: tuple[UnseenLine, ...]
     lacking: tuple[str, ...]
 
-    @property
-    def missing(self) -> tuple[str, ...]:
-        """Sentences on what was not watched, or is seen less well, and why."""
-        return self.missing_in(-np.inf, np.inf)
-
-    def missing_in(self, from_s: float, to_s: float) -> tuple[str, ...]:
-        """Return these sentences for a part of the window."""
+    def missing(self, from_s: float = -np.inf, to_s: float = np.inf) -> tuple[str, ...]:
+        """Return sentences on what was not watched in a part of the window, or is seen less well, and why."""
         sentences = list(self.lacking)
         for fault, what, why in dict.fromkeys((one.fault, one.what, one.why) for one in self.unseen):
             alike = [one for one in self.unseen if (one.fault, one.why) == (fault, why)]

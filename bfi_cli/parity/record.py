@@ -32,23 +32,12 @@ STEP_S = 1.0  # faults of interest last tens of seconds; a sample per second hol
 LONGEST_GAP_S = 3.0  # bridged by a straight line before an acceleration is integrated
 STATIC_LEAK = "static_leak"
 LINES = {"q_impact": "p_total", STATIC_LEAK: "p_static"}  # the pressure that a fault of a line changes
-USED: tuple[str, ...] = (
-    "tas",
-    "cas",
-    "ias",
-    "mach",
-    "q_impact",
-    "p_total",
-    "p_static",
-    "altitude",
-    "tat",
-    "sat",
-    "aoa",
-    "pitch",
-    "roll",
+USED = (
+    *("tas", "cas", "ias", "mach", "q_impact", "p_total", "p_static", "altitude", "tat", "sat", "aoa", "pitch", "roll"),
+    *("normal_acc", "longitudinal_acc", "altitude_rate"),
+    *("velocity_north", "velocity_east", "latitude", "longitude"),
+    *("flaps", "gear"),  # what moves the lift at an angle of attack
 )
-USED += ("normal_acc", "longitudinal_acc", "altitude_rate", "velocity_north", "velocity_east", "latitude", "longitude")
-USED += ("flaps", "gear")  # what moves the lift at an angle of attack
 KINEMATICS = ("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll")
 
 

@@ -418,7 +418,8 @@ class _Scanned:
         best, reached = self.best, self.reach[self.best]
         statistic, effect = float(self.scan.statistic[best]), abs(float(self.scan.amplitude[best] * reached))
         least_effect = float(self.least[best] * reached)
-        for _, stuck in self.stuck[:1]:
+        if self.stuck:
+            _, stuck = self.stuck[0]
             statistic, effect = stuck.statistic, abs(stuck.effect[stuck.fault] * self.effects[stuck.fault])
             least_effect = LEAST_STEPS * self.series.noise_sd
         return RelationAnswer(
@@ -464,6 +465,7 @@ def relation_series(log: FlightLog) -> Series:
         effects = {name: _effect(one, values, name)[kept] for name in one.needs}
         typical = {name: float(np.nanmedian(np.abs(effect))) for name, effect in effects.items()}
         time_s, made = blocks.time_s[kept], made[kept]
+        read_as = about | {name: name for name in one.needs}
         steps = sum((typical[name] * quanta[name]) ** 2 / 12.0 for name in effects if name in quanta)
         unexplained = np.sqrt(max(0.0, _noise_about_lines(made, time_s) ** 2 - steps))
         unexplained *= UNSEEN_STEPS if effects.keys() - quanta.keys() else 1.0
@@ -480,10 +482,7 @@ def relation_series(log: FlightLog) -> Series:
                 effects=effects,
                 noise_sd=max(float(np.hypot(np.sqrt(steps), unexplained)), numbers),
                 resting_step=sum(typical[name] * step for name, step in resting.items() if name in effects),
-                readings={
-                    **{quantity: values[name][kept] for quantity, name in about.items() if one.twins},
-                    **{name: values[name][kept] for name in one.needs if one.twins},
-                },
+                readings={read: values[name][kept] for read, name in read_as.items()} if one.twins else {},
             )
         )
     return tuple(series), tuple(missing)

@@ -283,8 +283,8 @@ def test_a_line_that_could_hide_counts_in_the_part_only(flight: Flight):
     found = unwatched_by_lines(replace(flight, held=held))
     assert [(one.from_s, one.to_s) for one in found] == [(240.0, 280.0), (660.0, 700.0)]
     assert found[0].why == "static_blocked could hide: calm"
-    assert held.missing_in(240.0, 700.0) == ("x", "static_blocked could hide in 100 s of the flight: calm")
-    assert held.missing_in(290.0, 310.0) == ("x",)
+    assert held.missing(240.0, 700.0) == ("x", "static_blocked could hide in 100 s of the flight: calm")
+    assert held.missing(290.0, 310.0) == ("x",)
 
 
 # Verdict and sentence

@@ -54,7 +54,7 @@ def test_a_healthy_flight_has_no_hold_in_coarse_steps(logs: list[FlightLog]) -> 
         holds = find_holds(coarse(log, rate_hz, feet * FOOT_M), -np.inf, np.inf)
         assert holds.findings == (), (log.path, rate_hz, feet)
         if feet >= 10.0:
-            assert any("static_blocked could hide" in sentence for sentence in holds.missing)
+            assert any("static_blocked could hide" in sentence for sentence in holds.missing())
 
 
 def test_a_healthy_flight_has_no_hold_in_coarse_airspeeds(logs: list[FlightLog]) -> None:

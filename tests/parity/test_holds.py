@@ -186,7 +186,7 @@ def test_level_flight_within_a_coarse_step_is_no_blocked_port(step_m: float, lev
     answer = find_holds(levelling_flight(step_m, levelling), 0.0, 600.0)
     assert answer.findings == ()
     if step_m > 1.0:
-        assert any(sentence.startswith("static_blocked could hide in") for sentence in answer.missing)
+        assert any(sentence.startswith("static_blocked could hide in") for sentence in answer.missing())
 
 
 def test_a_steady_climb_in_coarse_steps_is_no_blocked_port():
@@ -194,7 +194,7 @@ def test_a_steady_climb_in_coarse_steps_is_no_blocked_port():
     altitude = 1000.0 + np.where(time_s < 300.0, 5.0 * time_s, 1500.0 + 9.0 * (time_s - 300.0))
     answer = find_holds(coarse_flight(altitude, 3.048), 0.0, 600.0)
     assert answer.findings == ()
-    assert answer.missing == ()
+    assert answer.missing() == ()
 
 
 @pytest.mark.parametrize("step_m", [0.3048, 3.048])
@@ -235,15 +235,15 @@ def test_a_log_with_tas_alone_finds_a_blocked_tube_and_says_what_it_costs():
     log = replace(log, channels={name: log.channels[name] for name in ("altitude", "tas", "tat")})
     answer = find_holds(log, FROM_S, TO_S)
     assert [one.fault for one in answer.findings] == ["pitot_blocked"]
-    assert any("harder to see than with cas or mach" in why for why in answer.missing)
+    assert any("harder to see than with cas or mach" in why for why in answer.missing())
 
 
 def test_what_the_log_lacks_is_said():
     flight = made_flight()
     without = replace(flight, channels={name: one for name, one in flight.channels.items() if name != "altitude"})
-    assert "lacks altitude or p_static" in find_holds(without, FROM_S, TO_S).missing[0]
+    assert "lacks altitude or p_static" in find_holds(without, FROM_S, TO_S).missing()[0]
     rest = made_log(flight.time_s, {}, altitude=np.zeros(flight.n_samples), cas=np.zeros(flight.n_samples))
-    assert "shows no flight" in find_holds(rest, FROM_S, TO_S).missing[0]
+    assert "shows no flight" in find_holds(rest, FROM_S, TO_S).missing()[0]
 
 
 def test_gaps_and_missing_samples_are_no_holds():
@@ -267,7 +267,7 @@ def test_single_missing_samples_hide_no_blocked_port():
     altitude[::20] = np.nan
     answer = find_holds(changed(log, altitude=altitude), 0.0, 600.0)
     assert [one.fault for one in answer.findings] == ["static_blocked"]
-    assert answer.missing == ()
+    assert answer.missing() == ()
     assert all(one.unwatched == () for one in answer.lines)
 
 
@@ -275,7 +275,7 @@ def test_how_long_gaps_keep_a_port_from_being_watched_is_said():
     log = made_flight(names=("altitude", "cas"))
     answer = find_holds(log.take(log.time_s % 35.0 >= 3.0), 0.0, 600.0)
     assert answer.findings == ()
-    (sentence,) = answer.missing  # 30 s are enough for a pitot tube
+    (sentence,) = answer.missing()  # 30 s are enough for a pitot tube
     assert sentence.startswith("static_blocked was not looked for in 5")
     assert answer.lines[-1].watched_s == 0.0
 
@@ -287,7 +287,7 @@ def test_a_channel_that_is_held_between_slow_samples_is_not_watched(period_s: fl
     slow = {name: log.channels[name].values[held] for name in ("altitude", "cas")}
     answer = find_holds(changed(log, **slow), 0.0, 600.0)
     assert answer.findings == ()
-    assert f"is renewed every {period_s:.3g} s only" in answer.missing[0]
+    assert f"is renewed every {period_s:.3g} s only" in answer.missing()[0]
 
 
 def test_windows_of_one_log_share_its_lines():
@@ -318,7 +318,7 @@ def test_speed_that_is_held_within_a_coarse_step_is_no_blocked_tube(knots: float
     log = made_log(time_s, {"altitude": "m"}, altitude=altitude, cas=np.round(cas / step) * step)
     answer = find_holds(log, 0.0, 900.0)
     assert answer.findings == ()
-    assert any(sentence.startswith("pitot_blocked could hide in") for sentence in answer.missing)
+    assert any(sentence.startswith("pitot_blocked could hide in") for sentence in answer.missing())
 
 
 def test_airspeed_lost_while_the_static_pressure_rests_may_be_a_blocked_port_in_a_climb():

@@ -77,7 +77,7 @@ class Residual:
         without = -noise.log_det - left.squares
         k = int(np.argmax(without + gain.max(axis=1, initial=0.0)))
         return cls(
-            values=left.y[k].copy(),  # of all levels the rows are many
+            values=left.y[k].copy(),  # those of the other levels are not kept
             whitening=noise.modes * weights[k],
             nuisances=left.basis[k][:, left.basis[k].any(axis=0)],
             cost=float(without[k] - without.max()),

@@ -1,7 +1,7 @@
 """The course of a channel's error in a static relation: its onset to a tenth of a second, and where it stops growing.
 
 `find_static` looks for steps and ramps at whole seconds. A step within a second moves the mean of that second by a part
-only, and noise that hardly changes from one second to the next is told by that one; a ramp that stops is neither.
+only, and noise that hardly changes from one second to the next is scanned by that one; a ramp that stops is neither.
 """
 
 from __future__ import annotations
@@ -46,33 +46,31 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
     time_s, effect = part.time_s, part.effects[finding.fault]
     if len(time_s) <= part.nuisances.shape[1] + 1:
         return finding
-    told: dict[Candidate, tuple[float, float, float]] = {}  # statistic, magnitude and its standard deviation
-
-    def look(candidates: list[Candidate]) -> None:
-        if new := [one for one in dict.fromkeys(candidates) if one not in told]:
-            scan = part.scan(np.column_stack([effect * _averaged(one, time_s) for one in new]))
-            told.update(zip(new, zip(scan.statistic, scan.amplitude, scan.sd, strict=True), strict=True))
+    scanned: dict[Candidate, tuple[float, float, float]] = {}  # statistic, magnitude and its standard deviation
 
     first_s, last_s = from_s + MARGIN_S, to_s - MARGIN_S
 
-    def around(family: str, onsets_s: Sequence[float], ends_s: Sequence[float]) -> list[Candidate]:
+    def scan(shape: str, onsets_s: Sequence[float], ends_s: Sequence[float]) -> None:
+        """Scan the courses of a shape with these onsets and ends that lie in the window."""
         onsets_s = [at_s for at_s in onsets_s if first_s <= at_s <= last_s]
-        if family == "bias":
-            return [(family, drawn_out_s, at_s) for drawn_out_s in DRAWN_OUT_S for at_s in onsets_s]
-        if family == "drift":
-            return [(family, None, at_s) for at_s in onsets_s]
-        return [
-            (family, end_s - at_s, at_s) for at_s in onsets_s for end_s in ends_s if at_s + SHORTEST_S <= end_s <= to_s
-        ]
+        candidates: list[Candidate] = [(shape, None, at_s) for at_s in onsets_s]
+        if shape == "bias":
+            candidates = [(shape, drawn_out_s, at_s) for drawn_out_s in DRAWN_OUT_S for at_s in onsets_s]
+        if shape == "ramp_hold":
+            spans = ((at_s, end_s) for at_s in onsets_s for end_s in ends_s if at_s + SHORTEST_S <= end_s <= to_s)
+            candidates = [(shape, end_s - at_s, at_s) for at_s, end_s in spans]
+        if new := [one for one in dict.fromkeys(candidates) if one not in scanned]:
+            changes = part.scan(np.column_stack([effect * _averaged(one, time_s) for one in new]))
+            scanned.update(zip(new, zip(changes.statistic, changes.amplitude, changes.sd, strict=True), strict=True))
 
-    for family in ("bias", "drift", "ramp_hold"):
-        every_s = np.arange(first_s, to_s, COARSE_S if family == "ramp_hold" else FINER_S[0]).tolist()
-        look(around(family, every_s, every_s))
+    for shape in ("bias", "drift", "ramp_hold"):
+        every_s = np.arange(first_s, to_s, COARSE_S if shape == "ramp_hold" else FINER_S[0]).tolist()
+        scan(shape, every_s, every_s)
         for step_s in FINER_S:
-            _, constant, onset_s = max((one for one in told if one[0] == family), key=lambda one: told[one][0])
+            _, constant, onset_s = max((one for one in scanned if one[0] == shape), key=lambda one: scanned[one][0])
             about = step_s * np.arange(-SPREAD, SPREAD + 1)
-            look(around(family, (onset_s + about).tolist(), (onset_s + (constant or 0.0) + about).tolist()))
-    names, (statistic, magnitude, sd) = list(told), np.array([*told.values()]).T
+            scan(shape, (onset_s + about).tolist(), (onset_s + (constant or 0.0) + about).tolist())
+    names, (statistic, magnitude, sd) = list(scanned), np.array([*scanned.values()]).T
     best = int(np.argmax(statistic - [PRICE if shape == "ramp_hold" else 0.0 for shape, _, _ in names]))
     shape, constant, onset_s = names[best]
     same = np.array([one[0] == shape for one in names]) & np.isfinite(sd)
@@ -96,9 +94,9 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
     )
 
 
-def _averaged(one: Candidate, time_s: FloatArray) -> FloatArray:
+def _averaged(candidate: Candidate, time_s: FloatArray) -> FloatArray:
     """Return the means of a course over blocks about times, (n,)."""
-    shape, constant, onset_s = one
+    shape, constant, onset_s = candidate
     since_s = time_s[:, None] + BLOCK_S * PARTS - onset_s
     if shape == "drift":
         return np.asarray(np.maximum(since_s, 0.0).mean(axis=1))

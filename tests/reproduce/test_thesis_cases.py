@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from bars import FULL
 from noted import texts
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
@@ -32,7 +34,6 @@ from bfi_cli.reproduce.thesis_cases import (
     thesis_5_9,
     thesis_5_10,
     thesis_5_11,
-    thesis_5_12,
 )
 
 QUICK = Settings(quick=True)
@@ -47,13 +48,13 @@ def clean() -> FlightLog:
 
 
 @pytest.fixture(scope="module")
-def fast() -> ReportContent:
-    return thesis_5_5(QUICK)
+def fast(made: Callable[[str], ReportContent]) -> ReportContent:
+    return made("thesis-5-5")
 
 
 @pytest.fixture(scope="module")
-def slow() -> ReportContent:
-    return thesis_5_6(QUICK)
+def slow(made: Callable[[str], ReportContent]) -> ReportContent:
+    return made("thesis-5-6")
 
 
 def curves(content: ReportContent, *panels: int, drawing: int = 0) -> dict[str, Curve]:
@@ -205,8 +206,10 @@ def test_logs_that_cannot_be_used(clean: FlightLog):
 
 
 @pytest.mark.slow
-def test_figure_5_8_quick_says_what_was_solved_and_draws_no_line_through_two_points():
-    content = thesis_5_8(QUICK)
+def test_figure_5_8_quick_says_what_was_solved_and_draws_no_line_through_two_points(
+    made: Callable[[str], ReportContent],
+):
+    content = made("thesis-5-8")
     assert dict(content.facts)["Values of kappa"] == "2: 0, 0.5"
     drawn = curves(content, 0)
     assert {one.style for one in drawn.values()} == {"points"}
@@ -219,8 +222,8 @@ def test_figure_5_8_quick_says_what_was_solved_and_draws_no_line_through_two_poi
 
 
 @pytest.mark.slow
-def test_figure_5_9_quick_says_which_orders_were_solved_and_counts_by_one_rule():
-    content = thesis_5_9(QUICK)
+def test_figure_5_9_quick_says_which_orders_were_solved_and_counts_by_one_rule(made: Callable[[str], ReportContent]):
+    content = made("thesis-5-9")
     assert "5, 25, 45, 60; each on its own rows" in dict(content.facts)["Orders solved"]
     assert {one.style for panel in content.drawings[0].panels for one in panel.curves} == {"points"}
     settled = curves(content, 0)[IMPOSED]
@@ -237,8 +240,8 @@ def test_figure_5_9_quick_says_which_orders_were_solved_and_counts_by_one_rule()
 
 
 @pytest.mark.slow
-def test_figure_5_10_says_whose_drift_is_which():
-    content = thesis_5_10(QUICK)
+def test_figure_5_10_says_whose_drift_is_which(made: Callable[[str], ReportContent]):
+    content = made("thesis-5-10")
     for text in ("-2.115 in algorithm 3 as published", "-0.4781 with two", "-0.4328 in the listing", "0.2002 in ours"):
         assert text in content.verdict
     for name in ("DMAE", "ours (ml)"):
@@ -248,8 +251,8 @@ def test_figure_5_10_says_whose_drift_is_which():
 
 
 @pytest.mark.slow
-def test_figure_5_11_a_shift_in_time_is_harmless_for_dmae_only():
-    content = thesis_5_11(QUICK)
+def test_figure_5_11_a_shift_in_time_is_harmless_for_dmae_only(made: Callable[[str], ReportContent]):
+    content = made("thesis-5-11")
     found = row(content, f"declared by algorithm 3, s = 4, {EXACT}")[1]
     assert "sine_1.15" in found
     assert "drift_7.93" in found
@@ -262,8 +265,8 @@ def test_figure_5_11_a_shift_in_time_is_harmless_for_dmae_only():
 
 
 @pytest.mark.slow
-def test_figure_5_12_a_drift_shifted_in_time_is_missed_and_the_scan_finds_it():
-    content = thesis_5_12(QUICK)
+def test_figure_5_12_a_drift_shifted_in_time_is_missed_and_the_scan_finds_it(made: Callable[[str], ReportContent]):
+    content = made("thesis-5-12")
     assert share(row(content, f"VAF of the fault, algorithm 3, s = 45, {EXACT}")[1]) < 5.0
     assert row(content, f"declared by ours (ml), {EXACT}")[1] == "none"
     assert row(content, f"scan over all starts, ours, {EXACT}")[1].startswith("drift of 0.23 m/s^2 from 15.86 s")
@@ -286,6 +289,7 @@ def test_no_process_noise_of_the_fault_gives_both_figures():
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not FULL, reason="only where BFI_FULL=1 is set")
 def test_figure_5_8_whole():
     reported: list[tuple[int, int]] = []
     content = thesis_5_8(Settings(report=lambda done, total: reported.append((done, total))))
@@ -298,6 +302,7 @@ def test_figure_5_8_whole():
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not FULL, reason="only where BFI_FULL=1 is set")
 def test_figure_5_9_whole():
     content = thesis_5_9(Settings())
     for name in (IMPOSED, "published, no stage"):

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from bars import FULL
 
 from bfi_cli.config import Config, merge
 from bfi_cli.faults import Fault
@@ -31,18 +33,18 @@ IMPOSED = "ours, no stage"
 
 
 @pytest.fixture(scope="module")
-def bias() -> ReportContent:
-    return thesis_5_14(QUICK)
+def bias(made: Callable[[str], ReportContent]) -> ReportContent:
+    return made("thesis-5-14")
 
 
 @pytest.fixture(scope="module")
-def drift() -> ReportContent:
-    return thesis_5_15(QUICK)
+def drift(made: Callable[[str], ReportContent]) -> ReportContent:
+    return made("thesis-5-15")
 
 
 @pytest.fixture(scope="module")
-def wrong() -> ReportContent:
-    return thesis_5_16(QUICK)
+def wrong(made: Callable[[str], ReportContent]) -> ReportContent:
+    return made("thesis-5-16")
 
 
 def curve(content: ReportContent, panel: int, label: str) -> tuple[np.ndarray, np.ndarray]:
@@ -133,6 +135,7 @@ def test_ours_does_not_declare_the_wrong_shape(wrong: ReportContent):
 
 
 @pytest.mark.slow
+@pytest.mark.skipif(not FULL, reason="only where BFI_FULL=1 is set")
 def test_with_noise_only_ours_finds_the_drift():
     content = thesis_5_15(Settings())
     starts, z = curve(content, EXACT, IMPOSED)
@@ -147,8 +150,8 @@ def test_with_noise_only_ours_finds_the_drift():
 
 
 @pytest.mark.slow
-def test_the_wrong_shape_with_noise():
-    content = thesis_5_16(Settings())
+def test_the_wrong_shape_with_noise(wrong: ReportContent):
+    content = thesis_5_16(Settings()) if FULL else wrong
     assert content.heading == "The scan declares no wrong shape"
     noisy = replace(content, drawings=content.drawings[1:])
     assert np.abs(curve(noisy, 0, "published, M = 1")[1]).max() > 1000.0

@@ -23,9 +23,9 @@ from bfi_cli.flightlog import inject, read_log, write_log
 pytestmark = pytest.mark.slow
 
 N = 300
-CUTS, FLIPS = (100, 200) if FULL else (50, 40)
+CUTS, FLIPS = (100, 200) if FULL else (25, 25)
 LARGEST_KB = 10**6
-# Of 300 files of a format, or 90. On one (an altered text attribute of variable length) the HDF5 library itself ends
+# Of 300 files of a format, or 50. On one (an altered text attribute of variable length) the HDF5 library itself ends
 # the process, which nothing in the same process can prevent.
 MOST_ENDED = {"contiguous": 2, "with_truth": 2, "matlab_73": 2, "flight_data_accessor": 2}
 TIME = np.arange(N) / 10.0

@@ -18,7 +18,7 @@ from bfi_cli.flightlog import inject
 
 pytestmark = pytest.mark.slow
 
-SEEDS, N_ATOMS, ACTIVE, DURATION_S = range(sized(20, 0.4)), 80, 4, 120.0
+SEEDS, N_ATOMS, ACTIVE, DURATION_S = range(sized(20, 0.2)), 80, 4, 120.0
 
 
 def test_four_of_eighty_steps_by_default():

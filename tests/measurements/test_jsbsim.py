@@ -20,7 +20,7 @@ GUSTS = (0.3, 1.0)  # m/s, light and up to moderate
 
 def test_a_bias_of_1_m_s_in_smooth_air() -> None:
     """In three aircraft, the shipped dictionary, inputs as the command takes them."""
-    jobs = [(name, seed) for name in AIRCRAFT for seed in range(sized(20, share=0.1))]
+    jobs = [(name, seed) for name in AIRCRAFT for seed in range(sized(20, share=0.05))]
     answers: list[SmoothTrial] = spread(smooth_trial, jobs)
     for name in AIRCRAFT:
         here = [one for one in answers if one.aircraft == name]
@@ -33,8 +33,8 @@ def test_a_bias_of_1_m_s_in_smooth_air() -> None:
 
 def test_minimal_detectable_magnitudes_in_gusts() -> None:
     """A step at a known onset, declared in 80 to 97 % of flights at the size that the answer promises."""
-    seeds = range(sized(20, share=0.15))
-    jobs = [(name, seed, gusts) for name in AIRCRAFT for gusts in GUSTS for seed in seeds]
+    seeds = range(sized(20, share=0.05))
+    jobs = [(name, seed, gusts) for name in AIRCRAFT for gusts in (GUSTS if FULL else GUSTS[1:]) for seed in seeds]
     answers: list[GustTrial] = spread(gust_trial, jobs)
     shares = {times: float(np.mean([one.declared[times] for one in answers])) for times in (0.0, 0.5, 1.0, 2.0)}
     for name in AIRCRAFT:
@@ -58,6 +58,7 @@ def test_tours_with_a_blocked_line_and_without() -> None:
         here = [one for one in answers if one.shape == shape]
         print(f"{shape or 'healthy'}: right in {sum(one.right for one in here)} of {len(here)}")
     print(*[one for one in answers if not one.right], sep="\n")
+    assert not_below(float(np.mean([one.right for one in answers])), 0.90, len(answers))
     healthy = [one.right for one in answers if not one.shape]
     assert not_below(float(np.mean(healthy)), 0.97, len(healthy))
     blocked = [one.right for one in answers if one.shape]

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from bars import FULL, not_below
 from threadpoolctl import threadpool_limits
-from trials import CONFIGS
+from trials import CONFIGS, sized
 
 from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
@@ -32,7 +32,7 @@ OUTPUTS = ("tas", "altitude_rate")
 # ft/s, by the step's name; and the noise's standard deviation in m/s.
 TRUTH = {"tas_20": 1.0, "tas_27": -1.0, "climb_31": 1.0, "climb_36": -1.0}
 NOISE = FT * np.sqrt(1e-3)
-SEEDS = range(20)
+SEEDS = range(sized(20, 0.3))
 SOLVED = range(3 if FULL else 1)  # by general solvers too, which take ten times as long
 MF2D = merge(
     Config(),
@@ -83,7 +83,7 @@ def test_the_four_steps_are_found_in_every_noise() -> None:
 
 def test_longer_lags_bring_the_error_below_two_percent() -> None:
     errors = []
-    for seed in range(3):
+    for seed in range(sized(3)):
         with threadpool_limits(1):
             result = identify_faults(flight(seed), DICTIONARY, merge(MF2D, {"model.order": 12}))
         found = {fault.name: fault.magnitude / FT for fault in result.faults}

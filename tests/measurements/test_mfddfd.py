@@ -23,8 +23,8 @@ from bfi_cli.preprocessing.window import with_inputs_of
 
 pytestmark = pytest.mark.slow
 
-SEEDS, RATE_HZ, N, NOISE = range(sized(20, 0.4)), 20_000.0, 2000, 0.02
-HEALTHY = sized(40, 0.5)
+SEEDS, RATE_HZ, N, NOISE = range(sized(20, 0.25)), 20_000.0, 2000, 0.02
+HEALTHY = sized(40, 0.2)
 FREQUENCIES = np.linspace(1000.0, 1900.0, 50)
 # Ohm, farad, ohm, henry: time constants of 0.1 ms, in which two samples lie.
 R1, C, R2, L = 100.0, 1e-6, 100.0, 0.01

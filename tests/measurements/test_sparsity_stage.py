@@ -1,6 +1,6 @@
 """Isolation by method risro with its sparsity stage, the published stage and the thesis's rule beside it.
 
-A tenth of the trials of what has a bar by default; all 100 of each scenario, and what stands beside, with BFI_FULL=1.
+A few of the trials of what has a bar by default; all 100 of each scenario, and what stands beside, with BFI_FULL=1.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PUBLISHED = {
     updates: merge(Config(), {"method": "risro-as-published", "risro.updates": updates, "model.order": 6, **RATE})
     for updates in (1, 2)
 }
-SEEDS = range(sized(100, share=0.1))
+SEEDS = range(sized(100, share=0.06))
 SIZES = (1, 2, 4)
 # First seed, apart from those of the other measurements.
 FRESH = 1000

@@ -26,11 +26,11 @@ def log() -> FlightLog:
 
 
 def trials_of(dictionary: Dictionary) -> list[Trial]:
-    """Each single atom at one drawn magnitude, then ten random combinations of each size from 2 to 7, or four."""
+    """Each single atom at one drawn magnitude, then ten random combinations of each size from 2 to 7, or two."""
     rng = np.random.default_rng(7)
     single = [Trial(j, 0.0, {str(atom.name): float(rng.integers(1, 11))}) for j, atom in enumerate(dictionary.atoms)]
     several = chain.from_iterable(
-        [draw(dictionary, n, seed, 0.0) for seed in range(sized(10, 0.4))] for n in range(2, 8)
+        [draw(dictionary, n, seed, 0.0) for seed in range(sized(10, 0.2))] for n in range(2, 8)
     )
     return [*single, *several]
 

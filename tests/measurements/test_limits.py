@@ -87,7 +87,7 @@ def counted(form: ShapeHypothesis, seeds: Sequence[int]) -> dict[float, list[boo
 
 @pytest.mark.parametrize("name", FORMS)
 def test_of_faults_of_any_size_5_percent_are_beyond_the_limit_at_most(name: str):
-    wrong = counted(FORMS[name], range(sized(TRIALS, 0.1)))
+    wrong = counted(FORMS[name], range(sized(TRIALS, 0.05)))
     for size, own in wrong.items():
         print(f"{name} of {size:g} standard deviations: {np.mean(own):.1%} of {len(own)} excluded")
     every = [one for own in wrong.values() for one in own]

@@ -90,7 +90,7 @@ def test_a_bias_is_located_with_the_default_calibration(
     ((first_s, last_s),) = airborne_stretches(log, suspects=["tas"])
     stated = "none" if recorder is None else recorder.edge_hz
     response = IDENTITY if recorder is None else response_of([recorder], RATE_HZ)
-    located, alarms, healthy = 0, 0, np.arange(first_s, last_s - length_s, (0.5 if FULL else 4.0) * length_s)
+    located, alarms, healthy = 0, 0, np.arange(first_s, last_s - length_s, (0.5 if FULL else 5.0) * length_s)
 
     def located_at(one: FlightLog, from_s: float) -> float | None:
         window = {"from_s": from_s, "to_s": from_s + length_s}

@@ -50,7 +50,7 @@ def coarse(log: FlightLog, rate_hz: float, step_m: float) -> FlightLog:
 
 def test_a_healthy_flight_has_no_hold_in_coarse_steps(logs: list[FlightLog]) -> None:
     trials = [(log, rate_hz, feet) for log in logs for rate_hz in RATES_HZ for feet in STEPS_FT]
-    for log, rate_hz, feet in trials if FULL else trials[::7]:
+    for log, rate_hz, feet in trials if FULL else trials[::13]:
         holds = find_holds(coarse(log, rate_hz, feet * FOOT_M), -np.inf, np.inf)
         assert holds.findings == (), (log.path, rate_hz, feet)
         if feet >= 10.0:
@@ -60,7 +60,7 @@ def test_a_healthy_flight_has_no_hold_in_coarse_steps(logs: list[FlightLog]) -> 
 def test_a_healthy_flight_has_no_hold_in_coarse_airspeeds(logs: list[FlightLog]) -> None:
     """Without mach, which would tell the airspeed more finely."""
     trials = [(log, rate_hz, step) for log in logs for rate_hz in RATES_HZ for step in AIRSPEED_STEPS]
-    for log, rate_hz, step in trials if FULL else trials[::7]:
+    for log, rate_hz, step in trials if FULL else trials[::13]:
         made = coarse(log, rate_hz, FOOT_M)
         rounded = {
             name: replace(
@@ -105,7 +105,7 @@ def test_a_blocked_line_is_named_in_what_steps_allow(
 def test_a_static_line_that_leaks_is_named_with_its_time_constant(logs: list[FlightLog]) -> None:
     rng, off, away, n = np.random.default_rng(5), list[float](), list[float](), 0
     for log in logs:
-        for _ in range(40 if FULL else 10):
+        for _ in range(40 if FULL else 5):
             leak = Fault(
                 shape="static_leak",
                 onset_s=float(log.time_s[0]) + rng.uniform(700.0, 3900.0),

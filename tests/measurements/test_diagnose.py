@@ -2,9 +2,9 @@
 
 Thresholds and the angle of zero lift come from the other of the two flights, whose positions are left out since only
 one has them. The thresholds for steps and oscillations are the shipped ones, which both flights made, and so are the
-constants of the parity scan: on these flights all of it is in-sample. Faults go through the recorder. Eight seeded
-windows run as a smoke check, which notices a share of 95 % that has become 54 %; BFI_FULL=1 takes every one, and of
-those, which overlap by half, half count.
+constants of the parity scan: on these flights all of it is in-sample. Faults go through the recorder. Four seeded
+windows of the harder cases run as a smoke check, which notices a share of 95 % that has become 42 %; BFI_FULL=1 takes
+every one, and of those, which overlap by half, half count.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ POSITION = ("latitude", "longitude")
 # A log whose only airspeed is the true one.
 LACKING = ("cas", "ias", "mach", "tat", "sat")
 SHARE = 1.0 if FULL else 0.0
-FEWEST = 8  # windows that run
+FEWEST = 4  # windows that run
 MOST_FALSE = 0.3  # events an hour of flight without a fault: none in the 2.6 hours of both, which shows 1.4 at most
 # A fault ends after the window, so that the rest of the log is a flight.
 AFTER_S = 5.0
@@ -92,18 +92,20 @@ WATER = Fault(shape="pitot_water", magnitude=0.06, frequency_hz=0.3)
 # With no other airspeed, the lift alone tells a drift, and hardly from one of the vane or the accelerometer.
 BARE = {"bare": True, "among": 4, "size": 0.10}
 CASES = (
-    line("pitot_blocked", 0.95, 30.0),
     line("static_blocked", 0.93, 40.0),
-    line("pitot_leak", 0.97, 30.0, 2.0),
     line("pitot_leak", 0.97, 30.0, 10.0),
-    icing(0.0025, 0.80, 120.0),
     icing(0.001, 0.75, 240.0),
-    growing("tas", 0.1, 0.85, onset_s=5.0, **BARE),
     growing("tas", 0.05, 0.75, length_s=240.0, **BARE),
     growing("aoa", float(np.deg2rad(0.02)), 0.85, among=2),
+    Case(fault=WATER, name="pitot_water", bar=0.90, tail_s=40.0),
+)
+EASIER = (
+    line("pitot_blocked", 0.95, 30.0),
+    line("pitot_leak", 0.97, 30.0, 2.0),
+    icing(0.0025, 0.80, 120.0),
+    growing("tas", 0.1, 0.85, onset_s=5.0, **BARE),
     growing("pitch", float(np.deg2rad(0.05)), 0.92, among=2),
     Case(fault=Fault(shape="bias", channel="tas", magnitude=0.1), name="tas", bar=0.97, tail_s=40.0),
-    Case(fault=WATER, name="pitot_water", bar=0.90, tail_s=40.0),
 )
 
 
@@ -149,7 +151,7 @@ def windows(pair: Pair, length_s: float) -> Iterator[tuple[FlightLog, Config, tu
 
 
 def worth(n: int) -> int:
-    """Return how many trials of their own n windows are: all of them overlap by half, eight drawn ones hardly."""
+    """Return how many trials of their own n windows are: all of them overlap by half, four drawn ones hardly."""
     return n // 2 if FULL else n
 
 
@@ -175,7 +177,7 @@ def said(result: DiagnoseResult) -> str:
     return "; ".join(events) or "nothing"
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@pytest.mark.parametrize("case", (*CASES, *EASIER) if FULL else CASES, ids=str)
 def test_faults_are_named(pairs: Mapping[bool, Pair], case: Case) -> None:
     rng, counts, onsets, sizes = np.random.default_rng(1), Counter[str](), [], []
     right, first, covered = 0, 0, 0
@@ -233,7 +235,8 @@ def test_healthy_windows_raise_no_alarm(pairs: Mapping[bool, Pair], bare: bool) 
 def test_a_whole_flight_has_no_false_event(pairs: Mapping[bool, Pair], bare: bool) -> None:
     """Outside take-off, last descent, landing and parabola, which are counted apart."""
     hours, inside, outside = 0.0, [], []
-    for log, config in zip(pairs[bare].logs, pairs[bare].configs, strict=True):
+    pair = pairs[bare]
+    for log, config in list(zip(pair.logs, pair.configs, strict=True))[: None if FULL else 1]:
         moved = configuration_changes(phases_of(log))
         result = diagnose_flight(log, config)
         print(f"{Path(log.path).name}: {said(result)}; {'; '.join(texts(result.notes))}")

@@ -1,8 +1,8 @@
 """Faults that grow slowly, through the recorder into recorded flights, and what the parity scan says of them.
 
 Thresholds and the angle of zero lift of a Citation flight are always the other flight's: the shipped tables, which hold
-both, are not used. A seeded tenth of the windows, or fifteen, runs; BFI_FULL=1 takes all. `pytest -s` prints what was
-counted.
+both, are not used. Four seeded windows of a flight run for the harder cases; BFI_FULL=1 takes all. `pytest -s` prints
+what was counted.
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ import numpy as np
 import pytest
 from bars import FULL, not_above, not_below
 from shipped_parity import FLIGHTS, clean_windows, statistics
-from trials import sized
 
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
@@ -74,12 +73,14 @@ def icing(magnitude: float) -> Fault:
 
 AGREEING = ("cas", "mach", "tas")
 CASES = (
-    Case("tas alone", 120.0, drift("tas", 0.1), "tas", 0.85),
     Case("tas alone", 240.0, drift("tas", 0.05), "tas", 0.75),
-    Case("air data", 120.0, icing(0.0025), "q_impact", 0.80, ruled_out=AGREEING),
     Case("air data", 240.0, icing(0.001), "q_impact", 0.75, ruled_out=AGREEING),
     Case("air data", 120.0, drift("aoa", np.radians(0.02)), "aoa", 0.85, most=2, ruled_out=AGREEING),
     Case("air data", 120.0, drift("pitch", np.radians(0.05)), "pitch", 0.92, most=2, ruled_out=AGREEING),
+)
+EASIER = (
+    Case("tas alone", 120.0, drift("tas", 0.1), "tas", 0.85),
+    Case("air data", 120.0, icing(0.0025), "q_impact", 0.80, ruled_out=AGREEING),
 )
 
 
@@ -144,8 +145,8 @@ def both(flights: Path) -> Flights:
 
 
 def drawn(windows: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return a seeded tenth of the windows, at least fifteen, or all of them."""
-    n = max(min(15, len(windows)), sized(len(windows), 0.1))
+    """Return four seeded windows, or all of them."""
+    n = len(windows) if FULL else min(4, len(windows))
     chosen = np.random.default_rng(12).choice(len(windows), n, replace=False)
     return [windows[j] for j in sorted(chosen)]
 
@@ -218,7 +219,7 @@ def tried(both: Flights, case: Case, onset: float) -> Count:
     return count
 
 
-@pytest.mark.parametrize("case", CASES, ids=str)
+@pytest.mark.parametrize("case", (*CASES, *EASIER) if FULL else CASES, ids=str)
 def test_a_slow_fault_is_found_and_named(both: Flights, case: Case) -> None:
     counts = [tried(both, case, onset) for onset in ONSETS]
     for onset, count in zip(ONSETS, counts, strict=True):
@@ -233,7 +234,7 @@ def test_a_slow_fault_is_found_and_named(both: Flights, case: Case) -> None:
         for name in ("magnitudes", "onsets", "deviations", "held")
     )
     assert abs(np.median(magnitudes) - 1.0) <= 0.1
-    assert np.median(np.abs(onsets)) <= (5.0 if FULL or case.length_s < 200.0 else 8.0)
+    assert np.median(np.abs(onsets)) <= (5.0 if FULL or case.length_s < 200.0 else 12.0)
     for inside in (np.abs(deviations) < 1.96, held):
         assert not_below(float(np.mean(inside)), 0.95, len(inside) // 4, worse=0.70)
         assert not FULL or np.mean(inside) >= 0.88

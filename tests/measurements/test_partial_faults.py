@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from bars import FULL
 from scipy import stats
 from trials import sized, spread
 
@@ -29,6 +30,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
 FLIGHTS = {"citation_20180312_f1.h5": (700.0, 4300.0), "citation_20190312_123416.h5": (700.0, 4000.0)}
 TRIALS = 24
+LENGTHS_S = (600.0, 1200.0 if FULL else 700.0)
 LEVEL = 0.025  # the chance that a bar which is met fails
 P0, T0, R, G, A0 = 101_325.0, 288.15, 287.053, 9.80665, 340.294
 RESTS_AFTER_S = 1.5  # which a recorder's low-pass takes to come to rest
@@ -55,7 +57,7 @@ def trials(kind: str, n: int) -> Iterator[Trial]:
     for k in range(n):
         flight = list(FLIGHTS)[k % 2]
         first, last = FLIGHTS[flight]
-        length = rng.uniform(600.0, 1200.0)
+        length = rng.uniform(*LENGTHS_S)
         start = rng.uniform(first, last - length)
         yield Trial(
             kind=kind,

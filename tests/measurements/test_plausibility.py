@@ -11,6 +11,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -175,7 +176,7 @@ def test_distorted_copies(flights: Path, tmp_path: Path):
 
 
 LEVEL = (("tas", 2.0), ("altitude", 100.0), ("aoa", 1.5 * DEGREE))
-WINDOW_S, WINDOWS = 60.0, sized(60, 0.3)
+WINDOW_S, WINDOWS = 60.0, sized(60, 0.14)
 
 
 def level_windows(log: FlightLog, n: int, seed: int) -> list[FlightLog]:
@@ -190,12 +191,14 @@ def level_windows(log: FlightLog, n: int, seed: int) -> list[FlightLog]:
     return found
 
 
+@cache
 def recorded_windows(flights: Path) -> list[FlightLog]:
     """Return windows of level flight of both Citations."""
     logs = [read_log(flights / flight) for flight in FLIGHTS[:2]]
     return [window for k, log in enumerate(logs) for window in level_windows(log, WINDOWS // 2, seed=k)]
 
 
+@cache
 def made_windows(_: Path) -> list[FlightLog]:
     """Return windows of the cruise of journeys that are made up, between two turns."""
     rng = np.random.default_rng(2)
@@ -244,7 +247,8 @@ def test_a_scale_of_a_circling_glider(flights: Path) -> None:
     own = circle_scales(log).mean()
     rng = np.random.default_rng(0)
     named = covered = 0
-    for _ in range(40):
+    n = sized(40, 0.2)
+    for _ in range(n):
         from_s = rng.uniform(1120.0, 1200.0)
         part = log.window(from_s, from_s + rng.uniform(120.0, 170.0))
         tas = part.channels["tas"]
@@ -253,6 +257,6 @@ def test_a_scale_of_a_circling_glider(flights: Path) -> None:
         if finding is not None and finding.factor_ci95 is not None:
             named += 1
             covered += finding.factor_ci95[0] <= own / 0.9 <= finding.factor_ci95[1]
-    print(f"a loss of 10 % is named in {named} of 40 windows, {covered} intervals hold it")
-    assert named >= 36
+    print(f"a loss of 10 % is named in {named} of {n} windows, {covered} intervals hold it")
+    assert named >= 0.9 * n
     assert covered >= 0.9 * named

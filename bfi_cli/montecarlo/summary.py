@@ -150,13 +150,24 @@ def summarise(sweep: Sweep, done: Sequence[tuple[Row, float]]) -> Summary:
         if sweep.false_alarm is not None and without:
             scenario = replace(scenario, equal_rate=equal_rate(_scores(by_name[s.name]), without, sweep.false_alarm))
         scenarios.append(scenario)
-    notes = []
+    return Summary(scenarios=tuple(scenarios), notes=_failures(scenarios, by_name))
+
+
+def _failures(
+    scenarios: Sequence[ScenarioSummary], by_name: Mapping[str, Sequence[tuple[Row, float]]]
+) -> tuple[Note, ...]:
+    """Return a note on each reason for which trials failed first in a scenario, with the scenarios."""
+    failed: dict[str, list[ScenarioSummary]] = {}
     for one in scenarios:
         if one.failed:
-            first = next(row.error for row, _ in by_name[one.name] if row.error)
-            failed = f"{one.failed} of {one.trials} trials of '{one.name}' failed and count as not isolated"
-            notes.append(Note.limit(f"{failed}; the first: {first}"))
-    return Summary(scenarios=tuple(scenarios), notes=tuple(notes))
+            failed.setdefault(next(row.error for row, _ in by_name[one.name] if row.error), []).append(one)
+    notes = []
+    for first, alike in failed.items():
+        count, trials = sum(one.failed for one in alike), sum(one.trials for one in alike)
+        more = "" if len(alike) == 1 else f" and {len(alike) - 1} other scenarios"
+        text = f"{count} of {trials} trials of '{alike[0].name}'{more} failed and count as not isolated"
+        notes.append(Note.limit(f"{text}; the first: {first}"))
+    return tuple(notes)
 
 
 def _of_methods(axes: Mapping[str, Any]) -> str:

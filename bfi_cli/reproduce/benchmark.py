@@ -61,7 +61,11 @@ def benchmark(settings: Settings) -> ReportContent:
         facts=(("Record", page["record"] if settings.log is None else settings.log.path), ("Seed", str(settings.seed))),
         tables=comparison_tables(plain_scenarios),
         drawings=comparison_drawings(plain_scenarios),
-        notes=(*map(Note.method, page["notes"]), *summary.notes),
+        notes=(
+            *map(Note.method, page["notes"]),
+            Note.method(page["simulated" if settings.log is None else "recorded"]),
+            *summary.notes,
+        ),
     )
 
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import fields, replace
 
-from .channels import INDEPENDENT
 from .config import Config, merge
 from .decision import (
     KINDS,
@@ -26,6 +25,7 @@ from .errors import ConfigError, DictionaryError, LogError
 from .faults import Fault, FaultEstimate
 from .filters import alternatives, response_of
 from .flightlog import FlightLog, inject
+from .flightlog.defects import is_told_by_physics
 from .flightlog.injection import without_line_fault
 from .flightlog.recorder import recorder_filters
 from .identify.identify import Identification, concluded, identification
@@ -62,7 +62,7 @@ def start_time(log: FlightLog, config: Config, progress: Progress = unseen) -> O
 
 def _physics(log: FlightLog, config: Config, progress: Progress) -> tuple[Evidence, Config]:
     """Return what physics says of the window, and the configuration of a search with its share of the level."""
-    if config.method != "ml" or log.channels.keys().isdisjoint(INDEPENDENT):
+    if config.method != "ml" or not is_told_by_physics(log, config.outputs):
         return Evidence(source="physics"), config
     # What is imported here takes as long as a short log without such channels.
     from .diagnose.evidence import SHARE, physics_evidence

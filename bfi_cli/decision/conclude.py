@@ -46,7 +46,8 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
     1. A fault that a source declares is declared, unless another source excludes its error on the channel: then it is
        suspected. What two sources declare of one channel at one time is one fault, named by the one with more evidence.
     2. What bounds a slow error of a channel in one source bounds it in all: the smallest limit counts.
-    3. The verdicts on the kinds, and the sentence that says them.
+    3. A sensor that is frozen tells of no other fault of its channel.
+    4. The verdicts on the kinds, and the sentence that says them.
 
     Parameters
     ----------
@@ -81,7 +82,7 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
             if candidate.state == "declared" and (candidate.shape, candidate.channel) in suspected:
                 candidate = replace(candidate, state="suspected", note="another source excludes an error of this size")
             candidates.append(candidate)
-    bounded = tuple(_with_least_limit(candidate, evidence) for candidate in candidates)
+    bounded = tuple(_while_it_read(_with_least_limit(candidate, evidence), faults) for candidate in candidates)
     verdicts: dict[Kind, Decision] = {
         **verdicts_of(bounded),
         **dict.fromkeys([SHAPES[one.fault.shape].kind for one in faults], "fault"),
@@ -134,6 +135,17 @@ def _disagreement(fault: FaultEstimate, source: str, excluded_by: tuple[str, Can
         f"only suspected: a {label} of {size} on {channel} from {from_s} s, which the {source} declares; the {other} "
         f"excludes more than {quantity(one.limit or 0.0, one.channel_unit)} there"
     )
+
+
+def _while_it_read(candidate: Candidate, faults: Sequence[FaultEstimate]) -> Candidate:
+    """Return a candidate, which nothing excludes where a fault holds the reading of its channel."""
+    held = [
+        one for one in faults if one.fault.channel == candidate.channel and SHAPES[one.fault.shape].acts_on == "held"
+    ]
+    if not held or candidate.state not in ("excluded", "not_seen"):
+        return candidate
+    note = f"{candidate.channel} tells nothing from {instant(held[0].fault.onset_s)} s on"
+    return replace(candidate, state="not_seen", effect=None, excluded_above=None, note=note)
 
 
 def _with_least_limit(candidate: Candidate, evidence: Sequence[Evidence]) -> Candidate:

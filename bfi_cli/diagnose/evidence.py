@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ..airdata import DEPENDS_ON, SENSORS, isa_temperature
-from ..channels import INDEPENDENT, STANDARD
+from ..channels import STANDARD
 from ..config import Config, merge
 from ..decision import Candidate, Evidence, estimate_of, state_of
 from ..errors import LogError
 from ..faults import Fault, FaultEstimate
 from ..flightlog import FlightLog
+from ..flightlog.defects import is_told_by_physics
 from ..flightlog.phases import phases_of
 from ..kernels.progress import Progress, unseen
 from ..notes import Note
@@ -68,7 +69,7 @@ def physics_evidence(log: FlightLog, config: Config, progress: Progress = unseen
     -------
     Empty where the log has no channels that physics could compare, and with a note where it cannot.
     """
-    if log.channels.keys().isdisjoint(INDEPENDENT):
+    if not is_told_by_physics(log, config.outputs):
         return Evidence(source=SOURCE)
     progress("physics", 0.0)
     evidence = _evidence(log, config)

@@ -33,7 +33,7 @@ from ..parity.calibration import load_air_data
 from ..parity.credibility import coarse_positions, credibility_of
 from ..parity.holds import Holds, find_holds
 from ..parity.record import USED
-from ..parity.sensors import accelerometer_steps, frozen_vanes, probe_steps, without_frozen
+from ..parity.sensors import accelerometer_steps, frozen_sensors, probe_steps, without_frozen
 from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps, within
 from ..preprocessing.tolerance import AIRSPEEDS, tolerance_of
 
@@ -91,7 +91,7 @@ class Flight:
     moved : stretches in which flaps and gear may move.
     held : pressure lines that are held.
     unused : sentences on channels that are not what their names say, or do not follow the flight, and were left out.
-    not_credible : of the latter, and of a vane that rests; unusable : residuals that are not used.
+    not_credible : of the latter, and of a sensor that is frozen; unusable : residuals that are not used.
     stepped : steps of a temperature probe or an accelerometer.
     defects : dropouts, spikes and readings that stay still; `log` has no values there.
     lasting : faults found so far, which later windows are not to find again.
@@ -201,24 +201,22 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     _check_channels(log, config)
     parts = find_phases(whole)
     phases = parts.phases
-    # What one airspeed says against all others is no sign of a pressure line.
-    overruled = {one.channel for one in parts.disagreements if one.alone}
-    held = find_holds(without(log, *overruled), start_s, stop_s)
     if not flight_stretches(phases):
         raise LogError(
             f"{log.path}: no part of the log is in flight between take-off and approach; give a log of a flight, or "
             "map its airspeed with --channel"
         )
+    resting = frozen_sensors(log, record_of(log), phases)
+    log = without_frozen(log, resting)
+    # What one airspeed says against all others is no sign of a pressure line.
+    overruled = {one.channel for one in parts.disagreements if one.alone}
+    held = find_holds(without(log, *overruled), start_s, stop_s)
     held = replace(held, findings=_until_free(held.findings, phases, stop_s))
     coarse = coarse_positions(log)
     if coarse:
         log = without(log, "latitude", "longitude")
     log, unlike = without_other_conventions(log, phases)
     record = record_of(log)
-    resting = frozen_vanes(log, record, phases)
-    if resting:
-        log = without_frozen(log, resting)
-        record = record_of(log)
     credible = credibility_of(record, phases, (from_s, to_s), without=_stretches_of(held.findings))
     if credible.findings:
         log = without(log, *credible.unused)

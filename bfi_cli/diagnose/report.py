@@ -216,7 +216,7 @@ def _sentence(event: Event, units: Units) -> str:
         return f"{_name(event)} {_short(event)}, {_error(event.fault, event.effect[event.fault], units)}"
     others = [name.replace("_", " ") for name in event.among[1:]]
     name = _name(event) + (f" (or {', '.join(others)})" if others else "")
-    if event.shape in OF_A_CHANNEL and event.fault in event.effect:
+    if event.shape == "frozen" or (event.shape in OF_A_CHANNEL and event.fault in event.effect):
         name += f" {event.shape.replace('_', ' ')}"
     size = "" if event.magnitude is None else f", {_magnitude(event, units)}"
     if event.frequency_hz is not None:

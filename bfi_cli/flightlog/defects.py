@@ -14,11 +14,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..channels import INDEPENDENT
 from ..filters import response_of
 from ..kernels.normal import MAD
 from ..kernels.quantisation import find_quantum, quantum_of_plateaus
 from ..kernels.running import interpolation_error, running_median, travel
-from ..kernels.runs import BoolArray, bridged, within
+from ..kernels.runs import BoolArray, bridged, repeats, within
 from ..report.text import instant
 from .phases import HOVER, TRANSITION, phases_of
 from .quality import hold_of
@@ -34,6 +35,8 @@ WATCHED: tuple[str, ...] = ("tas", "cas", "ias", "mach", "q_impact", "p_total", 
 WATCHED += ("tat", "sat", "aoa", "sideslip", "pitch", "roll", "normal_acc", "longitudinal_acc", "lateral_acc")
 WATCHED += ("pitch_rate", "roll_rate", "yaw_rate", "velocity_north", "velocity_east", "ground_speed")
 WATCHED += ("latitude", "longitude")
+# Samples of one value from which on a sensor may be frozen for good (`bfi_cli.parity.sensors`).
+FEWEST_REPEATS = 20
 # Where airspeeds come and go by themselves, and so many seconds beside it.
 UNWATCHED, BESIDE_S = ("ground", "take-off", "landing", "stall", HOVER, TRANSITION), 2.0
 TURNING = ("roll", "longitude")  # which start again at pi
@@ -109,6 +112,14 @@ OUTLYING = 6.0
 STILL_QUANTUM, CALMEST_SECONDS = 0.3, 0.02
 # Of what it should travel, to which a stretch is grown; samples that one is begun at.
 STILL_BESIDE = 0.1
+
+
+def is_told_by_physics(log: FlightLog, outputs: Sequence[str]) -> bool:
+    """Return whether physics may tell a fault of an output: other channels bound it, or it may be frozen."""
+    if not log.channels.keys().isdisjoint(INDEPENDENT):
+        return True
+    rests = (repeats(log.channels[name].values) for name in outputs if name in log.channels)
+    return any(end - first >= FEWEST_REPEATS for found in rests for first, end in found)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,6 +20,11 @@ def runs(mask: BoolArray) -> list[Run]:
     return list(zip(edges[::2], edges[1::2], strict=True))
 
 
+def repeats(values: FloatArray) -> list[Run]:
+    """Return the runs of samples of one value, two and more, each from its first sample to the end."""
+    return [(first, end + 1) for first, end in runs(values[1:] == values[:-1])]
+
+
 def runs_with(strong: BoolArray, weak: BoolArray) -> list[Run]:
     """Return the runs of either mask that hold a sample of `strong`: hysteresis, forwards and backwards."""
     return [(first, end) for first, end in runs(strong | weak) if strong[first:end].any()]

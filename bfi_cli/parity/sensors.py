@@ -1,4 +1,4 @@
-"""Sensors that fail by themselves: a vane that rests, a temperature probe and a normal accelerometer that step.
+"""Sensors that fail by themselves: any that holds its reading, a probe and a normal accelerometer that step.
 
 What is computed from a temperature follows a probe that is wrong, so that no relation between these channels breaks;
 but no air changes by some kelvin within seconds at one altitude. The mean of a normal acceleration over two minutes is
@@ -14,11 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..airdata import air_data_of, climb_angle
+from ..channels import quantity_of
 from ..flightlog import FlightLog
+from ..flightlog.defects import FEWEST_REPEATS, WATCHED
 from ..flightlog.phases import Phase
 from ..kernels.normal import MAD, TWO_SIDED_95
 from ..kernels.quantisation import find_quantum
-from ..kernels.runs import runs
+from ..kernels.runs import repeats
 from .credibility import climbing_load, still_air_angle
 from .finding import Finding, as_good, squares_by_onset
 from .record import Record
@@ -26,8 +28,16 @@ from .windows import flight_stretches, within
 
 FloatArray = NDArray[np.float64]
 
-# s that a vane rests at least, and times the longest rest in 99 % of the flight beside: coarse vanes rest in calm air.
-RESTS_S, RESTS, USUAL = 30.0, 5.0, 0.99
+# s, and samples, that a frozen sensor rests at least, and times the longest rest in 99 % of the flight beside: coarse
+# sensors rest in calm air. Of 50 sensors of six recorders the longest rest of a healthy one is 21 s, of one that rests
+# for up to 13 s beside, temperatures apart, which rest for 200 s and 100 s.
+RESTS_S, RESTS, USUAL = 20.0, 5.0, 0.99
+# Those that hardly rest, s, of which most must move meanwhile: a recorder that hangs holds all of them.
+LIVELY_S, MOST = 2.5, 0.5
+PORT_HOLDS = ("altitude", "p_static")  # by a blocked port, with the rate of climb
+# s that a vane should move in meanwhile.
+VANE_NEEDS = frozenset({"aoa", "tas", "altitude_rate", "pitch", "roll"})
+VANE_RESTS_S = 30.0
 # rad, by which attitude and climb say that it should move meanwhile: half a degree, and so many of its own steps.
 SHOULD_MOVE, STEPS = np.radians(0.5), 2.0
 # s of the means before and after a step of the temperature, and between them, which a probe and a recorder take to
@@ -45,52 +55,87 @@ LEAST_STEP, UNUSUAL_LOAD = 0.15, 10.0
 ALIKE_S = 10.0  # over which errors of the means are alike, where an onset is sought
 
 
-def frozen_vanes(log: FlightLog, record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:
-    """Return the stretches in which the angle of attack holds one value while the aircraft changes its own."""
-    if not {"aoa", "tas", "altitude_rate", "pitch", "roll"} <= record.channels.keys():
-        return ()
-    values, rate_hz = log.channels["aoa"].values, log.rate_hz
-    quantum = find_quantum(values[np.isfinite(values)]) or 0.0
+def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:
+    """Return the stretches in which a sensor holds one value to the last bit while others move.
+
+    It rests for several times as long as in all but a hundredth of the flight beside. Of a vane attitude and climb must
+    say that it should move, of an altitude the rate of climb: calm air, and a blocked port, hold these too.
+    """
     flies = within(log.time_s, flight_stretches(phases))
-    # From its first sample on; the last one that repeats it is a part of a rest.
-    rests = [(first, end + 1) for first, end in runs(values[1:] == values[:-1])]
-    flown = [(first, end) for first, end in rests if flies[first:end].mean() > 0.5]
-    seconds = np.array([(end - first) / rate_hz for first, end in flown])
-    reference = still_air_angle(record)
+    rests = {name: _rests(log.channels[name].values, flies) for name in log.channels}
+    flown_s = float(np.count_nonzero(flies)) / log.rate_hz
+    usual = {
+        name: _usual([(end - first) / log.rate_hz for first, end in found], flown_s) for name, found in rests.items()
+    }
+    lively = [name for name, seconds in usual.items() if seconds < LIVELY_S]
+    reference = still_air_angle(record) if record.channels.keys() >= VANE_NEEDS else None
     found = []
-    for k in np.flatnonzero(seconds >= RESTS_S).tolist():
-        first, end = flown[k]
-        others = np.delete(seconds, k)
-        usual_s = _usual(others, float(np.count_nonzero(flies)) / rate_hz - float(seconds[k]))
-        onset_s, until_s = float(log.time_s[first]), float(log.time_s[end - 1])
-        meanwhile = reference[within(record.time_s, [(onset_s, until_s)])]
-        meanwhile = meanwhile[np.isfinite(meanwhile)]
-        if seconds[k] < RESTS * usual_s or meanwhile.size < 0.5 * RESTS_S:
-            continue
-        low, high = np.quantile(meanwhile, (0.05, 0.95))
-        if high - low < max(SHOULD_MOVE, STEPS * quantum):
-            continue
-        lasts = end >= len(values)
-        found.append(
-            Finding(
-                fault="aoa",
-                among=("aoa",),
-                channels=("aoa",),
-                stage="sensors",
-                shape="frozen",
-                onset_s=onset_s,
-                onset_ci95=(onset_s - 1.0 / rate_hz - PROBE_GAP_S, onset_s + 1.0 / rate_hz),
-                offset_s=None if lasts else until_s,
-                statistic=float(seconds[k]),
-                threshold=max(RESTS_S, RESTS * usual_s),
-                effect={"aoa": float(max((values[first] - low, values[first] - high), key=abs))},
-                evidence={"rests_s": float(seconds[k])},
+    for name in log.channels:
+        quantity = quantity_of(name)
+        for k, (first, end) in enumerate(rests[name] if quantity in WATCHED else ()):
+            seconds = (end - first) / log.rate_hz
+            beside = [(high - low) / log.rate_hz for low, high in (*rests[name][:k], *rests[name][k + 1 :])]
+            needed = max(RESTS_S, FEWEST_REPEATS / log.rate_hz, RESTS * _usual(beside, flown_s - seconds))
+            if seconds < needed or flown_s - seconds < RESTS_S:
+                continue
+            witnesses = ["altitude_rate"] if quantity in PORT_HOLDS else [one for one in lively if one != name]
+            moved = [_moves(log, one, first, end) for one in witnesses if one in log.channels]
+            if not moved or np.mean(moved) < MOST:
+                continue
+            onset_s, until_s = float(log.time_s[first]), float(log.time_s[end - 1])
+            effect: dict[str, float] = {}
+            if quantity == "aoa":
+                error = None if reference is None else _error_of_vane(log, record, reference, name, (onset_s, until_s))
+                if error is None:
+                    continue
+                effect = {name: error}
+            found.append(
+                Finding(
+                    fault=name,
+                    among=(name,),
+                    channels=(name,),
+                    stage="sensors",
+                    shape="frozen",
+                    onset_s=onset_s,
+                    onset_ci95=(onset_s - 1.0 / log.rate_hz - PROBE_GAP_S, onset_s + 1.0 / log.rate_hz),
+                    offset_s=None if end >= len(log.time_s) else until_s,
+                    statistic=seconds,
+                    threshold=needed,
+                    effect=effect,
+                    evidence={"rests_s": seconds},
+                )
             )
-        )
     return tuple(found)
 
 
-def _usual(seconds: FloatArray, flown_s: float) -> float:
+def _rests(values: FloatArray, flies: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return first sample and end of the runs in flight in which samples repeat the one before."""
+    return [(first, end) for first, end in repeats(values) if flies[first:end].mean() > 0.5]
+
+
+def _moves(log: FlightLog, name: str, first: int, end: int) -> bool:
+    """Return whether most samples of a channel differ from the one before."""
+    values = log.channels[name].values[first:end]
+    return bool(np.mean(values[1:] == values[:-1]) < 0.5)
+
+
+def _error_of_vane(
+    log: FlightLog, record: Record, reference: FloatArray, name: str, during: tuple[float, float]
+) -> float | None:
+    """Return the largest error of a vane that rests, None where attitude and climb do not say that it should move."""
+    values = log.channels[name].values
+    meanwhile = reference[within(record.time_s, [during])]
+    meanwhile = meanwhile[np.isfinite(meanwhile)]
+    if meanwhile.size < 0.5 * VANE_RESTS_S:
+        return None
+    low, high = np.quantile(meanwhile, (0.05, 0.95))
+    if high - low < max(SHOULD_MOVE, STEPS * (find_quantum(values[np.isfinite(values)]) or 0.0)):
+        return None
+    held = values[np.searchsorted(log.time_s, during[0])]
+    return float(max((held - low, held - high), key=abs))
+
+
+def _usual(seconds: Sequence[float], flown_s: float) -> float:
     """Return the length of rest that all but a hundredth of the time flown lies below."""
     if not len(seconds):
         return 0.0

@@ -89,13 +89,12 @@ def describe(estimate: FaultEstimate, units: Units = SI, *, own: str = "") -> st
     unit = "" if shown.unit == "1" else f" {shown.unit}".rstrip()
     value = number(shown.change(estimate.physical_value), spread=half((low, high)))
     within = f" (95 % interval {interval((low, high))})" if math.isfinite(high - low) else " (interval unknown)"
+    is_whole = not SHAPES[fault.shape].has_magnitude and SHAPES[fault.shape].acts_on != "course"
+    size = "" if is_whole and not math.isfinite(high - low) else f" of {value}{unit}{within}"
     onset, between = instant(fault.onset_s), ""
     if when is not None and math.isfinite(half(when)):
         onset, between = number(fault.onset_s, spread=half(when)), f" ({interval(when)} s)"
-    return (
-        f"{article} {kind} of {value}{unit}{within} on {shortened(fault.channel, 40)} from {onset} s{between}"
-        f"{until(fault)}"
-    )
+    return f"{article} {kind}{size} on {shortened(fault.channel, 40)} from {onset} s{between}{until(fault)}"
 
 
 def fault_columns(faults: Sequence[FaultEstimate], names: Sequence[str]) -> dict[str, list[Any]]:

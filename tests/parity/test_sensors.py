@@ -13,7 +13,7 @@ from bfi_cli.airdata import G, isa_temperature, speed_of_sound, static_temperatu
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.parity import Record, record_of
-from bfi_cli.parity.sensors import accelerometer_steps, frozen_vanes, probe_steps, without_frozen
+from bfi_cli.parity.sensors import accelerometer_steps, frozen_sensors, probe_steps, without_frozen
 
 N, RATE_HZ, ONSET_S = 1000, 4.0, 400.0
 FLIGHT = [Phase(phase="cruise", from_s=0.0, to_s=float(N))]
@@ -54,7 +54,7 @@ def test_a_vane_that_rests_while_the_aircraft_moves_is_frozen_and_missing(until_
     rests = (log.time_s >= ONSET_S) & (log.time_s < (until_s or np.inf))
     aoa[rests] = aoa[rests][0]
     log = with_values(log, "aoa", aoa)
-    (found,) = frozen_vanes(log, record_of(log), FLIGHT)
+    (found,) = frozen_sensors(log, record_of(log), FLIGHT)
     assert (found.fault, found.shape, found.among) == ("aoa", "frozen", ("aoa",))
     assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
     assert found.offset_s == (None if until_s is None else pytest.approx(until_s, abs=0.5))
@@ -65,7 +65,7 @@ def test_a_vane_that_rests_while_the_aircraft_moves_is_frozen_and_missing(until_
 
 def test_a_coarse_vane_that_often_rests_is_not_frozen():
     log = attitudes(step=np.radians(2.0))
-    assert frozen_vanes(log, record_of(log), FLIGHT) == ()
+    assert frozen_sensors(log, record_of(log), FLIGHT) == ()
 
 
 def test_a_vane_that_rests_where_nothing_moves_is_not_frozen():
@@ -75,7 +75,7 @@ def test_a_vane_that_rests_where_nothing_moves_is_not_frozen():
         values = log.channels[name].values.copy()
         values[still] = 0.02 if name in ("aoa", "pitch") else 0.0
         log = with_values(log, name, values)
-    assert frozen_vanes(log, record_of(log), FLIGHT) == ()
+    assert frozen_sensors(log, record_of(log), FLIGHT) == ()
 
 
 def warmer(step_k: float, *, seconds: float = np.inf) -> Record:

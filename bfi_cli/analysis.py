@@ -338,7 +338,11 @@ def _estimated_jointly(
     """Return the result with series, residuals and magnitudes of a model that has all declared faults."""
     if config.method != "ml":
         return result
-    atoms = tuple(replace(one.fault, name=one.name, magnitude=1.0) for one in result.faults)
+    # Of what holds a reading the log has no signal.
+    told = [one for one in result.faults if SHAPES[one.fault.shape].acts_on != "held"]
+    atoms = tuple(replace(one.fault, name=one.name, magnitude=1.0) for one in told)
+    if not atoms:
+        return result
     joint = identification(log, replace(dictionary, atoms=atoms, relative_to="log"), config, progress, given=True)
     # An uncertain recorder was profiled for each fault where it was found, and is not for all of them together.
     recorders = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)[0]

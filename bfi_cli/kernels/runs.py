@@ -14,6 +14,9 @@ Run = tuple[int, int]
 Number = TypeVar("Number", int, float)
 
 
+SAME = 1e-9  # of the largest value: what sums of it are rounded by, many times over
+
+
 def runs(mask: BoolArray) -> list[Run]:
     """Return the runs in which a mask is true."""
     edges = np.flatnonzero(np.diff(mask.astype(np.int8), prepend=0, append=0)).tolist()
@@ -21,8 +24,14 @@ def runs(mask: BoolArray) -> list[Run]:
 
 
 def repeats(values: FloatArray) -> list[Run]:
-    """Return the runs of samples of one value, two and more, each from its first sample to the end."""
-    return [(first, end + 1) for first, end in runs(values[1:] == values[:-1])]
+    """Return the runs of samples of one value but for rounding, two and more, each from its first sample to the end."""
+    return [(first, end + 1) for first, end in runs(is_repeated(values))]
+
+
+def is_repeated(values: FloatArray) -> BoolArray:
+    """Return (n - 1,) whether samples repeat the one before, but for rounding."""
+    largest = np.max(np.abs(values), initial=0.0, where=np.isfinite(values))
+    return np.asarray(np.abs(np.diff(values)) <= SAME * largest)
 
 
 def runs_with(strong: BoolArray, weak: BoolArray) -> list[Run]:

@@ -7,7 +7,7 @@ that of gravity, bank and little else, since the climb is no other afterwards th
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +20,7 @@ from ..flightlog.defects import FEWEST_REPEATS, WATCHED
 from ..flightlog.phases import Phase
 from ..kernels.normal import MAD, TWO_SIDED_95
 from ..kernels.quantisation import find_quantum
-from ..kernels.runs import repeats
+from ..kernels.runs import is_repeated, left_of, repeats
 from .credibility import climbing_load, still_air_angle
 from .finding import Finding, as_good, squares_by_onset
 from .record import Record
@@ -30,10 +30,11 @@ FloatArray = NDArray[np.float64]
 
 # s, and samples, that a frozen sensor rests at least, and times the longest rest in 99 % of the flight beside: coarse
 # sensors rest in calm air. Of 50 sensors of six recorders the longest rest of a healthy one is 21 s, of one that rests
-# for up to 13 s beside, temperatures apart, which rest for 200 s and 100 s.
+# for up to 13 s beside.
 RESTS_S, RESTS, USUAL = 20.0, 5.0, 0.99
 # Those that hardly rest, s, of which most must move meanwhile: a recorder that hangs holds all of them.
-LIVELY_S, MOST = 2.5, 0.5
+LIVELY_S, MOST = 2.5, 0.75
+MOVING = frozenset(WATCHED) - {"tat", "sat"}  # which level flight holds
 PORT_HOLDS = ("altitude", "p_static")  # by a blocked port, with the rate of climb
 # s that a vane should move in meanwhile.
 VANE_NEEDS = frozenset({"aoa", "tas", "altitude_rate", "pitch", "roll"})
@@ -61,30 +62,29 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
     It rests for several times as long as in all but a hundredth of the flight beside. Of a vane attitude and climb must
     say that it should move, of an altitude the rate of climb: calm air, and a blocked port, hold these too.
     """
-    flies = within(log.time_s, flight_stretches(phases))
-    rests = {name: _rests(log.channels[name].values, flies) for name in log.channels}
-    flown_s = float(np.count_nonzero(flies)) / log.rate_hz
-    usual = {
-        name: _usual([(end - first) / log.rate_hz for first, end in found], flown_s) for name, found in rests.items()
-    }
-    lively = [name for name, seconds in usual.items() if seconds < LIVELY_S]
+    rate_hz = log.rate_hz
+    flown = np.concatenate([[0], np.cumsum(within(log.time_s, flight_stretches(phases)))]) / rate_hz
+    rests = {name: repeats(channel.values) for name, channel in log.channels.items()}
+    flown_s, fewest_s = float(flown[-1]), max(RESTS_S, FEWEST_REPEATS / rate_hz)
+
+    def usual_s(name: str, stretch: tuple[int, int]) -> float:
+        beside = np.array(left_of(rests[name], [stretch]), dtype=np.intp).reshape(-1, 2)
+        seconds = flown[beside[:, 1]] - flown[beside[:, 0]]
+        return _usual(seconds[seconds > 0.0], flown_s - float(flown[stretch[1]] - flown[stretch[0]]))
+
     reference = still_air_angle(record) if record.channels.keys() >= VANE_NEEDS else None
     found = []
-    for name in log.channels:
-        quantity = quantity_of(name)
-        for k, (first, end) in enumerate(rests[name] if quantity in WATCHED else ()):
-            seconds = (end - first) / log.rate_hz
-            beside = [(high - low) / log.rate_hz for low, high in (*rests[name][:k], *rests[name][k + 1 :])]
-            needed = max(RESTS_S, FEWEST_REPEATS / log.rate_hz, RESTS * _usual(beside, flown_s - seconds))
-            if seconds < needed or flown_s - seconds < RESTS_S:
+    for name in (one for one in log.channels if quantity_of(one) in MOVING):
+        for first, end in rests[name]:
+            seconds = float(flown[end] - flown[first])
+            if seconds < fewest_s or flown_s - seconds < RESTS_S:
                 continue
-            witnesses = ["altitude_rate"] if quantity in PORT_HOLDS else [one for one in lively if one != name]
-            moved = [_moves(log, one, first, end) for one in witnesses if one in log.channels]
-            if not moved or np.mean(moved) < MOST:
+            needed = max(fewest_s, RESTS * usual_s(name, (first, end)))
+            if seconds < needed or not _others_move(log, name, (first, end), usual_s):
                 continue
             onset_s, until_s = float(log.time_s[first]), float(log.time_s[end - 1])
             effect: dict[str, float] = {}
-            if quantity == "aoa":
+            if quantity_of(name) == "aoa":
                 error = None if reference is None else _error_of_vane(log, record, reference, name, (onset_s, until_s))
                 if error is None:
                     continue
@@ -97,8 +97,8 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
                     stage="sensors",
                     shape="frozen",
                     onset_s=onset_s,
-                    onset_ci95=(onset_s - 1.0 / log.rate_hz - PROBE_GAP_S, onset_s + 1.0 / log.rate_hz),
-                    offset_s=None if end >= len(log.time_s) else until_s,
+                    onset_ci95=(onset_s - 1.0 / rate_hz - PROBE_GAP_S, onset_s + 1.0 / rate_hz),
+                    offset_s=None if end >= log.n_samples else until_s,
                     statistic=seconds,
                     threshold=needed,
                     effect=effect,
@@ -108,15 +108,16 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
     return tuple(found)
 
 
-def _rests(values: FloatArray, flies: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return first sample and end of the runs in flight in which samples repeat the one before."""
-    return [(first, end) for first, end in repeats(values) if flies[first:end].mean() > 0.5]
-
-
-def _moves(log: FlightLog, name: str, first: int, end: int) -> bool:
-    """Return whether most samples of a channel differ from the one before."""
-    values = log.channels[name].values[first:end]
-    return bool(np.mean(values[1:] == values[:-1]) < 0.5)
+def _others_move(
+    log: FlightLog, name: str, stretch: tuple[int, int], usual_s: Callable[[str, tuple[int, int]], float]
+) -> bool:
+    """Return whether most of the other sensors that hardly rest move; of what a port holds, whether its rate does."""
+    if quantity_of(name) in PORT_HOLDS:
+        others = [one for one in log.channels if one == "altitude_rate"]
+    else:
+        others = [one for one in log.channels if one != name and usual_s(one, stretch) < LIVELY_S]
+    repeated = [np.mean(is_repeated(log.channels[one].values[slice(*stretch)])) for one in others]
+    return bool(repeated) and float(np.mean(np.array(repeated) < 0.5)) >= MOST
 
 
 def _error_of_vane(
@@ -135,7 +136,7 @@ def _error_of_vane(
     return float(max((held - low, held - high), key=abs))
 
 
-def _usual(seconds: Sequence[float], flown_s: float) -> float:
+def _usual(seconds: FloatArray, flown_s: float) -> float:
     """Return the length of rest that all but a hundredth of the time flown lies below."""
     if not len(seconds):
         return 0.0

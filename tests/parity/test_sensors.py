@@ -151,3 +151,51 @@ def test_a_static_line_that_leaks_is_no_step_of_an_accelerometer():
     since = np.maximum(log.time_s - ONSET_S, 0.0)
     rate = log.channels["altitude_rate"].values - 36.0 * np.exp(-since / 6.0) * (log.time_s >= ONSET_S)
     assert accelerometer_steps(record_of(with_values(log, "altitude_rate", rate)), FLIGHT) == ()
+
+
+def lively() -> FlightLog:
+    """Return ten minutes of flight in which every channel has noise of its own."""
+    log, rng = attitudes(), np.random.default_rng(5)
+    for name in log.channels:
+        log = with_values(log, name, log.channels[name].values + 1e-3 * rng.standard_normal(log.n_samples))
+    return log
+
+
+def held(log: FlightLog, *names: str, until_s: float = np.inf) -> FlightLog:
+    rests = (log.time_s >= ONSET_S) & (log.time_s < until_s)
+    for name in names:
+        values = log.channels[name].values.copy()
+        values[rests] = values[rests][0]
+        log = with_values(log, name, values)
+    return log
+
+
+@pytest.mark.parametrize("name", ["tas", "altitude", "altitude_rate", "pitch", "normal_acc"])
+@pytest.mark.parametrize("until_s", [ONSET_S + 25.0, np.inf])
+def test_any_sensor_that_holds_its_reading_while_others_move_is_frozen(name: str, until_s: float):
+    log = held(lively(), name, until_s=until_s)
+    (found,) = frozen_sensors(log, record_of(log), FLIGHT)
+    assert (found.fault, found.shape) == (name, "frozen")
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+    assert (found.offset_s is None) == np.isinf(until_s)
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("altitude", "altitude_rate"),  # a blocked port holds both
+        ("tas", "altitude", "altitude_rate", "aoa", "pitch", "roll", "normal_acc"),  # a recorder that hangs
+        ("tas", "pitch", "normal_acc"),  # trim
+    ],
+)
+def test_what_something_else_holds_is_not_frozen(names: tuple[str, ...]):
+    log = held(lively(), *names)
+    assert "altitude" not in {one.fault for one in frozen_sensors(log, record_of(log), FLIGHT)}
+    assert len(names) == 2 or frozen_sensors(log, record_of(log), FLIGHT) == ()
+
+
+def test_a_rest_of_a_sensor_that_often_rests_is_not_frozen():
+    log = lively()
+    values = np.round(log.channels["tas"].values + np.repeat(np.arange(log.n_samples // 50 + 1), 50)[: log.n_samples])
+    log = held(with_values(log, "tas", values), "tas", until_s=ONSET_S + 25.0)
+    assert frozen_sensors(log, record_of(log), FLIGHT) == ()

@@ -142,7 +142,7 @@ def _while_it_read(candidate: Candidate, faults: Sequence[FaultEstimate]) -> Can
     held = [
         one for one in faults if one.fault.channel == candidate.channel and SHAPES[one.fault.shape].acts_on == "held"
     ]
-    if not held or candidate.state not in ("excluded", "not_seen"):
+    if not held or candidate.state in ("declared", None):
         return candidate
     note = f"{candidate.channel} tells nothing from {instant(held[0].fault.onset_s)} s on"
     return replace(candidate, state="not_seen", effect=None, excluded_above=None, note=note)

@@ -140,3 +140,14 @@ def test_an_error_is_beyond_the_tolerance_where_its_whole_interval_is(effect, sd
 
 def test_without_a_tolerance_nothing_is_beyond_it():
     assert beyond_tolerance(1.0, 3.0, 0.1, None) is None
+
+
+def test_a_frozen_sensor_is_declared_and_tells_of_no_other_fault_of_its_channel():
+    frozen = estimate("frozen", effect=None)
+    other = replace(QUIET[0], channel="aoa")
+    said = conclude(
+        [Evidence(source="scan", candidates=(*QUIET, other)), Evidence(source="physics", faults=(frozen,))], KINDS
+    )
+    assert [one.name for one in said.faults] == ["frozen"]
+    assert [(one.channel, one.state) for one in said.candidates] == [("tas", "not_seen")] * 3 + [("aoa", "excluded")]
+    assert said.verdicts == {"abrupt": "inconclusive", "oscillating": "inconclusive", "slow": "fault"}

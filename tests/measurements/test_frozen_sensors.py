@@ -1,4 +1,4 @@
-"""Sensors that hold their reading for 40 s or to the end, on recorded flights, and healthy windows of every recorder."""
+"""Sensors that hold their reading for 40 s or to the end of recorded flights, and healthy windows of all recorders."""
 
 from __future__ import annotations
 

@@ -35,7 +35,8 @@ RESTS_S, RESTS, USUAL = 20.0, 5.0, 0.99
 # Those that hardly rest, s, of which most must move meanwhile: a recorder that hangs holds all of them.
 LIVELY_S, MOST = 2.5, 0.75
 MOVING = frozenset(WATCHED) - {"tat", "sat"}  # which level flight holds
-PORT_HOLDS = ("altitude", "p_static")  # by a blocked port, with the rate of climb
+# By a blocked port, with the rate of climb, which then shows its noise and its offset: less than these.
+PORT_HOLDS, CLIMBED_M, CLIMBING_M_S = ("altitude", "p_static"), 20.0, 0.1
 # s that a vane should move in meanwhile.
 VANE_NEEDS = frozenset({"aoa", "tas", "altitude_rate", "pitch", "roll"})
 VANE_RESTS_S = 30.0
@@ -113,9 +114,11 @@ def _others_move(
 ) -> bool:
     """Return whether most of the other sensors that hardly rest move; of what a port holds, whether its rate does."""
     if quantity_of(name) in PORT_HOLDS:
-        others = [one for one in log.channels if one == "altitude_rate"]
-    else:
-        others = [one for one in log.channels if one != name and usual_s(one, stretch) < LIVELY_S]
+        rate = log.channels["altitude_rate"].values[slice(*stretch)] if "altitude_rate" in log.channels else np.zeros(1)
+        climbed = np.cumsum(np.nan_to_num(rate)) / log.rate_hz
+        climbs = np.ptp(climbed) > max(CLIMBED_M, CLIMBING_M_S * len(rate) / log.rate_hz)
+        return bool(climbs and np.mean(is_repeated(rate)) < 0.5)
+    others = [one for one in log.channels if one != name and usual_s(one, stretch) < LIVELY_S]
     repeated = [np.mean(is_repeated(log.channels[one].values[slice(*stretch)])) for one in others]
     return bool(repeated) and float(np.mean(np.array(repeated) < 0.5)) >= MOST
 

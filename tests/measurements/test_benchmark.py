@@ -1,0 +1,42 @@
+"""The shipped benchmark: what each method declares and names by its own threshold, and at one rate of false alarms.
+
+A few methods, faults and trials run; BFI_FULL=1 runs the whole sweep, 200 trials of ten methods, in an hour and a half.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from bars import FULL, not_above, not_below
+
+from bfi_cli.montecarlo import load_sweep, run_sweep, summarise
+from bfi_cli.montecarlo.summary import ScenarioSummary
+
+pytestmark = pytest.mark.slow
+
+SWEEP = Path(__file__).parents[2] / "configs" / "benchmark.yaml"
+METHODS, FAULTS, TRIALS = ("risro", "mf2d", "arx-residual", "glr"), ("none", "bias_1", "bias_0.5+sine_0.2"), 12
+
+
+def test_every_method_on_the_same_trials() -> None:
+    sweep = load_sweep(SWEEP)
+    if not FULL:
+        kept = [one for one in sweep.scenarios if one.axes["compare"] in METHODS and one.axes["inject"] in FAULTS]
+        sweep = replace(sweep, n_trials=TRIALS, scenarios=tuple(kept))
+    summary = summarise(sweep, run_sweep(sweep, workers=2 if FULL else 1))
+    of = {(one.axes["compare"], one.axes["inject"]): one for one in summary.scenarios}
+    for (method, fault), one in of.items():
+        print(f"{method:14s} {fault:18s} declared {shown(one, 'fault')}, isolated {one.isolation_rate.rate}")
+    n = sweep.n_trials
+    for method in {method for method, _ in of}:
+        assert not_above(shown(of[method, "none"], "fault"), 0.02, n), method
+        assert not_below(shown(of[method, "bias_1"], "fault"), 0.98, n), method
+    for fault in ("bias_1", "bias_0.5+sine_0.2"):
+        assert not_below(of["risro", fault].isolation_rate.rate or 0.0, 0.98, n), fault
+
+
+def shown(one: ScenarioSummary, decision: str) -> float:
+    """Return the share of the trials with a decision."""
+    return one.decisions[decision].rate or 0.0

@@ -44,7 +44,8 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
     """Return what the evidence of all sources says together.
 
     1. A fault that a source declares is declared, unless another source excludes its error on the channel: then it is
-       suspected. What two sources declare of one channel at one time is one fault, named by the one with more evidence.
+       suspected. What two sources declare of one channel at one time is one fault, named by the one with more evidence:
+       a reading that is held to the last bit has most, and whatever seems to begin on its channel since is that.
     2. What bounds a slow error of a channel in one source bounds it in all: the smallest limit counts.
     3. A sensor that is frozen tells of no other fault of its channel.
     4. The verdicts on the kinds, and the sentence that says them.
@@ -67,7 +68,7 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
     declared = [
         replace(fault, source=one.source) for one in evidence for fault in one.faults if id(fault) not in refuted
     ]
-    for fault in sorted(declared, key=lambda one: -math.inf if one.statistic is None else -one.statistic):
+    for fault in sorted(declared, key=_rank):
         same = _told(fault, faults)
         if same is None:
             faults.append(replace(fault, evidence={fault.source: fault.statistic}))
@@ -97,8 +98,20 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
     )
 
 
+def _is_held(one: FaultEstimate) -> bool:
+    return SHAPES[one.fault.shape].acts_on == "held"
+
+
+def _rank(one: FaultEstimate) -> tuple[bool, float]:
+    """Return what sorts faults by their evidence, most first."""
+    return not _is_held(one), -math.inf if one.statistic is None else -one.statistic
+
+
 def _told(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> int | None:
-    """Return which fault of another source is the same: on its channel, while both build up, or both being slow."""
+    """Return which fault of another source is the same.
+
+    It is on its channel, and both build up at one time, or both are slow, or this one begins while that one holds it.
+    """
 
     def span(one: FaultEstimate) -> tuple[float, float]:
         low, high = one.onset_ci95 or (one.fault.onset_s, one.fault.onset_s)
@@ -110,7 +123,8 @@ def _told(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> int | None:
         if one.source == fault.source or fault.fault.channel not in (one.fault.channel, *one.among):
             continue
         both_slow = is_slow and SHAPES[one.fault.shape].kind == "slow"
-        if both_slow or (span(one)[0] <= high and low <= span(one)[1]):
+        latest = math.inf if _is_held(one) else span(one)[1]
+        if both_slow or (span(one)[0] <= high and low <= latest):
             return k
     return None
 
@@ -139,9 +153,7 @@ def _disagreement(fault: FaultEstimate, source: str, excluded_by: tuple[str, Can
 
 def _while_it_read(candidate: Candidate, faults: Sequence[FaultEstimate]) -> Candidate:
     """Return a candidate, which nothing excludes where a fault holds the reading of its channel."""
-    held = [
-        one for one in faults if one.fault.channel == candidate.channel and SHAPES[one.fault.shape].acts_on == "held"
-    ]
+    held = [one for one in faults if one.fault.channel == candidate.channel and _is_held(one)]
     if not held or candidate.state in ("declared", None):
         return candidate
     note = f"{candidate.channel} tells nothing from {instant(held[0].fault.onset_s)} s on"

@@ -151,3 +151,13 @@ def test_a_frozen_sensor_is_declared_and_tells_of_no_other_fault_of_its_channel(
     assert [one.name for one in said.faults] == ["frozen"]
     assert [(one.channel, one.state) for one in said.candidates] == [("tas", "not_seen")] * 3 + [("aoa", "excluded")]
     assert said.verdicts == {"abrupt": "inconclusive", "oscillating": "inconclusive", "slow": "fault"}
+
+
+@pytest.mark.parametrize(("onset_s", "names"), [(50.0, ["frozen"]), (80.0, ["frozen"]), (20.0, ["bias", "frozen"])])
+def test_what_seems_to_begin_on_a_channel_whose_reading_is_held_is_no_fault_of_its_own(onset_s, names):
+    step = estimate(onset_s=onset_s, statistic=900.0)
+    said = conclude(
+        [Evidence(source="dictionary", faults=(step,)), Evidence(source="physics", faults=(estimate("frozen"),))],
+        KINDS,
+    )
+    assert [one.name for one in said.faults] == names

@@ -156,14 +156,7 @@ def dmae(
     fault, so the split rests on the process noise: what is slow enough for it becomes motion.
     """
     settings, measured = settings or DmaeSettings(), tuple(measured or (channel,))
-    for name in (channel, *measured):
-        if name not in model.outputs:
-            raise ConfigError(f"dmae: model '{model.name}' has no output '{name}'{did_you_mean(name, model.outputs)}")
-    if channel not in measured or len(set(measured)) < len(measured):
-        raise ConfigError(
-            f"dmae: measured: must name every output once, and '{channel}' among them, got {', '.join(measured)}; "
-            "change it"
-        )
+    _check_outputs(model, channel, measured)
     require_usable(log, [*model.inputs, *measured])
     # What the deviations of every state, input and output count from.
     origin = {name: model.trim.get(name, 0.0) for name in (*model.states, *model.inputs, *measured)}
@@ -219,6 +212,17 @@ def dmae(
         innovation_sd=frozen_array(np.stack(innovation_sd, axis=1)),
         onset_s=float(log.time_s[np.argmax(probability > 0.5)]) if np.any(probability > 0.5) else None,
     )
+
+
+def _check_outputs(model: LinearModel, channel: str, measured: Sequence[str]) -> None:
+    for name in (channel, *measured):
+        if name not in model.outputs:
+            raise ConfigError(f"dmae: model '{model.name}' has no output '{name}'{did_you_mean(name, model.outputs)}")
+    if channel not in measured or len(set(measured)) < len(measured):
+        raise ConfigError(
+            f"dmae: measured: must name every output once, and '{channel}' among them, got {', '.join(measured)}; "
+            "change it"
+        )
 
 
 def _diagonal(key: str, variances: Variances, n: int) -> FloatArray:

@@ -57,6 +57,8 @@ SECANTS, AT_REST = 8, 1e-4
 SECANTS_ALONE = 2
 # A fault that is whole shows once; so many times more or less is what a time constant off by as much makes of it.
 WHOLE = 1.5
+# The regression at half the rate, (n_live,) overdispersions, and the magnitudes of a selection.
+Estimated = tuple[RegressionData | None, FloatArray, MagnitudeEstimates]
 
 
 def identify_by_likelihood(
@@ -82,86 +84,131 @@ def identify_by_likelihood(
     ------
     LogError : a threshold is asked for, and the window is too short to estimate all magnitudes at once.
     """
-    names, notes, declined = [window.names[j] for j in window.live], list[Note](), dict[int, str]()
-    window, regression = _at_own_sizes(window, regression, config)
+    names, declined = [window.names[j] for j in window.live], dict[int, str]()
     rules = config.selection
+    is_stated, threshold = given or rules.threshold is not None, 0.0 if given else rules.threshold or 0.0
+    # 1. The support, by EBIC at the onsets stated and about them, or by the rule.
+    window, regression = _at_own_sizes(window, regression, config)
     choose = partial(select, rules=rules)
     selection = choose(regression, report=partial(progress, "search for the faults"))
     at_stated = now = Selected(window=window, regression=regression, selection=selection)
-    is_stated, threshold = given or rules.threshold is not None, 0.0 if given else rules.threshold or 0.0
     if is_stated:
         now = replace(now, selection=_by_threshold(regression, selection, threshold))
     elif rules.max_active != 0:
         now = move_onsets(now, config, choose)
+    # 2. What acts through a pressure line, as a whole and at its own size.
     while not is_stated and (failed := _not_whole(now)) is not None:
-        declined[failed[0]] = failed[1]
-        notes.append(Note.limit(f"'{names[failed[0]]}' is not declared: {failed[1]}"))
-        now = _without(now, failed[0])
+        now = _declining(now, failed, declined)
+    about_signals: list[Note] = []
     if any(now.window.faults[now.window.live[n]].shape in OF_LINES for n in now.selection.best.fit.atoms):
         refit = partial(_by_threshold, selection=now.selection, threshold=threshold)
         now, about_signals = _with_secants(now, config, refit if is_stated else choose)
-        notes += about_signals
     # Row by row the fit is made again for the answer: of a day at 100 Hz its errors take 70 MB.
     bare = replace(now.selection.unfolded, error=np.zeros((0, 0)), weighted_error=np.zeros((0, 0)))
     now = replace(now, selection=replace(now.selection, unfolded=bare))
-    coarse, dispersion, estimates = _estimated(now, config, progress)
-    penalty = now.selection.penalty
-    has_lines = any(now.window.faults[entry].shape in OF_LINES for entry in now.window.live)
-    while not is_stated:
-        failed = _failed_test(now, estimates, dispersion) or _not_whole(now)
-        failed = failed or (_rival(now, config) if exclusive else None)
-        if failed is None:
-            break
-        atom, reason = failed
-        if not (declined or has_lines or atom in now.shifts_s):
-            # What a fault that begins beside its onset leaves there stands out at other onsets too.
-            beside = move_entry(now, atom, at_stated, config, choose)
-            if beside is not None:
-                estimated = _estimated(beside, config, progress)
-                if _failed_test(beside, estimated[2], estimated[1]) is None:
-                    now, (coarse, dispersion, estimates) = beside, estimated
-                    break
-        notes.append(Note.limit(f"'{names[atom]}' is not declared: {reason}"))
-        declined[atom] = reason
-        now = _without(now, atom)
-        sizing = partial(progress, f"magnitudes, {len(declined)} declined")
-        estimates = estimate_magnitudes(now.regression, now.selection.fits, penalty, dispersion, coarse, sizing)
-    window, regression, selection = now.window, now.regression, now.selection
-    fit = selection.best.fit
-    needed = statistic_needed(penalty, dispersion)
-    likely, sized = overdispersion_if_declared(window, regression, fit, dispersion), estimates
-    if np.any(likely > dispersion):
-        sizing = partial(progress, "magnitudes that would be declared")
-        sized = estimate_magnitudes(regression, selection.fits, penalty, likely, coarse, sizing)
-    limits = profiled_limits(regression, fit, sized, penalty, likely)
+    # 3. Magnitudes, and the tests that an atom must pass.
+    estimated = _estimated(now, config, progress)
     if not is_stated:
-        sizing = partial(progress, "magnitudes within the onset tolerance")
-        within = limits_within_tolerance(window, regression, config, selection.fits, penalty, likely, coarse, sizing)
-        limits = np.fmax(limits, within)
-    estimates = replace(estimates, minimal_detectable=limits)
-    coarse = None  # its memory is wanted for what follows
+        now, estimated = _tested(
+            now, estimated, at_stated, declined, config, choose=choose, exclusive=exclusive, progress=progress
+        )
+    # 4. What would have been found.
+    coarse, dispersion, estimates = estimated
+    limits = _limits(now, config, coarse, dispersion, estimates, within=not is_stated, progress=progress)
+    del coarse, estimated  # its memory is wanted for what follows
+    fit, rows = now.selection.best.fit, now.regression.n_rows
+    notes = [Note.limit(f"'{names[n]}' is not declared: {reason}") for n, reason in declined.items()]
+    notes += about_signals
     notes += [
         Note.limit(f"'{names[n]}' begins {abs(s):.3g} s {'after' if s > 0 else 'before'} the onset stated")
         for n, s in now.shifts_s.items()
         if n in fit.atoms
     ]
     return result_of_selection(
-        regression,
-        selection,
-        estimates,
+        now.regression,
+        now.selection,
+        replace(estimates, minimal_detectable=limits),
         SolverSummary(
             method=config.method,
             termination=fit.termination.value,
             iterations=fit.iterations,
-            condition_number=selection.unfolded.condition_number,
+            condition_number=now.selection.unfolded.condition_number,
         ),
         declined=declined,
-        needed=needed,
-        analysed=(window, regression) if now.shifts_s or window.sizes else None,
-        criterion=regression.n_rows * fit.log_det + fit.n_parameters * float(np.log(regression.n_rows)),
+        needed=statistic_needed(now.selection.penalty, dispersion),
+        analysed=(now.window, now.regression) if now.shifts_s or now.window.sizes else None,
+        criterion=rows * fit.log_det + fit.n_parameters * float(np.log(rows)),
         dispersion=float(np.max(dispersion[list(fit.atoms)], initial=1.0)),
-        notes=(*notes, *_rival_note(names, selection), *_near_miss_note(names, selection)),
+        notes=(*notes, *_rival_note(names, now.selection), *_near_miss_note(names, now.selection)),
     )
+
+
+def _declining(now: Selected, failed: tuple[int, str], declined: dict[int, str]) -> Selected:
+    """Return the selection without an atom that failed, and enter the reason into `declined`."""
+    atom, declined[failed[0]] = failed[0], failed[1]
+    return _without(now, atom)
+
+
+def _tested(
+    now: Selected,
+    estimated: Estimated,
+    at_stated: Selected,
+    declined: dict[int, str],
+    config: Config,
+    *,
+    choose: Callable[[RegressionData], Selection],
+    exclusive: bool,
+    progress: Progress,
+) -> tuple[Selected, Estimated]:
+    """Return a selection of which every atom passes all tests, with its magnitudes; the others enter `declined`."""
+    coarse, dispersion, estimates = estimated
+    has_lines = any(now.window.faults[entry].shape in OF_LINES for entry in now.window.live)
+    while True:
+        failed = _failed_test(now, estimates, dispersion) or _not_whole(now)
+        failed = failed or (_rival(now, config) if exclusive else None)
+        if failed is None:
+            return now, (coarse, dispersion, estimates)
+        if not (declined or has_lines or failed[0] in now.shifts_s):
+            # What a fault that begins beside its onset leaves there stands out at other onsets too.
+            beside = move_entry(now, failed[0], at_stated, config, choose)
+            if beside is not None:
+                there = _estimated(beside, config, progress)
+                if _failed_test(beside, there[2], there[1]) is None:
+                    return beside, there
+        now = _declining(now, failed, declined)
+        sizing = partial(progress, f"magnitudes, {len(declined)} declined")
+        estimates = estimate_magnitudes(
+            now.regression, now.selection.fits, now.selection.penalty, dispersion, coarse, sizing
+        )
+
+
+def _limits(
+    now: Selected,
+    config: Config,
+    coarse: RegressionData | None,
+    dispersion: FloatArray,
+    estimates: MagnitudeEstimates,
+    *,
+    within: bool,
+    progress: Progress,
+) -> FloatArray:
+    """Return (n_live,) the magnitudes that would have been declared.
+
+    Parameters
+    ----------
+    within : at any onset within the tolerance.
+    """
+    regression, selection, penalty = now.regression, now.selection, now.selection.penalty
+    likely, sized = overdispersion_if_declared(now.window, regression, selection.best.fit, dispersion), estimates
+    if np.any(likely > dispersion):
+        sizing = partial(progress, "magnitudes that would be declared")
+        sized = estimate_magnitudes(regression, selection.fits, penalty, likely, coarse, sizing)
+    limits = profiled_limits(regression, selection.best.fit, sized, penalty, likely)
+    if not within:
+        return limits
+    sizing = partial(progress, "magnitudes within the onset tolerance")
+    others = limits_within_tolerance(now.window, regression, config, selection.fits, penalty, likely, coarse, sizing)
+    return np.asarray(np.fmax(limits, others))
 
 
 def _rival(now: Selected, config: Config) -> tuple[int, str] | None:
@@ -180,10 +227,7 @@ def _rival(now: Selected, config: Config) -> tuple[int, str] | None:
     return None
 
 
-def _estimated(
-    now: Selected, config: Config, progress: Progress
-) -> tuple[RegressionData | None, FloatArray, MagnitudeEstimates]:
-    """Return the regression at half the rate, (n_live,) overdispersions and the magnitudes of a selection."""
+def _estimated(now: Selected, config: Config, progress: Progress) -> Estimated:
     coarse = at_half_rate(now.window, now.regression, config, partial(progress, "the record at half the rate"))
     elsewhere = partial(progress, "the same shapes elsewhere")
     dispersion = overdispersion(now.window, now.regression, now.selection.best.fit, elsewhere)

@@ -8,6 +8,7 @@ of the largest. That rule also decides where a threshold is asked for or the sta
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -20,7 +21,7 @@ from ..kernels import FloatArray
 from ..kernels.model_selection import Penalty, ScoredFit, refine_supports
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.risro_varx import VarxSolution
-from ..kernels.sparsity import PUBLISHED, penalty_constants
+from ..kernels.sparsity import PUBLISHED, SparseStage, penalty_constants
 from ..kernels.termination import Termination
 from ..kernels.variable_projection import fit_magnitudes
 from ..notes import Note
@@ -30,7 +31,7 @@ from ..preprocessing.window import PreparedWindow
 from .magnitudes import MethodResult, result_of_selection
 from .maximum_likelihood import best_of, none_of, select
 from .result import SolverSummary, SparsityRun, SparsitySummary
-from .supports import proposals_of, stage_runs
+from .supports import StageRun, proposals_of, stage_runs
 
 # T section 5-1: a fault is a magnitude whose share of the norm is larger.
 THRESHOLD = 1e-3
@@ -104,7 +105,6 @@ def _by_stage(
                 f"{before.size} magnitudes to zero that the published rule would declare"
             )
         )
-    alpha, r, _ = penalty_constants(stage, penalty.per_parameter + penalty.per_atom)
     return result_of_selection(
         regression,
         selection,
@@ -114,26 +114,34 @@ def _by_stage(
             termination=fit.termination.value,
             iterations=whole.iterations,
             condition_number=whole.condition_number,
-            sparsity=SparsitySummary(
-                kind=stage.kind,
-                alpha=alpha if stage.kind == "exp-l0" else None,
-                r=r,
-                updates=None,
-                runs=tuple(
-                    SparsityRun(
-                        order=run.order,
-                        start=start,
-                        iterations=went.iterations,
-                        converged=went.converged,
-                        supports=tuple(tuple(names[j] for j in support) for support in went.supports),
-                    )
-                    for run in runs
-                    for start, went in zip(STARTS, run.visits, strict=False)
-                ),
-                set_to_zero=left_out,
-            ),
+            sparsity=_summary_of(stage, penalty, runs, names, left_out),
         ),
         notes=tuple(notes),
+    )
+
+
+def _summary_of(
+    stage: SparseStage, penalty: Penalty, runs: Sequence[StageRun], names: Sequence[str], left_out: tuple[str, ...]
+) -> SparsitySummary:
+    """Return what the stage did at every order, and which entries it set to zero."""
+    alpha, r, _ = penalty_constants(stage, penalty.per_parameter + penalty.per_atom)
+    return SparsitySummary(
+        kind=stage.kind,
+        alpha=alpha if stage.kind == "exp-l0" else None,
+        r=r,
+        updates=None,
+        runs=tuple(
+            SparsityRun(
+                order=run.order,
+                start=start,
+                iterations=went.iterations,
+                converged=went.converged,
+                supports=tuple(tuple(names[j] for j in support) for support in went.supports),
+            )
+            for run in runs
+            for start, went in zip(STARTS, run.visits, strict=False)
+        ),
+        set_to_zero=left_out,
     )
 
 

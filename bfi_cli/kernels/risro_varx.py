@@ -91,23 +91,13 @@ def risro_varx(
     ------
     ValueError : a free corner with several outputs, or fewer rows than unknowns.
     """
-    columns, n_base, s = data.columns, data.columns.n_base, data.columns.order
-    if columns.n_outputs != 1 and (as_published or corner == "free"):
-        raise ValueError(f"the published form has one output, got {columns.n_outputs}; impose the corner")
-    unknowns = n_base + s * columns.n_outputs + len(columns.signals) + 1
-    if data.n_rows < unknowns:
-        raise ValueError(f"{data.n_rows} rows are fewer than the {unknowns} unknowns; lower the order")
+    columns, rule = data.columns, settings or StoppingRule()
+    _check_size(data, one_output=as_published or corner == "free")
     if columns.n_outputs != 1:
-        return _several_outputs(project_inputs(data, s), columns.n_atoms, initial, settings or StoppingRule())
-    corner, settings = ("free", PUBLISHED) if as_published else (corner, settings or StoppingRule())
+        return _several_outputs(project_inputs(data, columns.order), columns.n_atoms, initial, rule)
+    corner, rule = ("free", PUBLISHED) if as_published else (corner, rule)
 
-    # The covariates A (n, n_live + 1, s + 1) and y (n,): the trailing block of R.
-    R, n = data.R[n_base:], len(columns.signals)
-    A = np.zeros((len(R), n + 1, s + 1))
-    A[:, :n, :s] = -R[:, columns.theta_lags].reshape(len(R), s, n).transpose(0, 2, 1)
-    A[:, :n, s] = R[:, columns.theta]
-    A[:, n, :s] = R[:, columns.y_lags]
-    y = R[:, columns.y.start]
+    A, y = _covariates(data)
     live = np.array([atom for _, atom in columns.signals], dtype=np.intp)
     start = _start(A, y) if initial is None else _pair(initial[0][live], initial[1])
 
@@ -126,9 +116,9 @@ def risro_varx(
             y,
             rank=1,
             initial=start,
-            max_iterations=settings.max_iterations,
-            tolerance=settings.tolerance,
-            fixed=settings.fixed,
+            max_iterations=rule.max_iterations,
+            tolerance=rule.tolerance,
+            fixed=rule.fixed,
             between=sparsify if stage.kind != "none" and stage.updates > 0 else None,
         )
         z, K = _read(free.factors)
@@ -139,7 +129,7 @@ def risro_varx(
             lambda state: _gauss_newton(A, y, state),
             _state(A, y, start, NO_SKETCH),
             scale=float(np.linalg.norm(y)),
-            settings=settings,
+            settings=rule,
         )
         z, K = _read(imposed.last.pair)
         misfit, corner_value = imposed.last.misfit, 1.0
@@ -159,6 +149,26 @@ def risro_varx(
         condition_number=condition_number,
         updates=updates,
     )
+
+
+def _check_size(data: Compressed, *, one_output: bool) -> None:
+    columns = data.columns
+    if columns.n_outputs != 1 and one_output:
+        raise ValueError(f"the published form has one output, got {columns.n_outputs}; impose the corner")
+    unknowns = columns.n_base + columns.order * columns.n_outputs + len(columns.signals) + 1
+    if data.n_rows < unknowns:
+        raise ValueError(f"{data.n_rows} rows are fewer than the {unknowns} unknowns; lower the order")
+
+
+def _covariates(data: Compressed) -> tuple[FloatArray, FloatArray]:
+    """Return the covariates A (n, n_live + 1, s + 1) and y (n,): the trailing block of R."""
+    columns, s = data.columns, data.columns.order
+    R, n = data.R[columns.n_base :], len(columns.signals)
+    A = np.zeros((len(R), n + 1, s + 1))
+    A[:, :n, :s] = -R[:, columns.theta_lags].reshape(len(R), s, n).transpose(0, 2, 1)
+    A[:, :n, s] = R[:, columns.theta]
+    A[:, n, :s] = R[:, columns.y_lags]
+    return A, R[:, columns.y.start]
 
 
 def _several_outputs(

@@ -172,7 +172,7 @@ def prepare_record(
     wanted = config.start_time
     window = prepare_window(log, _probes(part, config), config, report, purpose="scan")
     regression = regression_of(window, config)
-    layout, orders = regression.layout, regression.orders
+    layout = regression.layout
     n, rate_hz = len(window.signals.time_s), window.signals.rate_hz
     low, high = wanted.frequency_hz or (CYCLES * rate_hz / n, FASTEST * rate_hz)
     if wanted.frequency_hz is not None and high > 0.5 * rate_hz:
@@ -180,17 +180,7 @@ def prepare_record(
             f"--frequency: {high:g} Hz is more than a rate of {rate_hz:g} Hz resolves; "
             f"give frequencies up to {0.5 * rate_hz:g} Hz, or a higher --rate"
         )
-    if wanted.ends:
-        # A fault with two ends must fit between the first and the last onset, and hold two periods
-        # of the fastest oscillation.
-        shortest = 2.0 * rate_hz / high
-        fitting = tuple(s for s in orders if n - (STARTING + ENDING) * s > max(ENDING * s, shortest) + 1)
-        if not fitting:
-            raise LogError(
-                f"{window.log.path}: {n} samples are too few to look for start and end at order {min(orders)}; "
-                "give a longer window, a lower --order, or leave --ends out"
-            )
-        orders = fitting
+    orders = _with_room(regression.orders, n, 2.0 * rate_hz / high, window.log) if wanted.ends else regression.orders
     return ScanRecord(
         window=window,
         layout=replace(
@@ -230,6 +220,22 @@ def prepare_record(
             samples=None if wanted.samples is None else hashlib.sha256(sample_bytes(wanted.samples)).hexdigest(),
         ),
     )
+
+
+def _with_room(orders: Sequence[int], n: int, shortest: float, log: FlightLog) -> tuple[int, ...]:
+    """Return the orders at which a fault with two ends fits between the first and the last onset of n samples.
+
+    Parameters
+    ----------
+    shortest : samples that it must hold, two periods of the fastest oscillation.
+    """
+    fitting = tuple(s for s in orders if n - (STARTING + ENDING) * s > max(ENDING * s, shortest) + 1)
+    if not fitting:
+        raise LogError(
+            f"{log.path}: {n} samples are too few to look for start and end at order {min(orders)}; "
+            "give a longer window, a lower --order, or leave --ends out"
+        )
+    return fitting
 
 
 def _probes(part: FlightLog, config: Config) -> Dictionary:

@@ -50,6 +50,7 @@ def test_a_change_is_another_line_of_python(line: Line):
     path = ROOT / "bfi_cli" / line.file
     assert line.changed
     assert line.text not in line.changed
-    before = path.read_text("utf-8") if path.is_file() else ""
+    before = path.read_text("utf-8")
+    assert before.count(line.text) == 1
     for changed in line.changed:
         compile(before.replace(line.text, changed), line.file, "exec")

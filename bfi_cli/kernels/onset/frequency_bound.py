@@ -235,21 +235,11 @@ class Sines:
         screen, scan = self.screen, self.screen.scan
         n_regressors, wanted = len(scan.Q) - scan.n_outputs, -np.expm1(-above / scan.n_rows)
 
-        # At the borders: sine and cosine off the regressors, and how much these explain.
-        known = self.correlations[..., :n_regressors]
-        of_cosine, of_sine, of_both = (
-            np.einsum("bfj,bfj->bf", a, b)
-            for a, b in ((known.real, known.real), (known.imag, known.imag), (known.real, known.imag))
-        )
-        own = known[..., scan.n_base :]
-        explained_by_own = np.einsum("bfj,bfj->bf", own.real, own.real) + np.einsum("bfj,bfj->bf", own.imag, own.imag)
-        remaining = screen.remaining[:-1:BLOCK, None]
-        cosine = 0.5 * (remaining + self.doubled.real) - of_cosine
-        sine = 0.5 * (remaining - self.doubled.real) - of_sine
-        both = 0.5 * self.doubled.imag - of_both
+        # At the borders.
+        cosine, sine, both, explained_by_all, explained_by_own = self._at_borders()
         middle, half = 0.5 * (cosine + sine), np.hypot(0.5 * (cosine - sine), both)
         smallest = middle - half
-        sound = smallest > ROUNDING * remaining
+        sound = smallest > ROUNDING * screen.remaining[:-1:BLOCK, None]
         root = np.sqrt(np.where(sound, smallest, 1.0))
         determinant = np.where(sound, cosine * sine - both**2, 1.0)
 
@@ -261,13 +251,12 @@ class Sines:
         left = np.maximum(1.0 - change, ROUNDING)
         leverage = screen.leverage[onset]
         free = np.maximum(1.0 - leverage, ROUNDING)
-        explained = np.sqrt(of_cosine + of_sine)[there] / root[there] + change
+        explained = np.sqrt(explained_by_all)[there] / root[there] + change
         angle = np.sqrt(leverage / free) * explained / left
         apart = np.maximum(1.0 - angle, ROUNDING)
 
         # Relaxation 1 and 2: the share that free coefficients explain.
-        steady = 0.0
-        errors = []
+        steady, errors = np.zeros(len(k)), []
         for row in range(n_regressors, len(scan.Q)):
             from_here = np.cumsum((screen.rows[:, [row]] * self.turning)[::-1], axis=0)[::-1][begin, k]
             errors.append(from_here)
@@ -290,29 +279,71 @@ class Sines:
         tangent = np.sqrt((of_own**2 + screen.own_leverage[onset] / free[at]) / apart)
         far = np.sqrt((share - wanted) * (1.0 + tangent**2)) + tangent * np.sqrt(share)
 
-        early = self.early @ scan.W
-        response = self.steady @ scan.W
+        squares = cosine[there], sine[there], both[there]
+        size, explained_most = self._explained(onset, k, errors[0][at], squares, change=change, apart=apart, far=far)
+        likely[at] = (size <= 0.0) | (explained_most**2 >= wanted * np.maximum(size, 0.0) ** 2)
+        return likely
+
+    def _at_borders(self) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
+        """Return what cosine and sine are from each border on, each (n_blocks, n_frequencies).
+
+        Their squares and their product off the regressors, and the squares of both that all regressors and that
+        the lags of the scanned channel explain.
+        """
+        screen, scan = self.screen, self.screen.scan
+        known = self.correlations[..., : len(scan.Q) - scan.n_outputs]
+        of_cosine, of_sine, of_both = (
+            np.einsum("bfj,bfj->bf", a, b)
+            for a, b in ((known.real, known.real), (known.imag, known.imag), (known.real, known.imag))
+        )
+        own = known[..., scan.n_base :]
+        explained_by_own = np.einsum("bfj,bfj->bf", own.real, own.real) + np.einsum("bfj,bfj->bf", own.imag, own.imag)
+        remaining = screen.remaining[:-1:BLOCK, None]
+        cosine = 0.5 * (remaining + self.doubled.real) - of_cosine
+        sine = 0.5 * (remaining - self.doubled.real) - of_sine
+        return cosine, sine, 0.5 * self.doubled.imag - of_both, of_cosine + of_sine, explained_by_own
+
+    def _explained(
+        self,
+        onset: IntArray,
+        k: IntArray,
+        error: ComplexArray,
+        squares: tuple[FloatArray, FloatArray, FloatArray],
+        *,
+        change: FloatArray,
+        apart: FloatArray,
+        far: FloatArray,
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the least size of signatures, and the most that they explain, with dynamics within |v| <= far.
+
+        Parameters
+        ----------
+        error : (n_pairs,) sums of the residual times exp(i w k) from the first steady sample on.
+        squares : (n_pairs,) of cosine, of sine and their product at the nearest border, see `_at_borders`.
+        change : (n_pairs,) from that border to the first steady sample; apart : 1 - c of relaxation 1.
+        """
+        screen, scan = self.screen, self.screen.scan
+        early, response = self.early @ scan.W, self.steady @ scan.W
         turned = response[k] * np.conj(self.turning[screen.onsets[onset], k])[:, None]
-        correlated = np.imag(turned * errors[0][at][:, None])
+        correlated = np.imag(turned * error[:, None])
         if scan.order > 1:
             after = screen.onsets[:, None] + np.arange(1, scan.order)
-            near, squares = screen.rows[after, -1], screen.squares[after]
+            near, weights = screen.rows[after, -1], screen.squares[after]
             for f in np.unique(k):
                 of_f = k == f
                 correlated[of_f] += near[onset[of_f]] @ early[f]
-            at_zero = np.einsum("pl,pl->p", squares[onset], early[k, :, -1] ** 2)
+            at_zero = np.einsum("pl,pl->p", weights[onset], early[k, :, -1] ** 2)
             spectral = np.linalg.norm(early[..., :-1], ord=2, axis=(1, 2)) ** 2
-            of_change = squares.max(axis=1)[onset] * spectral[k]
+            of_change = weights.max(axis=1)[onset] * spectral[k]
         else:
-            at_zero = of_change = np.zeros(len(at))
-        a, b, c = cosine[there], sine[there], both[there]
+            at_zero = of_change = np.zeros(len(onset))
+        a, b, c = squares
         power = turned.imag**2 * a[:, None] + turned.real**2 * b[:, None] + 2.0 * turned.imag * turned.real * c[:, None]
-        at_zero = apart * (free[at] * at_zero + left**2 * power[:, -1])
+        left, free = np.maximum(1.0 - change, ROUNDING), np.maximum(1.0 - screen.leverage[onset], ROUNDING)
+        at_zero = apart * (free * at_zero + left**2 * power[:, -1])
         of_change = (2.0 - apart) * (of_change + (1.0 + change) ** 2 * power[:, :-1].sum(axis=1))
         size = np.sqrt(at_zero) - far * np.sqrt(of_change)
-        explained_most = np.abs(correlated[:, -1]) + far * np.linalg.norm(correlated[:, :-1], axis=1)
-        likely[at] = (size <= 0.0) | (explained_most**2 >= wanted * np.maximum(size, 0.0) ** 2)
-        return likely
+        return size, np.abs(correlated[:, -1]) + far * np.linalg.norm(correlated[:, :-1], axis=1)
 
     def screened(self, onset: IntArray, k: IntArray) -> FloatArray:
         """Return the screened statistic (n_pairs,) of sines."""

@@ -32,7 +32,11 @@ class Line:
     tests: tuple[str, ...]
 
 
-FLIGHT_LIMITS = ("tests/diagnose/test_*limits*.py", "tests/diagnose/test_*lasting*.py")
+FLIGHT_LIMITS = (
+    "tests/diagnose/test_*limits*.py",
+    "tests/diagnose/test_*looks*.py",
+    "tests/diagnose/test_*lasting*.py",
+)
 RELATIONS = ("tests/parity/test_*static_relations*.py", "tests/parity/test_*limits*.py")
 ONSET_CLAIMS = ("tests/onset/test_*claims*.py", "tests/onset/test_*decision*.py", "tests/onset/test_*excluded*.py")
 MAGNITUDES = ("tests/preprocessing/test_*magnitudes*.py", "tests/preprocessing/test_*limits*.py")

@@ -17,9 +17,9 @@ from ..report.text import quantity
 from .changes import RANKS, Change
 from .circling import scale_by_circles
 from .finding import Implausible
-from .relations import NAMES, RELATIONS
+from .relations import NAMES, RELATIONS, State
 from .search import Blame, blames, known_relations
-from .seconds import Seconds, seconds_of
+from .seconds import seconds_of
 
 TINY = 1e-12  # a tolerance of nothing, of a channel that rests
 
@@ -62,7 +62,7 @@ def _changed(log: FlightLog, findings: Sequence[Implausible], who: str) -> Fligh
     return log.changed(change, notes=(*log.notes, *notes)) if steps else log
 
 
-def _beyond_tolerance(blame: Blame, log: FlightLog, seconds: Seconds) -> Blame:
+def _beyond_tolerance(blame: Blame, log: FlightLog, seconds: State) -> Blame:
     """Return what is to blame, without those whose error would be one that any such channel may have."""
     if blame.change.rank < max(RANKS.values()) or not blame.rivals:
         return blame

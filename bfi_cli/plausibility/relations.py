@@ -59,7 +59,13 @@ TYPICAL_ANGLE = 0.1
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class State:
-    """Channels (n,) with their rates, as they are or changed."""
+    """Channels once a second, in flight, with their rates, as they are or changed.
+
+    Attributes
+    ----------
+    values : (n,) by standard name, in its SI unit, NaN where a second has none.
+    rates : (n,) their derivatives, per second of the log's axis.
+    """
 
     values: Values
     rates: Values

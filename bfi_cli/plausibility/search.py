@@ -11,7 +11,6 @@ import numpy as np
 from ..kernels import BoolArray, FloatArray, IntArray
 from .changes import Change, named_changes
 from .relations import Relation, State
-from .seconds import Seconds
 
 # Pieces of a flight in each of which a relation fails that fails throughout; what begins during a flight is a fault
 # with an onset, which the analyses find. Slopes need longer pieces than medians.
@@ -167,7 +166,7 @@ class Blame:
     misfit: float
 
 
-def known_relations(relations: Sequence[Relation], seconds: Seconds) -> list[KnownRelation]:
+def known_relations(relations: Sequence[Relation], seconds: State) -> list[KnownRelation]:
     """Return the relations that a log tells of, with the seconds in which it does."""
     found = []
     for one in relations:
@@ -181,7 +180,7 @@ def known_relations(relations: Sequence[Relation], seconds: Seconds) -> list[Kno
     return found
 
 
-def blames(relations: Sequence[KnownRelation], seconds: Seconds, stated: Mapping[str, str | None]) -> list[Blame]:
+def blames(relations: Sequence[KnownRelation], state: State, stated: Mapping[str, str | None]) -> list[Blame]:
     """Return what explains the relations that fail throughout a flight, what explains most of them first.
 
     A change is to blame that makes relations hold which fail, and lets none fail that holds. Of changes that explain
@@ -192,7 +191,7 @@ def blames(relations: Sequence[KnownRelation], seconds: Seconds, stated: Mapping
     ----------
     stated : the units that the log states, None where it does not.
     """
-    state, to_blame = State(values=seconds.values, rates=seconds.rates), list[Blame]()
+    to_blame = list[Blame]()
     for _ in range(MOST_FINDINGS):
         before = [one.misfit(state) for one in relations]
         failing = [one for one, misfit in zip(relations, before, strict=True) if misfit.fails]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from ..flightlog.record import LARGEST_VALUE
 from ..flightlog.signs import BORNE, FASTEST, METRES_PER_SECOND, MOVING, WALK
 from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.runs import runs
+from .relations import State
 
 # Samples of a large log that are looked at, from its middle: three hours at 100 Hz take a tenth of a second.
 LOOKED_AT = 1_000_000
@@ -27,21 +27,7 @@ SETTLING = 10
 ONE_TURN = 6.4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Seconds:
-    """A log once a second, where the aircraft flies.
-
-    Attributes
-    ----------
-    values : (n,) by standard name, in its SI unit, NaN where a second has none.
-    rates : (n,) their derivatives, per second of the log's axis.
-    """
-
-    values: Mapping[str, FloatArray]
-    rates: Mapping[str, FloatArray]
-
-
-def seconds_of(log: FlightLog, names: Iterable[str]) -> Seconds | None:
+def seconds_of(log: FlightLog, names: Iterable[str]) -> State | None:
     """Return channels of a log once a second, in flight; None where nothing tells that it flies."""
     middle = max(0, (log.n_samples - LOOKED_AT) // 2)
     rows = slice(middle, middle + LOOKED_AT)
@@ -65,7 +51,7 @@ def seconds_of(log: FlightLog, names: Iterable[str]) -> Seconds | None:
     # Even steps through what is flown, so that pieces of it are pieces of the flight.
     kept = np.flatnonzero(flown)
     kept = kept[:: max(1, -(-kept.size // MOST_TRIED))]
-    return Seconds(
+    return State(
         values={name: _as_slow(values)[kept] for name, values in every.items()},
         rates={name: values[kept] for name, values in rates.items()},
     )

@@ -1,4 +1,4 @@
-"""Sensors that fail by themselves: any that holds its reading, a probe and a normal accelerometer that step.
+"""Sensors that fail by themselves: any that holds its reading; a probe, an altimeter, a normal accelerometer that step.
 
 What is computed from a temperature follows a probe that is wrong, so that no relation between these channels breaks;
 but no air changes by some kelvin within seconds at one altitude. The mean of a normal acceleration over two minutes is
@@ -23,8 +23,8 @@ from ..kernels.quantisation import find_quantum
 from ..kernels.runs import is_repeated, left_of, repeats
 from .credibility import climbing_load, still_air_angle
 from .finding import Finding, as_good, squares_by_onset
-from .record import Record
-from .windows import flight_stretches, within
+from .record import STEP_S, Record
+from .windows import Window, flight_stretches, within
 
 FloatArray = NDArray[np.float64]
 
@@ -48,6 +48,11 @@ PROBE_MEAN_S, PROBE_GAP_S = 4, 2
 # K, and K per m of altitude meanwhile, in which air can be layered. Off a lapse rate the static temperature of both
 # recorded Citations changes by at most 1.6 K within these seconds in level flight and by 2.5 K in 55 m of climb.
 AIR_K, LAYERED = 3.0, 0.1
+# m, steps of the altitude, and share of its change, by which it does not change beside its rate: at most 4.7 m in the
+# flights of three recorders.
+ALTIMETER_M, ALTIMETER_STEPS, SHARE = 8.0, 3.0, 0.1
+# The share of it that one second of a step has at least, in two of which its sample and the recorder's low-pass lie.
+AT_ONCE = 0.4
 # Times what the flight usually shows, that a step is; s after which it must still be there.
 UNUSUAL, LASTS_S = 10.0, 30
 # s of the means before and after a step of the normal acceleration, with less bank than this, rad: in a turn, bank is
@@ -163,23 +168,12 @@ def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[st
     warmer, higher, faster = (
         _difference(np.where(flies, x, np.nan), PROBE_MEAN_S, PROBE_GAP_S) for x in (sat, channels["altitude"], speed)
     )
-    follows = np.column_stack([higher, faster])
-    known = np.isfinite(warmer) & np.isfinite(follows).all(axis=1)
-    if np.count_nonzero(known) < LASTS_S:
-        return ()
-    own = warmer - follows @ np.linalg.lstsq(follows[known], warmer[known], rcond=None)[0]
-    usual = MAD * float(np.median(np.abs(own[known])))
+    own, usual = _less_what_follows(warmer, np.column_stack([higher, faster]))
     least = np.maximum(AIR_K, UNUSUAL * usual) + LAYERED * np.abs(higher)
     reach_s = 0.5 * (PROBE_MEAN_S + PROBE_GAP_S)
     found = []
-    for k in _peaks(np.abs(own) / least, PROBE_MEAN_S + PROBE_GAP_S):
-        # A spike is none: the step is there half a minute later, but for half of it.
-        before, after = sat[max(0, k - LASTS_S) : k - 2], sat[k + 2 : k + LASTS_S]
-        if not (np.isfinite(before).any() and np.isfinite(after).any()):
-            continue
+    for k in _lasting_peaks(own, least, sat):
         step, warmth = float(own[k]), float(channels["sat" if "sat" in channels else heat][k])
-        if not (np.nanmedian(after) - np.nanmedian(before)) / step > 0.5:
-            continue
         size = step * float(channels[heat][k] / warmth)
         faster_by = 0.5 * float(channels["tas"][k] if "tas" in channels else 0.0) * step / warmth
         effects = {"tat": size, "sat": step, "tas": faster_by}
@@ -195,6 +189,70 @@ def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[st
         names = tuple(name for name in ("tat", "sat", "tas") if name in recorded)
         found.append(replace(finding, channels=names, effect={name: effects[name] for name in names}))
     return tuple(found)
+
+
+def altimeter_steps(record: Record, phases: Sequence[Phase], without: Sequence[Window]) -> tuple[Finding, ...]:
+    """Return the steps of the altitude that its rate does not have: an altimeter, or what is set on it.
+
+    A rate that lags makes a change of the altitude that follows a change of the rate.
+
+    Parameters
+    ----------
+    without : stretches in which the static line is held or leaks: then both read what the line does.
+    """
+    channels = record.channels
+    if not {"altitude", "altitude_rate"} <= channels.keys():
+        return ()
+    watched = within(record.time_s, flight_stretches(phases)) & ~within(record.time_s, without)
+    rate = np.where(watched, channels["altitude_rate"], np.nan)
+    climbed = STEP_S * (np.cumsum(np.nan_to_num(rate)) - 0.5 * np.nan_to_num(rate))
+    excess = np.where(np.isfinite(rate), channels["altitude"] - climbed, np.nan)
+    change, faster, by_rate = (_difference(x, PROBE_MEAN_S, PROBE_GAP_S) for x in (excess, rate, climbed))
+    own, usual = _less_what_follows(change, faster[:, None])
+    quantum = find_quantum(channels["altitude"][np.isfinite(channels["altitude"])]) or 0.0
+    least = max(ALTIMETER_M, UNUSUAL * usual, ALTIMETER_STEPS * quantum) + SHARE * np.abs(by_rate)
+    at_once = np.nan_to_num(np.abs(np.diff(excess)))  # by which a step changes, and what is held does not
+    found = []
+    for k in _lasting_peaks(own, least, excess):
+        first = max(0, k - PROBE_MEAN_S)
+        onset, size = first + int(np.argmax(at_once[first : k + PROBE_MEAN_S])), float(own[k])
+        if at_once[onset] > AT_ONCE * abs(size):
+            onset_s = float(record.time_s[onset]) + 0.5 * STEP_S
+            found.append(
+                _step(
+                    "altitude",
+                    size,
+                    sd=max(usual, 1e-3 * abs(size)),
+                    unit="m",
+                    onsets_s=(onset_s, onset_s - STEP_S, onset_s + STEP_S),
+                    statistic=abs(size) / float(least[k]),
+                    words="altitude against its rate",
+                )
+            )
+    return tuple(found)
+
+
+def _less_what_follows(change: FloatArray, follows: FloatArray) -> tuple[FloatArray, float]:
+    """Return (n,) changes less what follows others, (n, n_others), and their usual size; NaN where few are known."""
+    known = np.isfinite(change) & np.isfinite(follows).all(axis=1)
+    if np.count_nonzero(known) < LASTS_S:
+        return np.full(len(change), np.nan), np.nan
+    own = change - follows @ np.linalg.lstsq(follows[known], change[known], rcond=None)[0]
+    return own, MAD * float(np.median(np.abs(own[known])))
+
+
+def _lasting_peaks(own: FloatArray, least: FloatArray, values: FloatArray) -> list[int]:
+    """Return the samples at which a change of values is largest and above the least; a spike is none.
+
+    The step is there half a minute later, but for half of it.
+    """
+    lasting = []
+    for k in _peaks(np.abs(own) / least, 2 * (PROBE_MEAN_S + PROBE_GAP_S)):
+        before, after = values[max(0, k - LASTS_S) : k - 2], values[k + 2 : k + LASTS_S]
+        known = np.isfinite(before).any() and np.isfinite(after).any()
+        if known and (np.nanmedian(after) - np.nanmedian(before)) / own[k] > 0.5:
+            lasting.append(k)
+    return lasting
 
 
 def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:

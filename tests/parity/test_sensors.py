@@ -13,7 +13,7 @@ from bfi_cli.airdata import G, isa_temperature, speed_of_sound, static_temperatu
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.parity import Record, record_of
-from bfi_cli.parity.sensors import accelerometer_steps, frozen_sensors, probe_steps, without_frozen
+from bfi_cli.parity.sensors import accelerometer_steps, altimeter_steps, frozen_sensors, probe_steps, without_frozen
 
 N, RATE_HZ, ONSET_S = 1000, 4.0, 400.0
 FLIGHT = [Phase(phase="cruise", from_s=0.0, to_s=float(N))]
@@ -151,6 +151,33 @@ def test_a_static_line_that_leaks_is_no_step_of_an_accelerometer():
     since = np.maximum(log.time_s - ONSET_S, 0.0)
     rate = log.channels["altitude_rate"].values - 36.0 * np.exp(-since / 6.0) * (log.time_s >= ONSET_S)
     assert accelerometer_steps(record_of(with_values(log, "altitude_rate", rate)), FLIGHT) == ()
+
+
+def altitude_off(step_m: float, *, seconds: float = np.inf, lag_s: float = 0.0) -> Record:
+    """Return a flight whose altitude shows some metres more from 400 s on, and whose rate lags."""
+    log, rng = attitudes(), np.random.default_rng(3)
+    t, altitude = log.time_s, log.channels["altitude"].values
+    off = altitude + step_m * ((t >= ONSET_S) & (t < ONSET_S + seconds)) + 0.3 * rng.standard_normal(t.size)
+    rate = log.channels["altitude_rate"].values
+    lagging = np.interp(t - lag_s, t, rate)
+    return record_of(with_values(with_values(log, "altitude", off), "altitude_rate", lagging))
+
+
+@pytest.mark.parametrize(("step_m", "lag_s"), [(12.0, 0.0), (-60.0, 0.0), (25.0, 2.0), (-60.0, 2.0)])
+def test_an_altimeter_that_steps_is_named_with_its_size(step_m: float, lag_s: float):
+    (found,) = altimeter_steps(altitude_off(step_m, lag_s=lag_s), FLIGHT, ())
+    assert (found.fault, found.shape, found.effect) == ("altitude", "bias", {"altitude": found.magnitude})
+    assert found.magnitude == pytest.approx(step_m, abs=3.0)
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+
+
+def test_a_rate_that_lags_a_spike_and_a_line_that_is_held_are_no_step_of_an_altimeter():
+    assert altimeter_steps(altitude_off(0.0, lag_s=2.0), FLIGHT, ()) == ()
+    assert altimeter_steps(altitude_off(60.0, seconds=4.0), FLIGHT, ()) == ()
+    assert altimeter_steps(altitude_off(60.0), FLIGHT, [(ONSET_S - 20.0, ONSET_S + 20.0)]) == ()
+    without = altitude_off(60.0)
+    no_rate = {name: values for name, values in without.channels.items() if name != "altitude_rate"}
+    assert altimeter_steps(replace(without, channels=no_rate), FLIGHT, ()) == ()
 
 
 def lively() -> FlightLog:

@@ -1,0 +1,65 @@
+"""Altitudes that step by 12 to 120 m in recorded flights; other faults, and healthy flights, in which none does."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from bars import FULL, not_below
+from shipped_parity import FLIGHTS
+
+from bfi_cli.config import Config
+from bfi_cli.diagnose.flight import flight_of
+from bfi_cli.faults import Fault
+from bfi_cli.flightlog import FlightLog, inject, read_log
+from bfi_cli.flightlog.phases import phases_of
+from bfi_cli.parity.windows import flight_stretches
+
+pytestmark = [pytest.mark.slow, pytest.mark.realdata]
+
+TRIALS = 24 if FULL else 4
+RECORDERS = (*FLIGHTS, "reader_samples/g1000_c172.csv")
+OTHERS: dict[str, dict[str, float]] = {
+    "static_blocked": {},
+    "static_leak": {"magnitude": 0.1, "time_constant_s": 2.0},
+    "pitot_blocked": {},
+}
+
+
+def steps_in(log: FlightLog) -> list[tuple[float, float]]:
+    """Return onset and size of every step of the altitude."""
+    found = [one for one in flight_of(log, Config()).stepped if one.fault == "altitude"]
+    return [(one.onset_s, one.magnitude or 0.0) for one in found]
+
+
+def onsets(log: FlightLog) -> list[float]:
+    rng = np.random.default_rng(0)
+    stretches = [one for one in flight_stretches(phases_of(log)) if one[1] - one[0] > 180.0]
+    return [rng.uniform(a + 60.0, b - 90.0) for a, b in (stretches[k % len(stretches)] for k in range(TRIALS))]
+
+
+@pytest.mark.parametrize("name", RECORDERS)
+def test_an_altimeter_that_steps_is_found_with_its_size(flights: Path, name: str) -> None:
+    log, rng = read_log(flights / name), np.random.default_rng(1)
+    found = []
+    for onset_s in onsets(log):
+        size = float(rng.choice([-1.0, 1.0]) * rng.uniform(12.0, 120.0))
+        told = steps_in(inject(log, [Fault(shape="bias", channel="altitude", onset_s=onset_s, magnitude=size)]))
+        found.append(len(told) == 1 and abs(told[0][0] - onset_s) < 4.0 and abs(told[0][1] / size - 1.0) < 0.15)
+    print(f"\n{name}: {sum(found)} of {len(found)}")
+    assert not_below(sum(found) / len(found), 0.8, len(found))
+
+
+@pytest.mark.parametrize("name", RECORDERS)
+def test_other_faults_and_healthy_flights_have_none(flights: Path, name: str) -> None:
+    log = read_log(flights / name)
+    assert steps_in(log) == []
+    told = {}
+    for shape, keys in OTHERS.items():
+        for onset_s in onsets(log):
+            found = steps_in(inject(log, [Fault(shape=shape, onset_s=onset_s, **keys)]))  # type: ignore[arg-type]
+            if found:
+                told[shape, round(onset_s)] = found
+    print(f"\n{name}: {told}")
+    assert told == {}

@@ -33,7 +33,7 @@ from ..parity.calibration import load_air_data
 from ..parity.credibility import coarse_positions, credibility_of
 from ..parity.holds import Holds, find_holds
 from ..parity.record import USED
-from ..parity.sensors import accelerometer_steps, altimeter_steps, frozen_sensors, probe_steps, without_frozen
+from ..parity.sensors import frozen_sensors, sensor_steps, without_frozen
 from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps, within
 from ..preprocessing.tolerance import AIRSPEEDS, tolerance_of
 
@@ -240,11 +240,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         tolerances=config.tolerances,
         unused=(*frozen, *([coarse] if coarse else ()), *unlike, *credible.sentences),
         not_credible=(*resting, *credible.findings),
-        stepped=(
-            *probe_steps(record, phases, log.channels.keys()),
-            *altimeter_steps(record, phases, _stretches_of(held.findings)),
-            *accelerometer_steps(record, phases),
-        ),
+        stepped=sensor_steps(record, phases, log.channels.keys(), without=_stretches_of(held.findings)),
         unusable=credible.unusable,
         defects=defects,
     )

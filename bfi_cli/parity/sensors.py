@@ -153,6 +153,23 @@ def _usual(seconds: FloatArray, flown_s: float) -> float:
     return float(order[min(k, len(order) - 1)])
 
 
+def sensor_steps(
+    record: Record, phases: Sequence[Phase], recorded: Collection[str], *, without: Sequence[Window]
+) -> tuple[Finding, ...]:
+    """Return the steps of a temperature probe, of an altimeter and of a normal accelerometer.
+
+    Parameters
+    ----------
+    recorded : the channels that the log has by itself.
+    without : stretches in which the static line is held or leaks.
+    """
+    return (
+        *probe_steps(record, phases, recorded),
+        *altimeter_steps(record, phases, without),
+        *accelerometer_steps(record, phases),
+    )
+
+
 def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[str]) -> tuple[Finding, ...]:
     """Return the steps of the air temperature that no air has: a probe, with all that is computed from it."""
     channels = record.channels

@@ -343,6 +343,7 @@ def test_a_dictionary_of_kinds_has_an_audit_too():
     assert audit_content(document).verdict == "3 faults, 3 of them can be looked for"
 
 
+@pytest.mark.slow
 def test_the_limits_of_kinds_on_a_log_are_those_of_the_search():
     changes = {"model.order": 4, "conditioning.rate_hz": "none", "start_time.calibration": "gaussian"}
     config = merge(Config(), changes)

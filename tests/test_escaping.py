@@ -182,6 +182,7 @@ def test_dictionary(run: Callable, tmp_path: Path):
     assert check_files(tmp_path) == {".json", ".html", ".csv", ".svg", ".png"}
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize(
     "line",
     [

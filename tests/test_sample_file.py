@@ -64,6 +64,7 @@ def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.mark.first_rows(7)
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize("line", LINES)
 def test_files_outside_are_refused_unless_they_are_allowed(bfi: Callable, desk: Path, line: str):

@@ -57,6 +57,7 @@ def log(request: pytest.FixtureRequest) -> FlightLog:
     return flown(request.param)
 
 
+@pytest.mark.first_rows(1)
 def test_channels_are_standard_ones_in_si(log: FlightLog):
     assert {name: STANDARD[name].unit for name in log.channels} == {
         name: channel.unit for name, channel in log.channels.items()
@@ -118,6 +119,7 @@ def test_ground_velocity_is_airspeed_in_calm_air(log: FlightLog):
     np.testing.assert_allclose(over_ground, one["tas"], rtol=1e-4)
 
 
+@pytest.mark.slow
 @needs_jsbsim
 def test_a_steady_wind_adds_to_the_ground_velocity_alone():
     calm, windy = (signals(flown("c172p", duration_s=5.0, wind_m_s=wind)) for wind in ((0.0, 0.0), (7.0, -3.0)))
@@ -133,6 +135,7 @@ def test_the_flight_begins_where_it_is_asked_to():
     assert log.channel("altitude").values[0] == pytest.approx(8000.0, abs=15.0)
 
 
+@pytest.mark.slow
 @needs_jsbsim
 def test_the_same_seed_gives_the_same_log_and_another_one_other_gusts():
     given = {"turbulence": Dryden(sigma_m_s=1.0), "noise_sd": {"tas": 0.1}, "duration_s": 4.0}
@@ -142,6 +145,7 @@ def test_the_same_seed_gives_the_same_log_and_another_one_other_gusts():
     assert np.ptp(one["aoa"] - other["aoa"]) > 0.01
 
 
+@pytest.mark.slow
 @needs_jsbsim
 def test_noise_leaves_the_flight_as_it_is():
     clean, noisy = (signals(flown("c172p", duration_s=4.0, noise_sd={"tas": sd})) for sd in (0.0, 0.1))
@@ -150,6 +154,7 @@ def test_noise_leaves_the_flight_as_it_is():
         np.testing.assert_array_equal(noisy[name], clean[name])
 
 
+@pytest.mark.slow
 @needs_jsbsim
 def test_gusts_have_their_intensity():
     """The airspeed less the motion over the ground along the heading is the gust, with the sign of a headwind."""
@@ -159,6 +164,7 @@ def test_gusts_have_their_intensity():
     assert np.std(one["tas"] - along) == pytest.approx(0.5, rel=0.5)
 
 
+@pytest.mark.slow
 @needs_jsbsim
 def test_a_tour_climbs_and_turns_both_ways():
     one = signals(flown("c172p", course="none", throttle=0.0, duration_s=262.0, tour=True))
@@ -168,6 +174,7 @@ def test_a_tour_climbs_and_turns_both_ways():
     assert np.abs(one["sideslip"]).max() < 0.2
 
 
+@pytest.mark.slow
 @needs_jsbsim
 def test_a_control_at_its_stop_is_a_note():
     notes = {
@@ -188,6 +195,7 @@ def test_a_flight_tells_the_process_that_waits_how_far_it_is(tmp_path: Path):
     assert set(told) == {0.99}
 
 
+@pytest.mark.slow
 @needs_jsbsim
 def test_the_command_is_silent_and_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """This aircraft writes a table into the folder it is started in, and all of them write to stdout."""
@@ -213,6 +221,7 @@ def test_the_command_writes_the_librarys_log(tmp_path: Path):
         np.testing.assert_array_equal(written.channel(name).values, channel.values)
 
 
+@pytest.mark.first_rows(8)
 @needs_jsbsim
 @pytest.mark.parametrize(
     ("options", "message"),

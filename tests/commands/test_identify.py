@@ -61,6 +61,7 @@ def names(document: Mapping[str, Any]) -> list[str]:
     return [fault["name"] for fault in document["faults"]]
 
 
+@pytest.mark.first_rows(2)
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize(
     ("log", "faults"),
@@ -192,6 +193,7 @@ DMAE = (
 SPARSITY = ("sparsity: none", "alpha: 9.0", "r: 1e-3", "p0: 1e3", "updates: 9")
 
 
+@pytest.mark.first_rows(5)
 @pytest.mark.parametrize(("key", "text", "path", "expected"), EFFECTS, ids=[effect[0] for effect in EFFECTS])
 def test_a_key_of_the_configuration(
     identify: Callable, request: pytest.FixtureRequest, tmp_path: Path, key: str, text: str, path: str, expected: Any
@@ -253,6 +255,7 @@ def test_strict_refuses_an_answer_of_a_solver_that_did_not_converge(identify: Ca
     assert {fault["ci95"] for fault in document["faults"]} == {None}
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize("text", DMAE, ids=[text.partition(":")[0] for text in DMAE])
 def test_a_key_of_the_double_model_estimator(identify: Callable, once: Callable, tmp_path: Path, text: str):
@@ -362,6 +365,7 @@ def as_csv(path: Path, header: str, *, tas: float = 1.0, elevator: float = 1.0) 
     return path
 
 
+@pytest.mark.first_rows(3)
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize(
     ("header", "options"),

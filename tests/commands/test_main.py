@@ -92,6 +92,7 @@ def test_json_on_a_terminal(bfi: Callable, line: tuple[object, ...], monkeypatch
     assert json.loads(bfi(*line, "--json").stdout)["kind"] == line[0]
 
 
+@pytest.mark.first_rows(5)
 @pytest.mark.parametrize(
     ("log", "options", "code"),
     [
@@ -183,6 +184,7 @@ def test_a_closed_pipe_is_quiet(words: list[object]):
     assert process.returncode == 0
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no device that is always full")
 def test_a_full_disk_is_one_line():
     program = [sys.executable, "-m", "bfi_cli", "info", str(LOG)]

@@ -106,6 +106,7 @@ def test_complaints_name_the_options_that_were_given(given: dict[str, object], m
     assert message in str(refused.value)
 
 
+@pytest.mark.slow
 def test_the_key_group_names_the_part_of_the_file_that_is_read(bfi: Callable, tmp_path: Path):
     with h5py.File(CLEAN) as source, h5py.File(tmp_path / "two.h5", "w") as file:
         for group in ("flight", "other"):

@@ -32,10 +32,12 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_the_first_line_says_what_to_state(bfi: Callable, logs: Path):
     assert " ".join(bfi("info", logs / "knots.h5").stdout.split()).startswith(STATE)
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("command", ["start-time", "identify"])
 def test_no_verdict_is_given_while_channels_contradict_each_other(bfi: Callable, logs: Path, command: str):
     document = json.loads(bfi(command, logs / "knots.h5", *PART, "--json").stdout)
@@ -46,6 +48,7 @@ def test_no_verdict_is_given_while_channels_contradict_each_other(bfi: Callable,
     assert document["faults"] == []
 
 
+@pytest.mark.slow
 def test_beside_a_constant_error_a_fault_that_begins_in_the_window_stays_declared(
     bfi: Callable, logs: Path, tmp_path: Path
 ):
@@ -73,6 +76,7 @@ def test_a_log_that_is_refused_says_what_to_state(bfi: Callable, logs: Path):
     assert f"; first {STATE}" in refused.stderr
 
 
+@pytest.mark.slow
 def test_a_constant_error_is_a_fault_of_the_flight(bfi: Callable, logs: Path):
     outcome = bfi("diagnose", logs / "offset.h5", "--from", 240, "--to", 420, "--workers", 1, "--json")
     document = json.loads(outcome.stdout)

@@ -214,6 +214,7 @@ def test_every_analysis_that_knows_a_time_has_events(
     assert (one["analysis"], one["name"], one["channels"], one["onset_s"]) == (kind, expected, ["tas"], 4.0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.usefixtures("undrawn")
 def test_the_result_of_an_analysis_is_drawn(bfi: Callable, tmp_path: Path) -> None:
@@ -284,6 +285,7 @@ def test_a_log_without_time_or_with_missing_samples_is_drawn_as_asked(bfi: Calla
     assert document["phases"] == document_of(bfi, log)["phases"]
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("align", ["auto", "12.4"])
 def test_two_recorders_of_one_flight_differ_by_what_one_of_them_errs(

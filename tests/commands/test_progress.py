@@ -101,6 +101,7 @@ def long_log(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_bar_shows_the_stages_and_leaves_stdout_alone(bfi: Callable):
     words = ("start-time", BIAS, "--shape", "bias", *QUICKER, "--json")
     shown, hidden = at_a_terminal(*words), bfi(*words, "--no-progress")
@@ -203,6 +204,7 @@ def test_every_stage_of_an_identification_grows_from_0_to_1(method: str):
         assert (min(told) >= 0.0, told[-1]) == (True, 1.0)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unscanned")
 def test_a_long_record_is_told_its_windows_before_it_is_analysed(bfi: Callable, long_log: Path):
     words = ("identify", long_log, "-d", FAULTS, *SLOWER, "--json")

@@ -87,6 +87,7 @@ START_TIME, DETECT = (
 )
 
 
+@pytest.mark.slow
 def test_fault_channel_and_onset_stand_in_one_line_that_fits():
     lines = on_terminal(40, *IDENTIFY, "-v")
     assert max(map(len, lines)) <= 40
@@ -109,6 +110,7 @@ def narrow(bfi: Callable, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list
     return run
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize(
     ("argv", "kept"),
     [(START_TIME, r" bias +tas +13\.8"), (DETECT, r" aoa +12 s +12\.\d+ s")],

@@ -37,6 +37,7 @@ METRIC = re.compile(r"\d (m/s(?!\^)|rad|rad/s|Pa|K)\b")
 IN_A_CELL = re.compile(r"[-+.\de]+ (s|m|m/s|m/s\^2|rad|rad/s|deg|deg/s|kt)")
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.usefixtures("undrawn", "unscanned")
 @pytest.mark.parametrize("name", COMMANDS)
 def test_tables_show_knots_and_json_stays_what_it_was(name: str, bfi: Callable, tmp_path: Path):
@@ -63,6 +64,7 @@ def test_tables_show_knots_and_json_stays_what_it_was(name: str, bfi: Callable, 
     assert re.search(r"\bkt\b", page)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unscanned")
 def test_a_stored_result_is_drawn_in_other_units(bfi: Callable, tmp_path: Path, request: pytest.FixtureRequest):
     made = bfi(*COMMANDS["start-time"], "--units", "aviation", "--out", tmp_path / "kt")
@@ -93,6 +95,7 @@ def test_the_numbers_are_those_of_the_document(bfi: Callable):
     np.testing.assert_allclose([float(one) for one in found.groups()], in_knots, atol=0.006)
 
 
+@pytest.mark.slow
 def test_plots_have_knots_feet_and_degrees(bfi: Callable, tmp_path: Path):
     outcome = bfi("plot", BIAS, "--units", "aviation", "--channel", "tas", "--channel", "aoa", "--out", tmp_path / "kt")
     assert outcome.code == 0

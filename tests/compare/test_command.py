@@ -39,6 +39,7 @@ def test_methods_are_scored_against_the_injected_fault(bfi, tmp_path: Path):
     assert set(found["dmae"]["agrees"]) == {"arx-residual", "null-space"}
 
 
+@pytest.mark.slow
 def test_the_report_of_a_stored_document_is_that_of_the_command(bfi, tmp_path: Path):
     made = bfi("compare", LOG, *QUICK, "--out", tmp_path / "made")
     drawn = bfi("report", tmp_path / "made" / "result.json", "--out", tmp_path / "drawn")

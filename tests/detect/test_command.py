@@ -90,6 +90,7 @@ def test_the_kinds_required_decide(bfi, healthy: Path):
     assert (strict.code, json.loads(strict.stdout)["decision"]) == (4, "inconclusive")
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_the_tolerance_decides_what_is_excluded(bfi, healthy: Path, tmp_path: Path):
     limit = {one["channel"]: one["excluded_above"] for one in json.loads(_plain(bfi, healthy))["candidates"]}
@@ -152,6 +153,7 @@ def test_strict_asks_for_a_threshold_that_is_known_to_hold(bfi, failing: Path, t
     assert (clean.code, json.loads(clean.stdout)["is_calibrated"]) == (0, True)
 
 
+@pytest.mark.slow
 def test_what_comes_next_is_a_command_that_runs(bfi, failing: Path):
     document = json.loads(bfi("detect", failing, "--train", "0:8", "--json").stdout)
     words = document["commands"][0].split()

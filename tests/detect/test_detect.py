@@ -62,6 +62,7 @@ def test_with_noise_and_without_a_failure_nothing_is_declared(flown: Callable[..
     assert result.ready_s == pytest.approx(8.0)
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("noise", [1e-4, 3e-4, 1e-3, 3e-3])
 def test_motion_that_the_healthy_time_did_not_hold_is_no_failure(flown: Callable[..., FlightLog], noise: float):
     """The phugoid after the manoeuvre moves where the healthy time's own motion drowned in its noise."""
@@ -100,6 +101,7 @@ def test_accelerations_count_as_inputs_unless_others_are_asked_for(flown: Callab
     assert (watched.inputs, watched.outputs) == (elevators, ("longitudinal_acc", "pitch"))
 
 
+@pytest.mark.slow
 def test_inputs_with_noise_of_their_own_that_move_together_count_as_one(flown: Callable[..., FlightLog]):
     """Four elevators that were logged one by one predict as well as their mean does."""
     rng, log = np.random.default_rng(1), flown(Fault(shape="bias", channel="aoa", magnitude=0.01, onset_s=12.0))
@@ -184,6 +186,7 @@ def test_healthy_channels_are_excluded_each_and_what_is_not_looked_for_is_said(f
         assert one.effect == one.excluded_above <= one.tolerance
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_twice_what_is_excluded_is_declared(flown: Callable[..., FlightLog], noise: float):
     """Of every channel, at onsets drawn from those that the claim covers, in the same record."""

@@ -29,6 +29,7 @@ def with_gain(log: FlightLog, *channels: str, gain: float = 0.9, from_s: float =
     return replace(log, channels={**log.channels, **changed})
 
 
+@pytest.mark.first_rows(3)
 @pytest.mark.parametrize("outputs", [("aoa",), ("altitude",), ("aoa", "pitch"), ("altitude", "tas_rate")])
 def test_outputs_that_do_not_hold_all_states_need_more_lags_and_raise_no_alarm(
     flown: Callable[..., FlightLog], outputs: tuple[str, ...]
@@ -63,6 +64,7 @@ def test_the_level_flown_at_does_not_matter(flown: Callable[..., FlightLog]):
     assert [(one.channel, one.time_s) for one in found] == [("aoa", 12.0)]
 
 
+@pytest.mark.slow
 def test_noise_is_told_where_the_exact_form_is_asked_for(flown: Callable[..., FlightLog]):
     result = detect_faults(flown(), merge(TRAINED, {"detect.method": "exact"}))
     assert "the healthy time is not explained to round-off" in texts(result.notes)[0]
@@ -70,6 +72,7 @@ def test_noise_is_told_where_the_exact_form_is_asked_for(flown: Callable[..., Fl
     assert {one.state for one in result.candidates} <= {"declared", "not_seen"}
 
 
+@pytest.mark.slow
 def test_a_step_beyond_the_limit_is_declared_at_its_very_sample(flown: Callable[..., FlightLog]):
     """Hardly more than the limit does at any sample that the claim covers."""
     log = flown(noise=0.0)

@@ -105,6 +105,7 @@ def test_no_step_is_excluded_at_a_rate_at_which_the_recorder_spreads_it(recorded
     assert None not in limits(detected(recorded, conditioning__rate_hz=2.0))
 
 
+@pytest.mark.slow
 def test_where_nobody_states_the_recorder_a_slow_one_is_reckoned_with(recorded: FlightLog):
     """At a rate at which it would spread a step nothing is excluded; stated as absent, or at a lower rate, it is."""
     bare = replace(recorded, filters=None)
@@ -129,6 +130,7 @@ def test_the_lowest_edge_that_an_uncertain_recorder_may_have_counts(recorded: Fl
     assert None not in [*limits(sure), *limits(unsure)]
 
 
+@pytest.mark.slow
 def test_steps_through_the_recorder_just_above_what_is_excluded_raise_an_alarm(recorded: FlightLog):
     """In every channel at onsets anywhere: at least 95 in a hundred."""
     rng, found, n = np.random.default_rng(7), 0, 0
@@ -142,6 +144,7 @@ def test_steps_through_the_recorder_just_above_what_is_excluded_raise_an_alarm(r
     assert found >= 12
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("edge_hz", ["none", 3.0])
 def test_what_is_stated_against_the_log_excludes_no_more_than_the_log_allows(recorded: FlightLog, edge_hz: str | float):
     assert detected(recorded, recorder__edge_hz=edge_hz).log.rate_hz == pytest.approx(2.0)

@@ -64,6 +64,7 @@ def test_apart_is_less_than_seen(at_unit):
     assert (apart <= seen).all()
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("key", ["divergence_bits", "sample_bits", "apart_bits"])
 def test_larger_faults_tell_more(flight, thesis, at_unit, key):
     larger = assess(flight, thesis, merge(EXACT, {"diagnosability.magnitude": 3.0}))
@@ -112,6 +113,7 @@ def test_what_cannot_be_looked_for_is_named_and_has_no_numbers(flight):
         assess(flight, dictionary(late), Config())
 
 
+@pytest.mark.slow
 def test_what_the_model_explains_away_tells_nothing(flight, tmp_path):
     """A fault with the course of the elevator is a change of the elevator's effect."""
     table = np.column_stack([flight.time_s, flight.channel("elevator").values])

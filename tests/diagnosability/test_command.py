@@ -28,6 +28,7 @@ def test_a_log(bfi, tmp_path: Path):
     assert json.loads((tmp_path / "out" / "result.json").read_text()) == document
 
 
+@pytest.mark.slow
 def test_a_model(bfi, thesis):
     words = ("--manoeuvre", "doublet", "--manoeuvre", "none", "--noise", "tas=0.05", "--at-limit", "--seed", 3)
     outcome = bfi("diagnosability", *FLOWN, *words, "--amplitude", 0.05, "--magnitude", "bias_13.8=2", "--json")

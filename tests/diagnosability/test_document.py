@@ -62,6 +62,7 @@ def test_the_curves_cross_the_dashed_line_at_the_minimal_detectable_magnitudes(a
         assert np.exp(np.interp(level, one.y, np.log(one.x))) == pytest.approx(limits[one.label], rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_verdict_names_what_is_hardest_and_the_best_manoeuvre(at_unit, compared):
     assert "Hardest to see: drift_7.93 of 0.23 m/s^2 (" in diagnosability_content(stored(at_unit)).verdict
     content = diagnosability_content(stored(compared))

@@ -21,6 +21,7 @@ def flights(*manoeuvres: str, base: Config | None = None, **settings) -> Config:
     return merge(base or Config(), {f"diagnosability.{key}": value for key, value in given.items()})
 
 
+@pytest.mark.slow
 def test_one_draw_of_one_manoeuvre_is_the_assessment_of_its_record(thesis):
     one = flights("3211", draws=1)
     result, log = assess_manoeuvres(thesis, one), flown(one, "3211", 0)
@@ -80,6 +81,7 @@ def test_gusts_hide_faults():
     assert bits(1.0) < bits(0.0)
 
 
+@pytest.mark.slow
 def test_what_is_not_clearly_better_is_said():
     """Faults too small for any manoeuvre make them alike."""
     alike = assess_manoeuvres(BIAS, flights("3211", "doublet", base=QUICK, magnitude=1e-9))

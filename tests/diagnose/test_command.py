@@ -89,6 +89,7 @@ def test_a_drift_of_tas_alone_is_read_off_the_relations(diagnoses: Diagnoses):
     assert event["onset_s"] == pytest.approx(ONSET_S, abs=3.0)
 
 
+@pytest.mark.slow
 def test_a_blocked_pitot_tube_is_held_until_it_is_free(diagnoses: Diagnoses):
     document = diagnoses.of(BLOCKED)
     (event,) = document["events"]
@@ -100,6 +101,7 @@ def test_a_blocked_pitot_tube_is_held_until_it_is_free(diagnoses: Diagnoses):
     assert document["verdicts"]["slow"] == document["decision"] == "fault"
 
 
+@pytest.mark.slow
 def test_a_vane_that_drifts_is_named(diagnoses: Diagnoses):
     (event,) = diagnoses.of(VANE)["events"]
     assert (event["fault"], event["channels"]) == ("aoa", ["aoa"])
@@ -115,6 +117,7 @@ def test_windows_lie_in_the_part_and_a_fault_tells_no_zero_lift(diagnoses: Diagn
     assert (document["zero_lift_rad"], document["zero_lift_from"]) == (None, "free in every window")
 
 
+@pytest.mark.slow
 def test_exit_codes(diagnoses: Diagnoses):
     """One short part each: 10 where a fault is declared, 4 where the log cannot tell and that matters, 0 else."""
     short = ("--from", 400, "--to", 560, "--workers", 1)
@@ -124,6 +127,7 @@ def test_exit_codes(diagnoses: Diagnoses):
     assert diagnoses.bfi("diagnose", diagnoses.log(""), *short).code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_the_files(diagnoses: Diagnoses, tmp_path: Path):
     part = ("--from", 300, "--to", 600, "--workers", 1)
@@ -152,6 +156,7 @@ def test_the_files(diagnoses: Diagnoses, tmp_path: Path):
         assert (tmp_path / "b" / name).read_bytes() == (tmp_path / "a" / name).read_bytes(), name
 
 
+@pytest.mark.slow
 def test_corrected_airspeed_is_what_was_flown(journey: FlightLog, diagnoses: Diagnoses, tmp_path: Path):
     outcome = diagnoses.bfi("diagnose", diagnoses.log(ICING), *PART, "--workers", 1, "--json", "--series")
     document = json.loads(outcome.stdout)
@@ -172,6 +177,7 @@ def test_corrected_airspeed_is_what_was_flown(journey: FlightLog, diagnoses: Dia
     assert np.abs(free - 0.0025 * after).max() < 0.05
 
 
+@pytest.mark.slow
 def test_a_calibration_of_the_aircraft(journey: FlightLog, diagnoses: Diagnoses, tmp_path: Path):
     table = tmp_path / "own.json"
     made = diagnoses.bfi("calibrate", diagnoses.folder / "healthy.h5", "-o", table)
@@ -198,6 +204,7 @@ def test_something_is_shown_before_the_work_begins():
         diagnose_flight(None, Config(), progress=stop)
 
 
+@pytest.mark.slow
 def test_every_stage_of_the_work_is_told(journey: FlightLog):
     told: dict[str, list[float]] = {}
     config = Config.model_validate({"window": {"from_s": 400.0, "to_s": 560.0}})

@@ -63,12 +63,14 @@ def holders(monkeypatch: pytest.MonkeyPatch) -> dict[str, set[str]]:
     return held
 
 
+@pytest.mark.slow
 def test_few_kinds_of_containers_hold_a_series_in_an_identification(holders: dict[str, set[str]], bfi: Callable):
     assert bfi("identify", "data/citation_bias.h5", "-d", "configs/thesis_dictionary.yaml", "--json").code == 0
     assert {"flightlog.record.FlightLog", "identify.result.OutputSeries"} <= {*holders}
     assert len({*holders} - NO_SERIES) <= MOST["identify"], holders
 
 
+@pytest.mark.slow
 def test_few_kinds_of_containers_hold_a_series_in_a_diagnosis(
     holders: dict[str, set[str]], journey: FlightLog, bfi: Callable, tmp_path: Path
 ):

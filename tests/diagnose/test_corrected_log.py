@@ -124,6 +124,7 @@ def test_the_list_of_events_begins_with_its_header_and_goes_by_time() -> None:
     assert {key: rows[1][key] for key in wanted} == wanted
 
 
+@pytest.mark.slow
 def test_a_diagnosis_in_other_programs(journey: FlightLog, diagnoses: Diagnoses, tmp_path: Path) -> None:
     """The log without its fault is what was flown; the list is written again, and over no other file."""
     bfi, log, listed, out = diagnoses.bfi, diagnoses.log(DRIFT), tmp_path / "events.csv", tmp_path / "clean.h5"

@@ -64,6 +64,7 @@ def diagnosed_without(journey: FlightLog) -> Callable[[str], DiagnoseResult]:
     return cache(lambda name: diagnosed(lacking(journey, name)))
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("name", [*COSTS, *REPLACED])
 def test_what_a_missing_channel_costs(diagnosed_without: Callable[[str], DiagnoseResult], name: str):
     result = diagnosed_without(name)
@@ -78,6 +79,7 @@ def test_every_channel_has_a_row(journey: FlightLog):
     assert {*COSTS, *REPLACED} == journey.channels.keys()
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("name", [name for name in COSTS if name not in ("elevator", "tas", "cas", "mach")])
 def test_a_frozen_channel_is_named_and_as_good_as_missing(
     journey: FlightLog, diagnosed_without: Callable[[str], DiagnoseResult], name: str
@@ -96,6 +98,7 @@ def test_a_channel_without_a_number_is_no_frozen_one(journey: FlightLog):
     assert result.missing[0] == "'aoa' is not used: it holds no number through the whole log"
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize(
     ("names", "value", "from_s", "to_s"),
     [
@@ -214,6 +217,7 @@ def test_a_log_of_the_ground(journey: FlightLog):
         diagnose_flight(lacking(replace(log, channels={**log.channels, "tas": slow}), "cas", "mach"), Config())
 
 
+@pytest.mark.first_rows(3)
 @pytest.mark.parametrize(
     ("options", "code", "said"),
     [
@@ -233,6 +237,7 @@ def test_options(diagnoses: Diagnoses, options: tuple[str, ...], code: int, said
     assert outcome.stderr.count("\n") == 1
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize(
     ("content", "said"),
     [

@@ -148,6 +148,7 @@ def test_a_log_that_never_flies_says_so(journey: FlightLog):
     assert texts(found.notes)
 
 
+@pytest.mark.slow
 def test_of_a_long_log_only_what_lies_about_the_window_is_read(journey: FlightLog, monkeypatch: pytest.MonkeyPatch):
     """A second flight, hours later, changes nothing and is not looked at for defects."""
     later = replace(journey, time_s=journey.time_s + 20_000.0)

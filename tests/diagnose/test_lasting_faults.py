@@ -47,6 +47,7 @@ def plus(log: FlightLog, name: str, course: Callable[[np.ndarray], np.ndarray]) 
     return replace(log, channels={**log.channels, name: faulty})
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda one: one.channel)
 def test_a_ramp_that_stays_is_one_event(bare: FlightLog, fault: Fault) -> None:
     declared = [one for one in diagnosed(bare, fault).events if one.state == "declared"]
@@ -55,6 +56,7 @@ def test_a_ramp_that_stays_is_one_event(bare: FlightLog, fault: Fault) -> None:
     assert declared[0].offset_s is None
 
 
+@pytest.mark.slow
 def test_the_angle_of_zero_lift_is_from_before_a_vane_fails(bare: FlightLog) -> None:
     late = replace(FAULTS[0], onset_s=560.0)
     healthy, faulty = diagnosed(bare), diagnosed(bare, late)
@@ -63,6 +65,7 @@ def test_the_angle_of_zero_lift_is_from_before_a_vane_fails(bare: FlightLog) -> 
     assert faulty.zero_lift_rad == pytest.approx(healthy.zero_lift_rad, abs=np.radians(0.2))
 
 
+@pytest.mark.slow
 def test_a_drift_to_the_end_is_told_from_its_beginning(journey: FlightLog) -> None:
     log = without_elevator(journey)
     (event,) = diagnosed(plus(log, "tas", lambda t: 0.03 * np.maximum(t - ONSET_S, 0.0))).events
@@ -72,6 +75,7 @@ def test_a_drift_to_the_end_is_told_from_its_beginning(journey: FlightLog) -> No
     assert event.seen_until_s > ONSET_S + 200.0
 
 
+@pytest.mark.slow
 def test_a_step_that_goes_back_ends_there(journey: FlightLog) -> None:
     log = without_elevator(journey)
     (event,) = diagnosed(plus(log, "tas", lambda t: 5.0 * ((t >= ONSET_S) & (t < 550.0)))).events
@@ -80,6 +84,7 @@ def test_a_step_that_goes_back_ends_there(journey: FlightLog) -> None:
     assert event.offset_s == pytest.approx(550.0, abs=1.5)
 
 
+@pytest.mark.slow
 def test_an_airspeed_that_is_lost_in_flight_is_said(journey: FlightLog) -> None:
     """The rest of the flight, its descent among it, is neither judged nor taken for a stay on the ground."""
     failed = without_elevator(journey)
@@ -91,6 +96,7 @@ def test_an_airspeed_that_is_lost_in_flight_is_said(journey: FlightLog) -> None:
     assert any("no airspeed shows the flight that other channels show" in one for one in answer.missing)
 
 
+@pytest.mark.slow
 def test_an_airspeed_that_alone_is_too_slow_for_flight_is_named(journey: FlightLog) -> None:
     """What is compared with it is no second fault."""
     recorded = journey.channels["cas"].values
@@ -108,6 +114,7 @@ def test_the_phases_of_a_diagnosis_are_those_of_the_log(journey: FlightLog) -> N
     assert flight_of(blocked, Config()).phases == phases_of(blocked)
 
 
+@pytest.mark.slow
 def test_a_spike_of_the_altitude_on_the_ground_is_no_loss_of_airspeed(journey: FlightLog) -> None:
     higher = plus(without_elevator(journey), "altitude", lambda t: np.where(t < 2.0, 0.0, 500.0))
     answer = diagnosed(plus(higher, "altitude", lambda t: np.where(np.abs(t - 5.0) < 0.2, 2500.0, 0.0)))
@@ -115,12 +122,14 @@ def test_a_spike_of_the_altitude_on_the_ground_is_no_loss_of_airspeed(journey: F
     assert answer.phases[0].phase == "ground"
 
 
+@pytest.mark.slow
 def test_a_second_fault_is_named_beside_a_computation_that_is_off(journey: FlightLog) -> None:
     off = plus(without_elevator(journey), "tas", lambda t: 5.0 * (t >= 250.0))
     answer = diagnosed(off, Fault(shape="pitot_icing", magnitude=0.001, onset_s=520.0))
     assert {one.fault for one in answer.events if one.state == "declared"} == {"tas", "pitot_icing"}
 
 
+@pytest.mark.slow
 def test_a_fault_found_again_is_described_once(journey: FlightLog) -> None:
     """A window of the second fault is not moved back to before the first."""
     rate = Fault(shape="drift", channel="altitude_rate", magnitude=0.1, onset_s=400.0)
@@ -130,6 +139,7 @@ def test_a_fault_found_again_is_described_once(journey: FlightLog) -> None:
     assert onsets == {"altitude_rate": pytest.approx(400.0, abs=5.0), "aoa": pytest.approx(490.0, abs=5.0)}
 
 
+@pytest.mark.slow
 def test_a_fault_before_a_hold_is_an_event_of_its_own(journey: FlightLog) -> None:
     ice = Fault(shape="pitot_icing", magnitude=0.001, onset_s=480.0)
     answer = diagnosed(without_elevator(journey), ice, Fault(shape="pitot_blocked", onset_s=740.0))
@@ -137,6 +147,7 @@ def test_a_fault_before_a_hold_is_an_event_of_its_own(journey: FlightLog) -> Non
     assert [one.fault for one in answer.events if one.state == "declared"] == ["pitot_blocked", "pitot_icing"]
 
 
+@pytest.mark.slow
 def test_what_is_small_is_a_deviation_and_hides_no_fault(journey: FlightLog) -> None:
     off = plus(without_elevator(journey), "tas", lambda t: 0.4 * (t >= 500.0))
     healthy = diagnosed(off)

@@ -360,6 +360,7 @@ def diagnosed(log: FlightLog, **tolerances: float) -> DiagnoseResult:
     return diagnose_flight(replace(log, channels=channels), Config.model_validate(part))
 
 
+@pytest.mark.slow
 def test_flight_without_an_airspeed_is_no_clean_flight(journey: FlightLog):
     """Every airspeed is missing from 400 to 500 s: what was tolerable all the way is no longer told."""
     wide = {"tas": 60.0, "cas": 40.0, "mach": 0.1}

@@ -54,6 +54,7 @@ def document(folder: Path, bfi: Callable, known: dict[str, Any]) -> dict[str, An
     return known
 
 
+@pytest.mark.slow
 def test_dropouts_are_one_event_and_the_only_one(document: dict[str, Any]):
     [event] = document["events"]
     assert (event["fault"], event["shape"], event["count"], event["kind"]) == ("tas", "dropout", 2, "abrupt")
@@ -92,6 +93,7 @@ def test_within_the_tolerance_they_are_no_fault(document: dict[str, Any]):
     assert "Small deviation, within the tolerance: tas drops out 2 times" in verdict
 
 
+@pytest.mark.slow
 def test_info_names_them(folder: Path, bfi: Callable):
     outcome = bfi("info", folder / "dropouts.h5", "--json")
     [one] = json.loads(outcome.stdout)["defects"]

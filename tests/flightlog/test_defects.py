@@ -68,6 +68,7 @@ def test_a_flight_has_none(recorded: bool):
     assert find_defects(flight(recorded=recorded)) == ()
 
 
+@pytest.mark.first_rows(4)
 @pytest.mark.parametrize("recorded", [False, True])
 @pytest.mark.parametrize(
     ("fault", "shape", "largest", "lasts_s"),

@@ -54,6 +54,7 @@ WRITTEN = {
 }
 
 
+@pytest.mark.first_rows(2)
 @pytest.mark.parametrize("options", WRITTEN)
 @settings(max_examples=25, deadline=None)
 @given(ends=st.lists(st.none() | st.floats(0.0, 320.0), min_size=2, max_size=2))

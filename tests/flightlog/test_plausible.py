@@ -52,6 +52,7 @@ def test_the_recordings_of_the_repository_raise_no_question():
         assert texts(inspect_log(log).notes) == texts(log.notes)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unscanned")
 def test_info_and_identify_ask(bfi: Callable, tmp_path: Path):
     rng = np.random.default_rng(0)

@@ -344,6 +344,7 @@ SPECS = {
 }
 
 
+@pytest.mark.first_rows(11)
 @pytest.mark.parametrize("suffix", [".h5", ".csv"])
 @pytest.mark.parametrize("shape", SPECS)
 def test_the_file_holds_the_truth_of_every_channel_that_changed(shape, suffix, path: Path, tmp_path: Path):
@@ -360,6 +361,7 @@ def test_the_file_holds_the_truth_of_every_channel_that_changed(shape, suffix, p
         np.testing.assert_array_equal(values, clean.channel(name).values)
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.usefixtures("undrawn", "unscanned")
 @pytest.mark.parametrize("shape", ["static_blocked", "scale"])
 @pytest.mark.parametrize("command", ["identify", "start-time"])

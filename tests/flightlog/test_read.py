@@ -291,6 +291,7 @@ def test_arbitrary_bytes_are_read_or_refused(data: bytes, head: bytes, tmp_path_
     read_or_refuse(path)
 
 
+@pytest.mark.first_rows(1)
 @settings(max_examples=80, deadline=None)
 @given(data=st.data())
 @pytest.mark.parametrize("write", [as_csv, as_semicolon_csv, as_matlab, as_matlab_structs])
@@ -303,6 +304,7 @@ def test_mutated_files_are_read_or_refused(write, data: st.DataObject, tmp_path_
     read_or_refuse(path)
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("write", [as_hdf5, as_hdf5_group, as_matlab_73])
 def test_mutated_hdf5_files_are_read_or_refused(write, tmp_path_factory: pytest.TempPathFactory):
     """Mutations are the same in every run: on some others the HDF5 library itself never returns."""
@@ -316,6 +318,7 @@ def test_mutated_hdf5_files_are_read_or_refused(write, tmp_path_factory: pytest.
         read_or_refuse(path)
 
 
+@pytest.mark.first_rows(2)
 @settings(max_examples=40, deadline=None)
 @given(data=st.data())
 @pytest.mark.parametrize("write", [as_hdf5, as_hdf5_group, as_matlab_73])

@@ -61,6 +61,7 @@ def test_a_bias_of_the_airspeed_is_found_at_its_onset_with_its_magnitude(magnitu
     np.testing.assert_allclose(found.estimate[-300:, 0], clean[-300:], rtol=0, atol=0.03 * abs(magnitude) + 0.03)
 
 
+@pytest.mark.slow
 def test_a_fast_sinusoid_is_followed_and_a_slow_one_mistaken_for_a_bias():
     """Figures 5-5 and 5-6 of the thesis, with their Q = 1e-5 diag 0.4 and R = 0.01."""
     fast, truth = estimated(FAST)

@@ -30,6 +30,7 @@ def assert_found(result, magnitudes):
     assert result.truth.vaf_fault["tas"] > 99.99
 
 
+@pytest.mark.first_rows(4)
 @METHODS
 @pytest.mark.parametrize("name", ["bias_13.8", "cos_1.125", "drift_7.93"])
 def test_each_fault_alone(flight, thesis, faulty, exact, method, name):

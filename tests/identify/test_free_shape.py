@@ -89,6 +89,7 @@ def test_a_named_shape_that_fits_is_cheaper() -> None:
     assert "no evidence for it" in (course.note or "")
 
 
+@pytest.mark.slow
 def test_a_named_fault_elsewhere_stays_beside_it() -> None:
     early = 1.5 * (TIME_S >= 8.0)
     result = identified(flown(4, 2.0 * BUMP + early), {"name": "early", "shape": "bias", "onset_s": 8.0})
@@ -98,6 +99,7 @@ def test_a_named_fault_elsewhere_stays_beside_it() -> None:
     assert np.sum((result.outputs[0].fault - 2.0 * BUMP - early) ** 2) <= 0.1 * np.sum((2.0 * BUMP) ** 2)
 
 
+@pytest.mark.slow
 def test_beside_a_named_fault_that_begins_late_the_output_is_drawn_as_measured() -> None:
     log = flown(4, 2.0 * BUMP + 0.3 * (TIME_S >= 8.5))
     early = {"name": "early", "shape": "bias", "onset_s": 8.0}
@@ -112,6 +114,7 @@ def test_fault_free_records_are_given_no_course() -> None:
     assert np.mean(declared) <= 0.03 + 2.0 * np.sqrt(0.03 * 0.97 / len(declared))
 
 
+@pytest.mark.slow
 def test_where_the_dynamics_integrate_no_course_is_made_up() -> None:
     """A pole at 1 turns white errors into a walk of its own, of which a smooth course is a part."""
     said = [identified(flown(seed, 1.0 * BUMP, pole=1.0)) for seed in range(2)]

@@ -26,6 +26,7 @@ def answer(log: FlightLog, *atoms: dict, **changes: object):
     return identify(log, load_dictionary({"atoms": list(atoms)}), merge(CONFIG, changes))[0]
 
 
+@pytest.mark.slow
 def test_kinds_find_what_start_time_finds(log):
     kinds = identify(log, load_dictionary("airdata"), CONFIG)[0]
     searched = start_time(log, CONFIG)
@@ -45,6 +46,7 @@ def test_an_interval_that_holds_the_onset_names_it(log):
     assert [one.name for one in result.candidates if one.state == "declared"] == ["jump"]
 
 
+@pytest.mark.slow
 def test_candidates_tell_the_onsets_that_were_checked(log):
     result = answer(log, {"shape": "sine", "onset_s": {"from": 10, "to": 16}}, {"shape": "bias"})
     spans = {one.shape: one.onsets_checked for one in result.candidates}
@@ -85,6 +87,7 @@ def test_kinds_that_cannot_begin_or_that_nothing_tells_are_named(log):
     assert any("no channel of the log tells 'ice'" in note for note in texts(result.notes))
 
 
+@pytest.mark.slow
 def test_a_dictionary_of_line_faults_alone_is_searched_for_whatever_is_there(log):
     result = answer(log, {"name": "ice", "shape": "pitot_icing"})
     assert [one.fault.shape for one in result.faults] == ["bias"]

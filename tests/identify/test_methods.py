@@ -34,6 +34,7 @@ def settings(name, **overrides):
     return merge(Config(), {"method": name, **needs, **overrides})
 
 
+@pytest.mark.first_rows(6)
 @EVERY_METHOD
 def test_a_method_gives_what_it_says(log, thesis, name):
     """At 10 Hz and order 6; the log holds a bias of 4 m/s from 13.8 s."""
@@ -114,6 +115,7 @@ def test_dmae_refuses_what_it_cannot_work_with(log, thesis):
         identify_faults(log, pitch, settings("dmae", outputs=["altitude"]))
 
 
+@pytest.mark.slow
 def test_dmae_explains_the_course_it_estimates_by_the_dictionary(thesis):
     result = identify_faults(read_log(DATA / "citation_two_faults.h5"), thesis, settings("dmae"))
     assert result.decision == "fault"

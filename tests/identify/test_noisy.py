@@ -22,6 +22,7 @@ def by_name(result):
     return {fault.name: fault for fault in result.faults}
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("name", WELL_SEEN)
 def test_one_fault_is_isolated(flight, thesis, faulty, name):
     result = identify_faults(faulty(flight(1), thesis, {name: 3.0}), thesis, Config())

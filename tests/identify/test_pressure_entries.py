@@ -138,6 +138,7 @@ def test_it_is_found_with_its_size_in_its_own_unit(entry: str, seed: int) -> Non
     assert result.truth.isolated
 
 
+@pytest.mark.slow
 def test_a_bias_is_not_taken_for_one_and_without_a_fault_none_is_declared() -> None:
     """Nor two of them that cancel but for an output scaled down to nothing, whose errors would be the smallest."""
     dictionary = load_dictionary({"atoms": ENTRIES})
@@ -215,6 +216,7 @@ def test_an_output_that_does_not_follow_is_named() -> None:
         identify_faults(flown(0), load_dictionary({"channel": "altitude", "atoms": ENTRIES[:1]}), config)
 
 
+@pytest.mark.slow
 def test_without_a_log_its_audit_asks_for_one() -> None:
     audit = audit_dictionary(load_dictionary({"atoms": ENTRIES}), Config())
     icing = audit.atoms[0]

@@ -51,12 +51,14 @@ def test_a_short_window_that_is_silent_alone_tells_the_fault_with_earlier_flight
     assert asked(HEALTHY, *EARLIER).candidates[0].excluded_above < 0.5 * asked(HEALTHY).candidates[0].excluded_above
 
 
+@pytest.mark.slow
 def test_their_order_does_not_matter():
     one, other = asked(FAULTY, *EARLIER), asked(FAULTY, *EARLIER[::-1])
     assert one.faults[0].magnitude == pytest.approx(other.faults[0].magnitude, rel=1e-9)
     np.testing.assert_allclose(one.faults[0].ci95, other.faults[0].ci95, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_flight_of_another_aircraft_is_left_out_and_named():
     strange = flown(5, stroke=-1.0)
     alone, together = asked(FAULTY), asked(FAULTY, strange)

@@ -123,6 +123,7 @@ def test_slowly_varying_errors_widen_the_interval_of_a_slow_fault():
     assert covariance(fit, unfold(layout, fit))[0, 0] > 1.3 / fit.information[0, 0]
 
 
+@pytest.mark.slow
 def test_coverage_of_the_interval_is_nominal():
     """400 records of a well-specified model with white noise, three faults each; bounds binomial at 1e-4 per fault.
 

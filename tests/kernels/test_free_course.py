@@ -74,6 +74,7 @@ def test_it_finds_a_course_that_no_shape_has() -> None:
         assert not fit.value[~AFTER].any()
 
 
+@pytest.mark.slow
 def test_its_band_covers_the_course() -> None:
     covered = []
     for seed in range(40):

@@ -91,6 +91,7 @@ def test_last_estimate_is_the_state_conditioned_on_all_outputs(seed):
     np.testing.assert_allclose(run.mean[-1], mean + weights @ (y.ravel() - outputs.mean), rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 10_000))
 def test_gain_settles_at_the_solution_of_the_riccati_equation(seed):

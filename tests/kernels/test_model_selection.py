@@ -77,6 +77,7 @@ def test_the_answer_is_that_of_trying_every_support(seed):
     assert search_order(problem, range(5), penalty).best.criterion == pytest.approx(brute, abs=1e-4)
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("n_y", [1, 2])
 def test_the_true_support_is_found_in_noise(n_y):
     """Faults of ten and more deviations each; missing one in fifty supports would still be within the bound."""
@@ -87,6 +88,7 @@ def test_the_true_support_is_found_in_noise(n_y):
     assert sum(found) >= stats.binom.ppf(1e-4, 20, 0.95)
 
 
+@pytest.mark.slow
 def test_fault_free_records_stay_fault_free():
     """An atom must bring log n + 2 log 5 + 6 = 14.7: chi-square of one has 1.3e-4 beyond, for each of five atoms."""
     alarms = []
@@ -190,6 +192,7 @@ def oscillations(seed: int, *, noise_sd: float = 0.3):
     return u, y, np.stack([np.sin((0.2 + 0.09 * j) * k) * (k > 40 + 3 * j) for j in range(MANY)], axis=1)[:, None, :]
 
 
+@pytest.mark.first_rows(2)
 @pytest.mark.parametrize("seed", [2, 3, 5])
 def test_every_order_visits_the_best_support_of_every_other(seed):
     u, y, theta = oscillations(seed)
@@ -268,6 +271,7 @@ def test_fewer_effective_rows_make_a_fault_harder_to_declare():
     assert len(whole.best.fit.atoms) > 0
 
 
+@pytest.mark.first_rows(3)
 @pytest.mark.parametrize("seed", range(6))
 def test_what_the_stage_proposes_is_no_worse_than_the_exhaustive_search(seed):
     """Over three orders, with noise from a twentieth of to as large as the smallest fault."""

@@ -176,6 +176,7 @@ def test_a_bias_is_found_at_its_sample_within_three_deviations(fault):
     assert abs(run.filters[FAULT].mean[-1, -1] - fault) < 3.0 * sd < 0.2
 
 
+@pytest.mark.slow
 def test_estimated_fault_has_the_error_it_claims():
     """The final fault error over its sd, squared and summed over seeds, is chi-square with one degree each."""
     errors = []

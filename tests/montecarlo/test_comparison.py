@@ -47,6 +47,7 @@ def test_too_few_healthy_scores_tell_nothing():
     assert found.detected.rate is None
 
 
+@pytest.mark.slow
 def test_every_method_meets_the_same_trials_and_a_row_is_what_compare_says(sweep: Callable[..., Sweep]):
     made = sweep(f"{METHODS}compare: {{methods: [arx-residual, glr, dmae], false_alarm: 0.4}}\n")
     rows = {(row.scenario, row.trial): row for row, _ in run_sweep(made)}
@@ -99,6 +100,7 @@ def test_what_cannot_be_compared_is_refused_in_one_line(sweep: Callable[..., Swe
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.slow
 def test_the_command_shows_methods_by_faults(bfi: Callable, undrawn: None, written: Callable, tmp_path: Path):
     path = written(f"{METHODS}compare: {{methods: [arx-residual, glr], false_alarm: 0.4}}\n")
     made = bfi("montecarlo", "-c", path, "--out", tmp_path / "out", "--json")

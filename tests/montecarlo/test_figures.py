@@ -43,6 +43,7 @@ def test_rates_and_their_intervals_are_where_they_belong(swept: Callable[[str], 
         )
 
 
+@pytest.mark.slow
 def test_medians_of_the_errors(swept: Callable[[str], dict[str, Any]]):
     document = swept(f"{HEAD}active: [0, 1, 2]\ntrials: 5\n{OWN}\n")
     (axes,) = draw(montecarlo_content(document).drawings[1]).axes
@@ -53,6 +54,7 @@ def test_medians_of_the_errors(swept: Callable[[str], dict[str, Any]]):
         assert any(np.allclose(ends, median, rtol=1e-5) for ends in drawn)
 
 
+@pytest.mark.first_rows(2)
 @pytest.mark.parametrize(
     "text",
     [

@@ -77,6 +77,7 @@ def rows_of(sweep: Sweep) -> list[Row]:
     return [run_trial(trial) for trial in sweep.trials()]
 
 
+@pytest.mark.slow
 def test_a_fault_of_the_dictionary_is_scored_by_its_entry_and_in_its_unit(sweep: Callable[..., Sweep]) -> None:
     made = sweep(f"{{{FAULTS['pitot_icing']}, onset_spread_s: 0.3}}", trials=1)
     (row,) = rows_of(made)
@@ -93,6 +94,7 @@ def test_a_fault_of_the_dictionary_is_scored_by_its_entry_and_in_its_unit(sweep:
     assert summary.isolation_rate.count == 1
 
 
+@pytest.mark.slow
 def test_one_beyond_the_dictionary_is_missed_unless_an_entry_is_called_right(sweep: Callable[..., Sweep]) -> None:
     (row,) = rows_of(sweep(f"{{{FAULTS['pitot_leak']}, name: leak}}", trials=1))
     assert (row.truth, row.missed, row.isolated) == ({"leak": 1.0}, ("leak",), False)
@@ -199,6 +201,7 @@ def test_kinds_that_cannot_be_drawn_are_refused(sweep: Callable[..., Sweep]) -> 
         check_records(load_sweep(path))
 
 
+@pytest.mark.slow
 def test_a_fault_is_scored_by_its_kind(sweep: Callable[..., Sweep], written: Callable[[str], Path]) -> None:
     path = written(
         "record: {model: citation, rate_hz: 10, duration_s: 30}\ndictionary: dictionary.yaml\nnoise: {tas: 0.05}\n"
@@ -214,6 +217,7 @@ def test_a_fault_is_scored_by_its_kind(sweep: Callable[..., Sweep], written: Cal
     assert abs(row.onset_error_s["step"]) <= 0.2
 
 
+@pytest.mark.slow
 def test_a_trial_whose_onset_is_drawn_depends_on_nothing_but_itself(sweep: Callable[..., Sweep]) -> None:
     made = sweep("{shape: bias, magnitude: 2}", trials=2)
     rows, sent = rows_of(made), pickle.loads(pickle.dumps(list(made.trials())))

@@ -40,6 +40,7 @@ def with_truth(log: FlightLog, setting: Setting, truth: dict[str, float], rng: n
     return faulty(log, setting, list(faults_of(log, setting, truth, rng).values()), rng)
 
 
+@pytest.mark.first_rows(3)
 @pytest.mark.parametrize("name", SHARING)
 def test_shared_factorisation_gives_what_each_record_alone_gives(sweep: Callable[..., Sweep], name: str):
     for trial in sweep(SHARING[name]).trials():
@@ -77,6 +78,7 @@ def test_what_is_not_a_recombination_is_solved_alone(sweep: Callable[..., Sweep]
     assert shared_record(sweep(text.replace(*changed)).scenarios[0].setting) is None
 
 
+@pytest.mark.slow
 def test_a_trial_is_an_identification_of_the_faulty_log(sweep: Callable[..., Sweep]):
     for trial in sweep("noisy", trials=2).trials():
         row, setting = run_trial(trial), trial.scenario.setting
@@ -96,6 +98,7 @@ def test_a_trial_is_an_identification_of_the_faulty_log(sweep: Callable[..., Swe
         assert row.detection_delay_s is None
 
 
+@pytest.mark.slow
 def test_a_trial_depends_on_nothing_but_itself(sweep: Callable[..., Sweep]):
     trials = list(sweep("noisy", trials=2).trials())
     rows = [run_trial(trial) for trial in trials]
@@ -124,6 +127,7 @@ def test_a_solver_that_did_not_converge_has_no_verdict(sweep: Callable[..., Swee
     assert {row.decision, *(getattr(row, kind) for kind in VERDICTS)} == {"inconclusive"}
 
 
+@pytest.mark.first_rows(6)
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_fills_the_row(sweep: Callable[..., Sweep], method: str):
     settings = f"identify: {{model: {{order: 4}}, method: {method}, dmae: {{model: citation}}}}\n"

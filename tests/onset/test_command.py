@@ -82,6 +82,7 @@ def test_the_document(bfi, calibrated: Path):
     assert onset_document(onset_from_document(document), origin) == document
 
 
+@pytest.mark.slow
 def test_the_files(bfi, calibrated: Path, tmp_path: Path):
     outcome = bfi("start-time", BIAS, *QUICK, "--calibration", calibrated, "--out", tmp_path / "deep" / "out", "--json")
     files = {path.name: path.read_bytes() for path in (tmp_path / "deep" / "out").iterdir()}

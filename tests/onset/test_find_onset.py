@@ -35,6 +35,7 @@ def test_without_noise_the_fault_is_found_as_it_is(flown, settings, fault):
     assert found.magnitude == pytest.approx(fault.magnitude, rel=5e-3)
 
 
+@pytest.mark.first_rows(1)
 @FAULTS
 def test_with_noise_the_interval_holds_the_onset(flown, settings, fault):
     result = find_onset(flown(fault, seed=0), settings("auto"))
@@ -76,6 +77,7 @@ def test_no_fault(flown, settings):
     assert result.p_value > result.false_alarm
 
 
+@pytest.mark.slow
 def test_an_oscillation_of_unknown_frequency_and_phase(flown, settings):
     phased = replace(SINE, phase_rad=1.9)
     result = find_onset(flown(phased), settings(2, shapes=("bias", "sine"), frequency_hz=(0.6, 0.9)))
@@ -103,6 +105,7 @@ def test_a_fault_that_begins_with_the_manoeuvre_is_said_to(flown, settings, onse
     assert any("begins while the inputs move most" in note for note in texts(result.notes)) is said
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("onset_s", [2.0, 31.3])
 def test_a_step_near_an_end_of_the_record_keeps_its_size(flown, settings, onset_s):
     """The order chosen without the fault may not look that close to the ends; what it finds instead is not taken."""
@@ -180,6 +183,7 @@ def test_a_shape_no_table_has(flown, settings):
         find_onset(flown(BIAS), config.model_copy(update={"start_time": start_time}))
 
 
+@pytest.mark.slow
 def test_start_and_end_between_two_samples_of_the_analysis(flown, settings):
     pulse = replace(BIAS, offset_s=20.04)
     (found,) = find_onset(flown(pulse), settings(shapes=("bias",), ends=True)).faults

@@ -29,6 +29,7 @@ def test_the_search_names_it(frozen: FlightLog):
     assert {one.state for one in result.candidates if one.kind != "slow"} == {"not_seen"}
 
 
+@pytest.mark.slow
 def test_a_dictionary_that_lacks_it_does_not_hide_it(frozen: FlightLog):
     step = {"name": "step", "shape": "bias", "onset_s": 20.0}
     result, _ = identify(frozen, load_dictionary({"channel": "tas", "atoms": [step]}), Config())

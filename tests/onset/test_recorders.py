@@ -67,6 +67,7 @@ def recorded(flown: Callable[..., FlightLog], kind: str) -> FlightLog:
     return replace(flight, time_s=frozen_array(flight.time_s[::FACTOR]), channels=channels, truth=None, filters=None)
 
 
+@pytest.mark.first_rows(2)
 def test_identify_names_and_measures_it(recorded: FlightLog, kind: str):
     config = merge(Config(), {"recorder.edge_hz": EDGES_HZ[kind], "recorder.kind": kind, "onset_tolerance_s": 0.0})
     atoms = [
@@ -82,6 +83,7 @@ def test_identify_names_and_measures_it(recorded: FlightLog, kind: str):
     assert any(f"the recorder's low-pass ({kind}" in note for note in texts(result.notes))
 
 
+@pytest.mark.first_rows(2)
 def test_start_time_locates_and_measures_it(recorded: FlightLog, kind: str):
     stated = Filter(kind=kind, edge_hz=EDGES_HZ[kind], rate_hz=FINE_HZ)
     config = merge(Config(), {"start_time.shapes": ("bias", "drift")})
@@ -99,6 +101,7 @@ def _step_with(recorded: FlightLog, recorder: Filter) -> FaultEstimate:
     return max(faults, key=lambda fault: fault.statistic)
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("kind", ["gaussian", "fir"])
 @pytest.mark.parametrize("error", [0.85, 1.2])
 def test_an_uncertain_recorder_is_measured_by_the_step(recorded: FlightLog, kind: str, error: float):
@@ -108,6 +111,7 @@ def test_an_uncertain_recorder_is_measured_by_the_step(recorded: FlightLog, kind
     assert step.ci95[0] < 3.0 < step.ci95[1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["gaussian"])
 def test_a_wrong_recorder_that_is_taken_for_certain_measures_wrongly(recorded: FlightLog, kind: str):
     wrong = Filter(kind=kind, edge_hz=1.2 * EDGES_HZ[kind], rate_hz=10.0)

@@ -30,6 +30,7 @@ def test_the_peak_of_the_magnitude_is_the_step(flown):
     assert document["onset_ci95"] is document["ci95"] is document["sd"] is None
 
 
+@pytest.mark.slow
 def test_it_heeds_the_sparsity_settings(flown):
     """The stage leaves the peak as it is and puts most other onsets to zero; without a fault it declares none."""
     log = flown(Fault(shape="bias", magnitude=2.0, onset_s=15.0))

@@ -123,6 +123,7 @@ def test_what_a_stuck_sensor_reads_follows_from_its_twin(quantity: str, shape: s
     assert values[quantity] + errors == pytest.approx(stuck, rel=1e-5)
 
 
+@pytest.mark.first_rows(7)
 @pytest.mark.parametrize("faulty", ["tas", "tas_2"])
 @pytest.mark.parametrize("shape", ["frozen", "pitot_blocked", "static_blocked"])
 @pytest.mark.parametrize("alone", [True, False], ids=["of two airspeeds", "beside mach and tat"])
@@ -190,6 +191,7 @@ def test_physics_tells_which_of_two_numbered_sensors_errs(faulty: str, size: flo
     assert found.magnitude == pytest.approx(size, rel=0.02)
 
 
+@pytest.mark.first_rows(5)
 @pytest.mark.parametrize("faulty", ["tas_1", "tas_2", "mach_1", "mach_2", "sat_1", "sat_2"])
 def test_two_air_data_computers_are_each_held_against_their_own_channels(faulty: str):
     log = made_flight()

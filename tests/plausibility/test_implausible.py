@@ -57,6 +57,7 @@ def plus(offset: float) -> Change:
     return lambda values: values + offset
 
 
+@pytest.mark.first_rows(6)
 @pytest.mark.parametrize(
     ("changes", "what", "unit", "factor"),
     [

@@ -169,6 +169,7 @@ def test_a_file_of_the_name_of_a_shipped_dictionary_is_meant(
     )
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize("kind", ["ulg", "bin", "tlog"])
 def test_logs_of_autopilots_are_identified_as_typed(bfi: Callable, tmp_path: Path, kind: str):

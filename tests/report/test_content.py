@@ -75,6 +75,7 @@ def test_a_drawing_of_nothing_is_a_figure():
     assert draw(Drawing(name="none", caption="", panels=(Panel(x_label="", y_label="", curves=()),))).axes
 
 
+@pytest.mark.slow
 def test_the_files_of_a_report():
     files = content_files(CONTENT, {"kind": "test", "value": np.nan}, provenance(log_sha256=""))
     assert set(files) == {
@@ -163,6 +164,7 @@ def test_what_is_nearly_one_does_not_read_one():
     assert [text.get_text() for text in axes.texts] == ["1", "0.999", "0.996", "0.5"]
 
 
+@pytest.mark.slow
 def test_data_wins_over_the_table_of_its_name():
     content = replace(CONTENT, data={"faults.csv": {"onset_s": np.array([0.123456789]), "name": ["bias"]}})
     files = content_files(content, {}, provenance(log_sha256=""), stored="summary.json")

@@ -9,6 +9,7 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -32,6 +33,7 @@ def line(axes, label):
     return next(entry for entry in axes.lines if entry.get_label() == label)
 
 
+@pytest.mark.first_rows(1)
 def test_every_axis_has_a_label_with_its_unit(figures):
     for figure in figures.values():
         for axes in panels(figure):
@@ -40,6 +42,7 @@ def test_every_axis_has_a_label_with_its_unit(figures):
         assert UNIT.search(panels(figure)[-1].get_xlabel())
 
 
+@pytest.mark.first_rows(1)
 def test_nothing_is_cut_at_the_edge_of_the_paper(figures):
     for name, figure in figures.items():
         pixels = imread(io.BytesIO(to_png(figure)))[..., :3]
@@ -52,11 +55,13 @@ def figure_of(result, name):
     return draw(drawing)
 
 
+@pytest.mark.slow
 def test_the_same_result_gives_the_same_bytes():
     for drawing in identify_content(fault_result()).drawings:
         assert to_svg(draw(drawing)) == to_svg(draw(drawing)), drawing.name
 
 
+@pytest.mark.first_rows(1)
 def test_svg_is_whole_and_fetches_nothing(vectors):
     for svg in vectors.values():
         root = ElementTree.fromstring(svg)
@@ -81,6 +86,7 @@ def test_drawing_leaves_no_global_state():
     assert dict(mpl.rcParams) == before
 
 
+@pytest.mark.slow
 def test_one_row_of_panels_per_output():
     made = two_output_result()
     assert len(figure_of(made, "outputs").axes) == 2 + 1
@@ -138,6 +144,7 @@ def test_a_large_dictionary_keeps_what_was_declared():
     to_png(figure_of(many, "magnitudes"))
 
 
+@pytest.mark.slow
 def test_names_are_never_read_as_mathematics():
     made = fault_result(channel="a$b_{$\\frac<&")
     for drawing in identify_content(made).drawings:
@@ -167,6 +174,7 @@ def test_thinning_keeps_ends_and_extremes(x, max_points):
         assert np.nanmax(x[kept]) == np.nanmax(x)
 
 
+@pytest.mark.slow
 def test_a_backend_named_by_the_shell_does_not_matter():
     """What a shell in a notebook hands on: matplotlib is not to be imported with a backend that is not installed."""
     backend = "module://matplotlib_inline.backend_inline"

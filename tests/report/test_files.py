@@ -37,10 +37,12 @@ def stored(provenance, tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_all_files_are_written_and_nothing_else(stored):
     assert set(contents(stored)) == set(content_names(DRAWINGS, TABLES))
 
 
+@pytest.mark.slow
 def test_a_stored_result_draws_the_same_files(stored):
     document = json.loads((stored / "result.json").read_text("utf-8"))
     assert identify_files(*identify_from_document(document)) == contents(stored)
@@ -124,6 +126,7 @@ def test_a_list_of_files_names_none_outside_its_folder(tmp_path):
     assert (tmp_path / "log.csv").read_bytes() == b"mine"
 
 
+@pytest.mark.slow
 def test_the_report_drawn_again_beside_its_result_keeps_it(stored, tmp_path, bfi):
     for path in stored.iterdir():
         (tmp_path / path.name).write_bytes(path.read_bytes())

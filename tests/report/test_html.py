@@ -66,6 +66,7 @@ def test_names_out_of_a_file_are_escaped(hostile, provenance):
     assert page.text.count(hostile) >= 6
 
 
+@pytest.mark.slow
 def test_size_does_not_grow_with_the_log(provenance):
     made = fault_result(n_samples=50_000)
     html = report(made, provenance, {one.name: to_svg(draw(one)) for one in identify_content(made).drawings})

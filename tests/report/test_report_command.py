@@ -85,6 +85,7 @@ def test_what_it_cannot_read_is_named_in_one_line(content, message, tmp_path, ca
     assert err.count("\n") == 1
 
 
+@pytest.mark.slow
 def test_every_kind_of_document_is_drawn(bfi, tmp_path):
     """The other kinds are drawn in the tests of their own commands."""
     log, folder = ROOT / "data" / "citation_bias.h5", tmp_path

@@ -34,6 +34,7 @@ def test_without_a_name_the_names_are_listed(words: tuple[str, ...], bfi: Run):
     assert [row[0] for row in reproduce_content(document).tables[0].rows] == list(REPRODUCTIONS)
 
 
+@pytest.mark.slow
 def test_a_figure_is_written_with_everything_that_draws_it_again(bfi: Run, tmp_path: Path):
     done = bfi("reproduce", "fir", "--quick", "--trials", 1, "--seed", 3, "--out", tmp_path / "fir", *JSON)
     assert done.code == 0, done.stderr

@@ -58,12 +58,14 @@ def test_before_the_fault_only_the_noise_tells_the_flights_apart():
     np.testing.assert_allclose(indices([one], same).index[0, :, 0], 0.0, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_nominal_aircraft_without_noise_has_no_residual():
     (one,) = fly_cases([Case(options=F16Options(step_s=0.1, noise_deg_s=0.0), seed=0)])
     assert np.abs(one.nominal).max() < 1e-9
     assert np.abs(one.healthy).max() > 0.1
 
 
+@pytest.mark.slow
 def test_cases_are_independent_and_in_order(flights: list[Residuals]):
     other = changed(noise_deg_s=0.02, roll_deg=0.0, observer_gain=(10.0, 10.0, 10.0))
     estimated = changed(observer_rates="estimated")
@@ -99,6 +101,7 @@ def test_the_index_rises_and_stays_near_the_table_even_with_a_coarse_step(flight
         assert found.worst < 0.15
 
 
+@pytest.mark.slow
 def test_the_content_holds_table_errata_and_figures(quick: ReportContent):
     names = [table.name for table in quick.tables]
     assert names == ["comparison", "choices", "robust", "errata", "initial"]
@@ -154,6 +157,7 @@ def test_the_chosen_reading_is_not_repeated_among_the_others(quick: ReportConten
     assert "reference: Gaussian fit" in labels
 
 
+@pytest.mark.slow
 def test_other_choices_reach_the_answer():
     log = FlightLog(path="flight", time_s=np.arange(3.0), channels={})
     content = f16_table2(Settings(quick=True, trials=1, log=log), changed(reference="gaussian", noise_deg_s=0.1))

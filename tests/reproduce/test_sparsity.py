@@ -66,6 +66,7 @@ def test_every_rule_has_its_words():
     assert [name for name, _ in page["facts"][-len(RULES) :]] == list(page["rules"].values())
 
 
+@pytest.mark.slow
 def test_the_page_has_intervals_and_says_what_was_made(made: Callable[[str], ReportContent]):
     content = made("sparsity")
     assert {cells[2] for cells in content.tables[1].rows} <= {"0 % (0 to 79)", "100 % (21 to 100)"}  # one trial

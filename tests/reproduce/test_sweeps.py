@@ -27,6 +27,7 @@ def rates(content: ReportContent) -> list[dict[str, str]]:
     return [dict(zip(table.heads, row, strict=True)) for row in table.rows]
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("name", ["thesis-5-3", "thesis-A-1", "isolation-noise"])
 def test_without_noise_every_method_is_exact_on_the_linear_simulation(name: str, made: Callable[[str], ReportContent]):
     clean = [row for row in rates(made(name)) if row["noise m/s"] == "0"]

@@ -121,6 +121,7 @@ def test_no_order_runs_away_on_its_own_rows(clean: FlightLog, order: int):
         assert magnitude_error(log, one) < 1.0
 
 
+@pytest.mark.slow
 def test_the_readings_and_ours_are_exact_where_the_dictionary_is_and_there_is_no_noise(
     fast: ReportContent, slow: ReportContent
 ):
@@ -187,6 +188,7 @@ def test_the_reasons_for_disagreement_are_given(fast: ReportContent, slow: Repor
     assert any("5.29 s" in note for note in texts(slow.notes))
 
 
+@pytest.mark.slow
 def test_the_time_axis_of_a_log_of_ones_own_may_start_anywhere(fast: ReportContent, clean: FlightLog):
     moved = thesis_5_5(Settings(log=replace(clean, time_s=frozen_array(clean.time_s + 250.0)), quick=True))
     for label in (M1, ML):

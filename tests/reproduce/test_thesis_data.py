@@ -71,6 +71,7 @@ def test_the_perturbed_fault_is_equation_5_8(made: Callable[[str], ReportContent
     np.testing.assert_allclose(fault.y, expected, rtol=0, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_start_of_the_bias_of_equation_5_12_is_found_to_a_sample_at_10_hz(made: Callable[[str], ReportContent]):
     content = made("thesis-5-13")
     fault = content.drawings[0].panels[-1].curves[0]
@@ -82,6 +83,7 @@ def test_the_start_of_the_bias_of_equation_5_12_is_found_to_a_sample_at_10_hz(ma
     assert content.heading == "Start found by the scan"
 
 
+@pytest.mark.slow
 def test_times_count_from_the_start_of_a_log_of_the_user(made: Callable[[str], ReportContent]):
     """The same flight, its clock 100 s ahead, gives the same fault 100 s later."""
     import dataclasses

@@ -60,6 +60,7 @@ def bounded(monkeypatch):
     monkeypatch.setattr(frequency_bound, "CROWDED", 1.0)
 
 
+@pytest.mark.first_rows(22)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(4))
 def test_inner_products_are_those_of_the_tables(kind, seed):
@@ -78,6 +79,7 @@ def test_inner_products_are_those_of_the_tables(kind, seed):
                 np.testing.assert_allclose(S[i, j], product[at - i], rtol=0.0, atol=1e-10 * np.abs(product).max())
 
 
+@pytest.mark.first_rows(18)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(12))
 def test_no_statistic_exceeds_its_bound(kind, seed):
@@ -145,6 +147,7 @@ def test_what_the_bound_leaves_out_is_what_it_always_was():
     assert sum(likely) == pytest.approx(16979, abs=4)
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("order", [4, 10])
 @pytest.mark.parametrize("size", [0.3, 1.0, 3.0])
 def test_no_sine_is_left_out_at_a_share_of_its_own_statistic(size, order):
@@ -163,6 +166,7 @@ def test_no_sine_is_left_out_at_a_share_of_its_own_statistic(size, order):
                 assert sines.may_exceed(np.array([i]), np.array([k]), share * exact).all()
 
 
+@pytest.mark.first_rows(3)
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(3))
 def test_peaks_of_the_grid_are_those_of_screening_every_sine(kind, seed, bounded):
@@ -176,6 +180,7 @@ def test_peaks_of_the_grid_are_those_of_screening_every_sine(kind, seed, bounded
     assert (found <= every * (1.0 + 1e-6) + 1e-6).all()
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("kind", ["white", "faulty", "spiky", "weighted", "two outputs"])
 @pytest.mark.parametrize("seed", range(2))
 def test_the_frequency_is_that_of_screening_every_sine(kind, seed, monkeypatch):
@@ -187,6 +192,7 @@ def test_the_frequency_is_that_of_screening_every_sine(kind, seed, monkeypatch):
     assert scan_frequency(scan, band) == pytest.approx(everything, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_what_the_first_pass_leaves_out_is_found_by_a_second(monkeypatch):
     scan = made("white", 3)
     grid = frequency_grid(scan, (3.0 / scan.n_samples, 0.2))

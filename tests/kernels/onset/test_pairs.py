@@ -97,6 +97,7 @@ def suboptimal(seed):
     return scan_ends(scan, waveform).statistic < exhaustive.statistic.max() - 1e-3
 
 
+@pytest.mark.slow
 def test_the_best_pair_is_found():
     assert sum(suboptimal(seed) for seed in range(4)) == 0
 
@@ -145,6 +146,7 @@ def test_an_unknown_frequency_is_found_with_its_onset(frequency):
     assert profile.statistic.max() > np.max(grid)
 
 
+@pytest.mark.slow
 def test_frequency_start_and_end_are_found_together():
     u, y = record(160)
     y[:, 0] += 0.8 * signal(best_sine(160, 0.11), 60, 101)
@@ -157,6 +159,7 @@ def test_frequency_start_and_end_are_found_together():
     assert span.statistic > truth.statistic - 0.5
 
 
+@pytest.mark.slow
 def test_frequencies_that_do_not_fit_the_record_are_cut():
     """A band whose lowest frequency has half a period in the record gives what the band without it gives."""
     u, y = record(60)

@@ -273,6 +273,7 @@ ANYTHING = st.recursive(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(st.dictionaries(st.sampled_from(list(keys_of(Config()))) | st.text(max_size=6), ANYTHING, max_size=4))
 def test_any_data_is_a_configuration_or_a_config_error(overrides):

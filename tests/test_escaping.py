@@ -217,6 +217,7 @@ def test_plot(run: Callable, tmp_path: Path):
     check_files(tmp_path / "again")
 
 
+@pytest.mark.first_rows(1)
 def test_montecarlo(run: Callable, tmp_path: Path):
     out = tmp_path / f"out{LINK}"
     run("montecarlo", "-c", "m.yaml", "--out", out, "--progress")

@@ -287,6 +287,7 @@ def test_what_a_model_cannot_do_is_refused(
     assert capsys.readouterr().err.startswith(message)
 
 
+@pytest.mark.slow
 def test_without_the_extra_the_line_says_what_to_install(tmp_path: Path):
     """In a process of its own, to which the package is hidden."""
     code = (

@@ -47,6 +47,7 @@ def test_the_healthy_time_and_what_is_watched_are_flight() -> None:
     assert any(note.startswith("watched in flight only, ") for note in texts(result.notes))
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize(("step_s", "declared"), [(500.0, True), (760.0, False), (60.0, False)])
 def test_a_step_is_declared_where_it_is_in_flight(step_s: float, declared: bool) -> None:
     result = detect_faults(whole_flight(step_s=step_s), WATCHED)

@@ -52,6 +52,7 @@ def test_the_configuration_names_dictionary_and_window(bfi, tmp_path: Path):
     assert 2.0 <= document["log"]["start_s"] < document["log"]["stop_s"] < 25.0
 
 
+@pytest.mark.slow
 def test_every_key_of_the_configuration_acts(bfi, tmp_path):
     file = tmp_path / "c.yaml"
     file.write_text(

@@ -81,6 +81,7 @@ def test_the_table_is_sorted_by_what_is_easiest(at_unit):
     assert {len(row) for row in table.rows} == {len(table.heads)}
 
 
+@pytest.mark.slow
 def test_every_drawing_can_be_drawn(compared):
     for drawing in diagnosability_content(stored(compared)).drawings:
         assert draw(drawing).axes

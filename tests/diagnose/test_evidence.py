@@ -63,6 +63,7 @@ def test_an_airspeed_is_bounded_no_better_than_the_line_that_it_comes_from(journ
     assert without.candidates[0].effect > tas.effect
 
 
+@pytest.mark.slow
 def test_a_drift_of_an_output_is_declared_with_its_size(journey: FlightLog):
     found = evidence(with_fault(journey, "drift", 0.2, "tas"), ("tas", "cas"))
     (fault,) = found.faults
@@ -75,6 +76,7 @@ def test_a_drift_of_an_output_is_declared_with_its_size(journey: FlightLog):
     assert conclude([found], ("slow",)).verdicts["slow"] == "fault"
 
 
+@pytest.mark.slow
 def test_ice_in_the_probe_is_a_fault_of_every_output_that_follows_from_it(journey: FlightLog):
     found = evidence(with_fault(journey, "pitot_icing", 0.004), ("tas", "cas"))
     assert [one.fault.channel for one in found.faults] == ["tas", "cas"]
@@ -84,12 +86,14 @@ def test_ice_in_the_probe_is_a_fault_of_every_output_that_follows_from_it(journe
     assert [one.state for one in found.candidates] == ["declared", "declared"]
 
 
+@pytest.mark.slow
 def test_what_errs_beside_the_outputs_is_told_in_a_note(journey: FlightLog):
     found = evidence(with_fault(journey, "drift", 0.2, "cas"), ("pitch",))
     assert found.faults == ()
     assert any("cas" in note for note in texts(found.notes))
 
 
+@pytest.mark.slow
 def test_a_held_line_has_no_size(journey: FlightLog):
     found = evidence(with_fault(journey, "pitot_blocked", 1.0), ("tas",), (400.0, 600.0))
     (fault,) = found.faults
@@ -128,6 +132,7 @@ def test_a_log_with_nothing_to_compare_says_nothing(journey: FlightLog):
     assert evidence(only(journey, "tas", "elevator")) == Evidence(source="physics")
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("window", [(0.0, 30.0), (400.0, 440.0)])
 def test_on_the_ground_and_in_a_short_window_a_note_says_so(journey: FlightLog, window: tuple[float, float]):
     found = evidence(journey, window=window)

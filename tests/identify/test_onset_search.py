@@ -28,6 +28,7 @@ def late(log, thesis, name, magnitude, shift_s):
     return inject(log, [replace(atom, magnitude=magnitude, onset_s=atom.onset_s + shift_s)])
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("shift_s", [-0.43, 0.9])
 def test_a_step_beside_its_onset_is_found_where_it_begins(flight, thesis, shift_s):
     log = late(flight(3), thesis, "bias_13.8", 2.0, shift_s)

@@ -191,6 +191,7 @@ def test_a_fault_that_was_there_before_the_window_cannot_be_answered(flight):
     assert "too near an end" in result.candidates[0].note
 
 
+@pytest.mark.slow
 def test_an_entry_near_an_end_narrows_the_claim_and_does_not_void_it(flight):
     """Before, it made "a step of any size could be there unseen" of every window."""
     config = merge(Config(), {"conditioning.rate_hz": 5.0, "model.order": 3})

@@ -41,6 +41,7 @@ def asked(log: FlightLog, *earlier: FlightLog):
     return identify(replace(log, earlier=earlier), DICTIONARY, CONFIG)[0]
 
 
+@pytest.mark.slow
 def test_a_short_window_that_is_silent_alone_tells_the_fault_with_earlier_flights():
     alone, together = asked(FAULTY), asked(FAULTY, *EARLIER)
     assert alone.decision == "inconclusive"

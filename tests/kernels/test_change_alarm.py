@@ -32,6 +32,7 @@ def test_the_sign_of_the_errors_does_not_matter(sign: float):
     assert (turned.alarm, turned.onset) == (plain.alarm, plain.onset)
 
 
+@pytest.mark.slow
 def test_false_alarms_of_white_noise_are_no_more_often_than_wanted():
     """Binomial: at a rate of 5 %, 200 records have more than 21 alarms with a probability below 1e-3."""
     rng, n, wanted = np.random.default_rng(1), 300, 0.05

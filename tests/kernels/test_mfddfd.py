@@ -127,6 +127,7 @@ def test_entries_with_one_time_course_are_one_block():
     np.testing.assert_array_equal(block_regression(problem, courses).A, blocks_of(6).A)
 
 
+@pytest.mark.slow
 def test_the_objective_is_that_of_a_general_solver():
     cp = pytest.importorskip("cvxpy")
     blocks = blocks_of(7)

@@ -38,11 +38,13 @@ def test_a_worker_that_dies_is_an_error():
         list(in_order(os._exit, [9] * 3, workers=2))
 
 
+@pytest.mark.slow
 def test_processes_keep_the_order():
     items = [range(3_000_000), range(2), range(1_000_000), range(4)]
     assert [result for result, _ in in_order(sum, items, workers=2, chunk=1)] == [sum(item) for item in items]
 
 
+@pytest.mark.slow
 def test_no_scheduler_answers(monkeypatch: pytest.MonkeyPatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("bfi_cli.engine.CONNECT_S", 0.2)

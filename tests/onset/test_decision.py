@@ -109,6 +109,7 @@ def test_the_threshold_decides_at_any_rate_of_false_alarms(log: FlightLog):
     assert f"the p-value is at most {result.p_value:.2g}, " in str(texts(result.notes))
 
 
+@pytest.mark.slow
 def test_auto_is_the_default(log: FlightLog):
     record = prepare_record(log, CONFIG)
     named = merge(CONFIG, {"start_time.calibration": "auto"})

@@ -63,6 +63,7 @@ def test_units_and_offset_of_the_output_change_nothing_but_the_magnitude(flown, 
     assert other.faults[0].magnitude == pytest.approx(-3.0 * plain.faults[0].magnitude, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_magnitude_of_a_large_fault_scales(flown, settings):
     small, large = (find_onset(flown(replace(BIAS, magnitude=z)), settings()).faults[0] for z in (1.0, 50.0))
     assert large.magnitude - small.magnitude == pytest.approx(49.0, abs=0.1)

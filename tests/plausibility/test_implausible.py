@@ -90,6 +90,7 @@ def test_a_unit_and_a_sign_are_named(flight, changes: dict[str, Change], what: s
     assert set(one.agrees_with).isdisjoint(changes)
 
 
+@pytest.mark.first_rows(5)
 @pytest.mark.parametrize(
     ("channel", "offset", "within"),
     [

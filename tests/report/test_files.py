@@ -48,6 +48,7 @@ def test_a_stored_result_draws_the_same_files(stored):
     assert identify_files(*identify_from_document(document)) == contents(stored)
 
 
+@pytest.mark.slow
 def test_tables_hold_the_numbers(stored):
     (fault,) = table(stored / "faults.csv")
     assert (float(fault["magnitude"]), float(fault["ci95_low"]), fault["offset_s"]) == (4.003, 3.989, "")

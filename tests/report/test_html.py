@@ -44,6 +44,7 @@ def report(result, provenance, figures=None):
     return render_content(identify_content(result), provenance, figures or {"outputs": b"<svg/>"})
 
 
+@pytest.mark.first_rows(1)
 def test_refers_to_nothing_outside_itself(drawn, provenance, vectors):
     html = report(drawn, provenance, vectors)
     page = Page(html)

@@ -66,6 +66,7 @@ def test_interval_of_the_unknown_is_absent():
     assert interval((3.989, 4.017)) == "3.99 to 4.02"
 
 
+@pytest.mark.slow
 @given(text=st.text(max_size=60), width=st.integers(3, 30))
 @settings(max_examples=60, deadline=None)
 def test_shortened_fits_on_one_line(text, width):

@@ -48,6 +48,7 @@ def test_the_fault_is_that_of_equation_26():
     np.testing.assert_allclose(f[120:], 4.0 * np.sin(2.0 * np.pi * t[120:]), rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_before_the_fault_only_the_noise_tells_the_flights_apart():
     quiet = F16Options(step_s=0.1, noise_deg_s=0.0)
     (one,) = fly_cases([Case(options=quiet, seed=0)])
@@ -78,6 +79,7 @@ def test_cases_are_independent_and_in_order(flights: list[Residuals]):
     assert [done for done, _ in told] == list(range(1, 401))
 
 
+@pytest.mark.slow
 def test_bits_with_halves_lie_between_0_and_1_and_the_other_readings_are_multiples(flights: list[Residuals]):
     bits = indices(flights, COARSE).index
     assert ((bits >= 0.0) & (bits <= 1.0)).all()
@@ -125,6 +127,7 @@ def test_the_content_holds_table_errata_and_figures(quick: ReportContent):
     assert all(published == f"{ours} (table I)" for _, published, ours in quick.tables[4].rows)
 
 
+@pytest.mark.slow
 def test_figure_3_has_the_data_and_both_bandwidths(quick: ReportContent):
     """Every density of a window integrates to 1; the adaptive one is not the fixed one."""
     panels = quick.drawings[3].panels

@@ -37,6 +37,7 @@ def test_without_noise_every_method_is_exact_on_the_linear_simulation(name: str,
         assert float(row["mean error"]) < 1e-8, row
 
 
+@pytest.mark.slow
 def test_with_noise_the_published_rule_declares_what_is_not_there_and_never_misses(
     made: Callable[[str], ReportContent],
 ):

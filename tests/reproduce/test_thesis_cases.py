@@ -132,6 +132,7 @@ def test_the_readings_and_ours_are_exact_where_the_dictionary_is_and_there_is_no
             np.testing.assert_allclose(drawn[label].y, true, rtol=0, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_the_reconstructed_measurement_is_drawn(fast: ReportContent, slow: ReportContent):
     for content in (fast, slow):
         drawn = curves(content, 0)

@@ -55,6 +55,7 @@ def test_screening_never_promises_too_much(name):
     assert (rough <= exact + 1e-6).all()
 
 
+@pytest.mark.first_rows(4)
 @pytest.mark.parametrize("order", [4, 10])
 @pytest.mark.parametrize("name", ["bias", "drift", "sine"])
 def test_a_clear_fault_is_found_from_start_to_end(name, order):

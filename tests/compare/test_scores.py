@@ -15,6 +15,8 @@ from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.kernels.change_alarm import cusum_threshold, glr_threshold
 
+pytestmark = pytest.mark.slow
+
 DATA = Path(__file__).parents[2] / "data"
 SCORED = ("risro", "mf2d", "mfddfd", "arx-residual", "null-space", "cusum", "glr", "dmae")
 SIZES = (0.0, 0.5, 4.0)

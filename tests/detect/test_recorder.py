@@ -66,6 +66,7 @@ def test_the_rate_is_what_the_recorder_passes_and_one_that_is_asked_for_wins(rec
     assert "rate: asked for" in texts(asked.notes)
 
 
+@pytest.mark.slow
 def test_a_recorder_that_is_stated_counts_as_that_of_the_log(recorded: FlightLog):
     """One that the command states and one that the file does: the same rate, alarms, limits."""
     failing = inject(recorded, [Fault(shape="bias", channel="aoa", magnitude=0.02, onset_s=150.0)])

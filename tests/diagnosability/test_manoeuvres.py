@@ -34,6 +34,7 @@ def test_one_draw_of_one_manoeuvre_is_the_assessment_of_its_record(thesis):
     assert score.divergence_bits == tuple(atom.divergence_bits for atom in result.atoms)
 
 
+@pytest.mark.slow
 def test_progress_is_told(compared, progress):
     assert progress == [(3, 6), (4, 6), (5, 6), (6, 6)]
 

@@ -103,6 +103,7 @@ def test_without_a_walk_it_is_a_step_and_a_drift_of_the_selection() -> None:
     assert_allclose(line.value, LINE @ named.z, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_records_drawn_anew_are_of_the_fitted_model() -> None:
     layout = layout_of(9, 2.0 * BUMP)
     fit = fit_course(problem_of(layout))

@@ -104,6 +104,7 @@ def test_a_file_in_the_place_of_the_folder_is_named(tmp_path):
         replace_files({"a": b""}, tmp_path / "out")
 
 
+@pytest.mark.slow
 def test_a_result_takes_away_what_the_one_before_wrote_and_nothing_else(stored, tmp_path):
     """Figures and tables of another command; not a file of the user, nor one that was changed, nor the input."""
     old = {path.name: path.read_bytes() for path in stored.iterdir()}

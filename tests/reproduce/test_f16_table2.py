@@ -91,6 +91,7 @@ def test_base_e_cannot_give_the_published_table():
     assert np.log(2.0) < TABLE_2.max() <= 1.0
 
 
+@pytest.mark.slow
 def test_equation_17_agrees_with_equation_15(flights: list[Residuals]):
     value, error = montecarlo(flights[0], COARSE, 2000, rng=np.random.default_rng(0))
     assert (np.abs(value - indices(flights, COARSE).index[0]) < 4.0 * error).all()
@@ -141,6 +142,7 @@ def test_figure_3_has_the_data_and_both_bandwidths(quick: ReportContent):
         assert np.abs(adaptive.y - fixed.y).max() > 1e-3
 
 
+@pytest.mark.slow
 def test_the_verdict_says_that_the_settings_were_chosen_and_how_far_the_table_moves(quick: ReportContent):
     choices = {row[0]: row[1:7] for row in quick.tables[1].rows}
     assert quick.verdict.startswith("With settings chosen for it")

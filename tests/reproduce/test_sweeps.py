@@ -18,6 +18,8 @@ from bfi_cli.reproduce.reconstruction import method_config
 from bfi_cli.reproduce.record import thesis_record
 from bfi_cli.reproduce.sweeps import Thin, swept
 
+pytestmark = pytest.mark.slow
+
 CONFIGS = Path(__file__).parents[2] / "configs"
 ONE = Thin(trials=1, active=(1, 7), noise=(0.0, 1e-4))
 
@@ -27,7 +29,6 @@ def rates(content: ReportContent) -> list[dict[str, str]]:
     return [dict(zip(table.heads, row, strict=True)) for row in table.rows]
 
 
-@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("name", ["thesis-5-3", "thesis-A-1", "isolation-noise"])
 def test_without_noise_every_method_is_exact_on_the_linear_simulation(name: str, made: Callable[[str], ReportContent]):
     clean = [row for row in rates(made(name)) if row["noise m/s"] == "0"]
@@ -37,7 +38,6 @@ def test_without_noise_every_method_is_exact_on_the_linear_simulation(name: str,
         assert float(row["mean error"]) < 1e-8, row
 
 
-@pytest.mark.slow
 def test_with_noise_the_published_rule_declares_what_is_not_there_and_never_misses(
     made: Callable[[str], ReportContent],
 ):
@@ -133,7 +133,6 @@ def test_progress_counts_every_trial():
     assert heard == [(done, 4) for done in range(5)]
 
 
-@pytest.mark.slow
 def test_two_workers_give_the_same_numbers():
     thin = Thin(trials=2, active=(1, 4), noise=(1e-4,))
     one, two = (

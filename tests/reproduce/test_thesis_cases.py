@@ -36,6 +36,8 @@ from bfi_cli.reproduce.thesis_cases import (
     thesis_5_11,
 )
 
+pytestmark = pytest.mark.slow
+
 QUICK = Settings(quick=True)
 BIAS = Fault(shape="bias", name="bias_13.8", magnitude=4.0, onset_s=13.8)
 M1, LISTING, IMPOSED, ML = "published, M = 1", "listing", "ours, no stage", "ours, ml"
@@ -121,7 +123,6 @@ def test_no_order_runs_away_on_its_own_rows(clean: FlightLog, order: int):
         assert magnitude_error(log, one) < 1.0
 
 
-@pytest.mark.slow
 def test_the_readings_and_ours_are_exact_where_the_dictionary_is_and_there_is_no_noise(
     fast: ReportContent, slow: ReportContent
 ):
@@ -132,7 +133,6 @@ def test_the_readings_and_ours_are_exact_where_the_dictionary_is_and_there_is_no
             np.testing.assert_allclose(drawn[label].y, true, rtol=0, atol=1e-4)
 
 
-@pytest.mark.slow
 def test_the_reconstructed_measurement_is_drawn(fast: ReportContent, slow: ReportContent):
     for content in (fast, slow):
         drawn = curves(content, 0)
@@ -189,7 +189,6 @@ def test_the_reasons_for_disagreement_are_given(fast: ReportContent, slow: Repor
     assert any("5.29 s" in note for note in texts(slow.notes))
 
 
-@pytest.mark.slow
 def test_the_time_axis_of_a_log_of_ones_own_may_start_anywhere(fast: ReportContent, clean: FlightLog):
     moved = thesis_5_5(Settings(log=replace(clean, time_s=frozen_array(clean.time_s + 250.0)), quick=True))
     for label in (M1, ML):
@@ -208,7 +207,6 @@ def test_logs_that_cannot_be_used(clean: FlightLog):
         thesis_5_6(Settings(log=without))
 
 
-@pytest.mark.slow
 def test_figure_5_8_quick_says_what_was_solved_and_draws_no_line_through_two_points(
     made: Callable[[str], ReportContent],
 ):
@@ -224,7 +222,6 @@ def test_figure_5_8_quick_says_what_was_solved_and_draws_no_line_through_two_poi
     assert content.heading == "The fault is lost by algorithm 3"
 
 
-@pytest.mark.slow
 def test_figure_5_9_quick_says_which_orders_were_solved_and_counts_by_one_rule(made: Callable[[str], ReportContent]):
     content = made("thesis-5-9")
     assert "5, 25, 45, 60; each on its own rows" in dict(content.facts)["Orders solved"]
@@ -242,7 +239,6 @@ def test_figure_5_9_quick_says_which_orders_were_solved_and_counts_by_one_rule(m
     assert share(row(content, f"VAF of the fault, ours (ml), {EXACT}")[1]) > 99.5
 
 
-@pytest.mark.slow
 def test_figure_5_10_says_whose_drift_is_which(made: Callable[[str], ReportContent]):
     content = made("thesis-5-10")
     for text in ("-2.115 in algorithm 3 as published", "-0.4781 with two", "-0.4328 in the listing", "0.2002 in ours"):
@@ -253,7 +249,6 @@ def test_figure_5_10_says_whose_drift_is_which(made: Callable[[str], ReportConte
     assert content.heading == "Not followed by algorithm 3"
 
 
-@pytest.mark.slow
 def test_figure_5_11_a_shift_in_time_is_harmless_for_dmae_only(made: Callable[[str], ReportContent]):
     content = made("thesis-5-11")
     found = row(content, f"declared by algorithm 3, s = 4, {EXACT}")[1]
@@ -267,7 +262,6 @@ def test_figure_5_11_a_shift_in_time_is_harmless_for_dmae_only(made: Callable[[s
     assert any("Quick: the scan over all starts" in note for note in texts(content.notes))
 
 
-@pytest.mark.slow
 def test_figure_5_12_a_drift_shifted_in_time_is_missed_and_the_scan_finds_it(made: Callable[[str], ReportContent]):
     content = made("thesis-5-12")
     assert share(row(content, f"VAF of the fault, algorithm 3, s = 45, {EXACT}")[1]) < 5.0
@@ -277,7 +271,6 @@ def test_figure_5_12_a_drift_shifted_in_time_is_missed_and_the_scan_finds_it(mad
     assert content.heading == "Missed by algorithm 3 without noise only"
 
 
-@pytest.mark.slow
 def test_no_process_noise_of_the_fault_gives_both_figures():
     """With 0.05 (m/s)^2 the published 98 % is met, and the slow sinusoid is followed too."""
     fast, slow = thesis_5_5(Settings()), thesis_5_6(Settings())
@@ -291,7 +284,6 @@ def test_no_process_noise_of_the_fault_gives_both_figures():
         assert row(content, ML, "noise")[0] == "100.0 %"
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not FULL, reason="only where BFI_FULL=1 is set")
 def test_figure_5_8_whole():
     reported: list[tuple[int, int]] = []
@@ -304,7 +296,6 @@ def test_figure_5_8_whole():
     assert reported == [(n, len(KAPPAS)) for n in range(1, len(KAPPAS) + 1)]
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not FULL, reason="only where BFI_FULL=1 is set")
 def test_figure_5_9_whole():
     content = thesis_5_9(Settings())
@@ -320,14 +311,12 @@ def test_figure_5_9_whole():
     assert max(curves(content, 2)[LISTING].y) < 10.0
 
 
-@pytest.mark.slow
 def test_figure_5_11_whole():
     content = thesis_5_11(Settings())
     found = row(content, "ours, scan", "methods")[2]
     assert found.startswith("1.15 Hz sine of 1 m/s from 15.86 s")
 
 
-@pytest.mark.slow
 @pytest.mark.realdata
 def test_a_nonlinear_simulation_shows_the_same(flights):
     """Another log: order 4 loses the perturbed bias, and only the dictionary's methods lose the shifted sinusoid."""
@@ -342,7 +331,6 @@ def test_a_nonlinear_simulation_shows_the_same(flights):
     assert share(row(shifted, f"VAF of the fault, DMAE, {recorded}")[1]) > 80.0
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("frequency_hz", "amplitude_rad", "best"), [(1.8, 0.035, 48), (3.0, 0.035, 35), (2.25, 0.02, 55), (2.25, 0.1, 32)]
 )

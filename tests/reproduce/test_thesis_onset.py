@@ -19,6 +19,8 @@ from bfi_cli.reproduce import Settings
 from bfi_cli.reproduce.record import thesis_record
 from bfi_cli.reproduce.thesis_onset import thesis_5_14, thesis_5_15, thesis_5_16
 
+pytestmark = pytest.mark.slow
+
 QUICK = Settings(quick=True)
 EXACT, NOISY, STATISTIC = 1, 2, 3  # panels of a page with two records
 READINGS = (
@@ -68,7 +70,6 @@ def test_without_noise_the_magnitude_of_every_reading_peaks_at_the_start(
     assert np.abs(np.delete(z, best)).max() < 1.0
 
 
-@pytest.mark.slow
 def test_our_statistic_peaks_there_too_above_its_threshold(bias: ReportContent, drift: ReportContent):
     for content, shape, start in ((bias, "bias", 15.0), (drift, "drift", 16.0)):
         starts, statistic = curve(content, STATISTIC, shape)
@@ -79,7 +80,6 @@ def test_our_statistic_peaks_there_too_above_its_threshold(bias: ReportContent, 
     assert row(drift, "scan over all starts, ours, no noise")[1].startswith("drift of 0.25 m/s^2 from 16 s")
 
 
-@pytest.mark.slow
 def test_the_heading_follows_from_the_noisy_record_too(bias: ReportContent, drift: ReportContent):
     """The shipped threshold of a quick run is that of real flights: the weak drift in noise stays below it."""
     assert bias.heading == "Start found by the scan"
@@ -88,7 +88,6 @@ def test_the_heading_follows_from_the_noisy_record_too(bias: ReportContent, drif
     assert abs(starts[np.argmax(np.abs(z))] - 16.0) > 0.2
 
 
-@pytest.mark.slow
 def test_a_log_of_ones_own_and_another_road_to_its_magnitudes():
     """The reproduction's own solves against `bfi start-time --method thesis`, at 20 Hz on a time axis that is moved."""
     log = resample(thesis_record(QUICK), 20.0)
@@ -107,7 +106,6 @@ def test_a_log_of_ones_own_and_another_road_to_its_magnitudes():
         np.testing.assert_allclose(z, scan.magnitude[same], rtol=1e-4, atol=1e-4)
 
 
-@pytest.mark.slow
 def test_drifts_for_a_bias_are_erroneously_high_and_biases_for_a_drift_are_not(wrong: ReportContent):
     _, high = curve(wrong, 0, "published, M = 1")
     _, low = curve(wrong, 1, "published, M = 1")
@@ -116,7 +114,6 @@ def test_drifts_for_a_bias_are_erroneously_high_and_biases_for_a_drift_are_not(w
     assert np.abs(low).max() < 0.01
 
 
-@pytest.mark.slow
 def test_our_stage_finds_no_drift_in_a_bias_where_algorithm_3_finds_a_huge_one(wrong: ReportContent):
     peaks = {cells[:4]: cells[4] for cells in next(one for one in wrong.tables if one.name == "peaks").rows}
     for record in ("no noise", "noise 0.01 m/s"):
@@ -125,7 +122,6 @@ def test_our_stage_finds_no_drift_in_a_bias_where_algorithm_3_finds_a_huge_one(w
     assert peaks["drift", "noise 0.01 m/s", "bias", "ours, with stage"] == "0 at every start"
 
 
-@pytest.mark.slow
 def test_ours_does_not_declare_the_wrong_shape(wrong: ReportContent):
     assert wrong.heading == "The scan declares no wrong shape"
     for name in ("bias", "drift"):
@@ -134,7 +130,6 @@ def test_ours_does_not_declare_the_wrong_shape(wrong: ReportContent):
         assert ";" not in found
 
 
-@pytest.mark.slow
 @pytest.mark.skipif(not FULL, reason="only where BFI_FULL=1 is set")
 def test_with_noise_only_ours_finds_the_drift():
     content = thesis_5_15(Settings())
@@ -149,7 +144,6 @@ def test_with_noise_only_ours_finds_the_drift():
     assert content.heading == "Start found by the scan"
 
 
-@pytest.mark.slow
 def test_the_wrong_shape_with_noise(wrong: ReportContent):
     content = thesis_5_16(Settings()) if FULL else wrong
     assert content.heading == "The scan declares no wrong shape"
@@ -158,7 +152,6 @@ def test_the_wrong_shape_with_noise(wrong: ReportContent):
     assert np.abs(curve(noisy, 1, IMPOSED)[1]).max() < 0.1
 
 
-@pytest.mark.slow
 @pytest.mark.realdata
 def test_a_nonlinear_simulation_shows_the_same(flights):
     settings = Settings(log=read_log(flights / "de3211_1.mat").window(19.0, 50.72), quick=True)

@@ -162,6 +162,7 @@ def test_inputs_that_stand_still_or_repeat_are_left_out_of_the_base():
     np.testing.assert_allclose(repeated.statistic, once.statistic, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_the_deviation_is_that_of_the_magnitudes():
     n, trials, rng = 200, 300, np.random.default_rng(5)
     waveform, inside = shapes.bias(n), 0

@@ -20,13 +20,25 @@ from ..notes import Note
 from ..parity import LENGTHS_S, Finding
 from ..parity.leaks import begins_within
 from ..parity.record import STATIC_LEAK, record_of
+from ..parity.sampled import unit_of
 from ..parity.static_relations import RelationAnswer, relation_series
 from ..parity.windows import Window, overlaps, windows_in
 from ..plausibility import Implausible, without_offsets
 from ..preprocessing.summary import LogSummary, log_summary
+from ..report.text import quantity
 from ..shapes import SHAPES
 from .corrected import SHOWN, corrected_channels, course_of
-from .events import Draft, as_one, beyond_its_tolerance, is_certain, join, largest_first, merge_stages, with_ends
+from .events import (
+    Draft,
+    as_one,
+    beyond_its_tolerance,
+    errors_of_rivals,
+    is_certain,
+    join,
+    largest_first,
+    merge_stages,
+    with_ends,
+)
 from .exact_events import (
     AFTER_HOLD_S,
     event_of_offset,
@@ -312,7 +324,8 @@ def _state(flight: Flight, draft: Draft) -> tuple[State, str]:
         return "suspected", "no shipped table fits this log, so that the rate of false alarms of steps is not known"
     if one.stage == "scan" and overlaps(draft.window, flight.moved):
         return "suspected", "flaps or gear that move disturb the airspeed as a step would"
-    return "declared", vote_against(one, flight.recorded)
+    others = [f"of {name} {quantity(size, unit_of(flight.log, name))}" for name, size in errors_of_rivals(one).items()]
+    return "declared", vote_against(one, flight.recorded) or (f"or an error {', '.join(others)}" if others else "")
 
 
 def _strips(scanned: Sequence[Scanned], static: StaticWindows) -> tuple[Strip, ...]:

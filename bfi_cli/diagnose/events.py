@@ -206,12 +206,20 @@ def beyond_its_tolerance(flight: Flight, draft: Draft) -> bool | None:
     """Return whether the error of a draft surely exceeds, or surely keeps within, the tolerances of its channels.
 
     The ends of the 95 % interval of its size decide, by the channel that is nearest to its tolerance or furthest beyond
-    it. None where the interval holds that, and where no size or no tolerance is known.
+    it. None where the interval holds that, where no size or no tolerance is known, and where another channel that may
+    be the one at fault would err by more than its own.
     """
     share, one = _share(flight, draft), draft.finding
     if share is None or one.magnitude is None or one.sd is None:
         return None
-    return beyond_tolerance(share, one.magnitude, one.sd, 1.0)
+    surely = beyond_tolerance(share, one.magnitude, one.sd, 1.0)
+    other = _share(flight, replace(draft, finding=replace(one, effect=errors_of_rivals(one))))
+    return None if surely is False and other is not None and other > 1.0 else surely
+
+
+def errors_of_rivals(one: Finding) -> dict[str, float]:
+    """Return the largest error of every other channel that may be the one at fault."""
+    return {name: size * one.effect.get(one.fault, 0.0) for name, size in one.rivals.items() if name in one.among}
 
 
 def growth(shape: str, constant_s: float | None, *, shown_s: float, until_s: float) -> float:

@@ -31,6 +31,7 @@ class Finding:
         frequency_hz : of an oscillation.
     magnitude, sd : of that shape, in `unit`; None where the fault has none, or none is told.
     effect : largest error in the window by channel, in the channel's unit.
+    rivals : of other channels in `among`, the error that shows as an error of 1 of `fault` does.
     onset_s, offset_s : on the log's axis; onset_ci95 : interval of the onset. offset_s is None where it lasts.
     statistic, threshold, p_value : that it was declared by; p_value is None where no distribution is known.
     evidence : by residual, what it says for the fault: a log-likelihood ratio, or the residual's own statistic.
@@ -54,6 +55,7 @@ class Finding:
     threshold: float
     p_value: float | None = None
     effect: Mapping[str, float] = field(default_factory=dict)
+    rivals: Mapping[str, float] = field(default_factory=dict)
     evidence: Mapping[str, float] = field(default_factory=dict)
     doubt: str = ""
 

@@ -707,6 +707,7 @@ def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onset
         statistic=float(scan.statistic[best]),
         threshold=THRESHOLD,
         effect={fault: float(abs(magnitude) * reach[best])},
+        rivals={channel: abs(effects[fault] / effects[channel]) for channel in among[1:]},
         evidence={one.series.relation.name: float(one.scan.statistic[best]) for one in scanned},
     )
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from bfi_cli.diagnose.events import Draft, beyond_its_tolerance, largest_first
+from bfi_cli.diagnose.events import Draft, beyond_its_tolerance, errors_of_rivals, largest_first
 from bfi_cli.diagnose.looks import rate_of
 from bfi_cli.parity import LENGTHS_S, Finding
 
@@ -55,6 +55,15 @@ def test_the_interval_decides_and_where_it_holds_the_tolerance_nothing_is_said()
 def test_the_channel_furthest_beyond_decides():
     effect = {"tas": 0.6, "aoa": 0.03}
     assert beyond_its_tolerance(FLIGHT, draft(0.01, effect=effect)) is True
+
+
+@pytest.mark.parametrize(
+    ("ratio", "among", "expected"), [(0.1, ("aoa",), None), (0.01, ("aoa",), False), (0.1, (), False)]
+)
+def test_an_error_is_small_only_if_it_is_for_every_channel_that_may_be_at_fault(ratio, among, expected):
+    one = draft(0.4, shape="bias", effect={"tas": 0.4}, among=("tas", *among), rivals={"aoa": ratio})
+    assert beyond_its_tolerance(FLIGHT, one) is expected
+    assert errors_of_rivals(one.finding) == pytest.approx(dict.fromkeys(among, 0.4 * ratio))
 
 
 def test_what_has_no_size_is_not_said_to_be_small():

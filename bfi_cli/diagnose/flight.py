@@ -217,7 +217,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         log = without(log, "latitude", "longitude")
     log, unlike = without_other_conventions(log, phases)
     record = record_of(log)
-    credible = credibility_of(record, phases, (from_s, to_s), without=_stretches_of(held.findings))
+    credible = credibility_of(record, phases, (from_s, to_s), without=held_stretches(held.findings))
     if credible.findings:
         log = without(log, *credible.unused)
         record = record_of(log)
@@ -240,7 +240,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         tolerances=config.tolerances,
         unused=(*frozen, *([coarse] if coarse else ()), *unlike, *credible.sentences),
         not_credible=(*resting, *credible.findings),
-        stepped=sensor_steps(record, phases, log.channels.keys(), without=_stretches_of(held.findings)),
+        stepped=sensor_steps(record, phases, log.channels.keys(), without=held_stretches(held.findings)),
         unusable=credible.unusable,
         defects=defects,
     )
@@ -250,7 +250,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     return flight
 
 
-def _stretches_of(held: Sequence[Finding]) -> list[Window]:
+def held_stretches(held: Sequence[Finding]) -> list[Window]:
     """Return the stretches in which a pressure line is held, or leaks."""
     return [(one.onset_ci95[0] - BRIDGE_S, np.inf if one.offset_s is None else one.offset_s + BRIDGE_S) for one in held]
 
@@ -271,7 +271,7 @@ def _zero_lift(flight: Flight) -> tuple[float | None, str]:
 
     Stretches in which a pressure line is held, and what follows a fault that may last, are left out.
     """
-    without = _stretches_of(flight.held.findings)
+    without = held_stretches(flight.held.findings)
     spoilt: list[Window] = [(one.begun_s, one.until_s) for one in flight.lasting if TELL_ZERO_LIFT & {*one.faults}]
     without += spoilt
     outside = (OUTSIDE, [*without, (flight.from_s, flight.to_s)])

@@ -13,10 +13,11 @@ from ..kernels.progress import Report, silent
 from ..parity import Finding
 from ..parity.relation_course import with_course
 from ..parity.sampled import unit_of
+from ..parity.sensors import altitude_step_within
 from ..parity.static_relations import Series, StaticRelations, find_static
 from ..parity.windows import Window, flight_stretches, overlaps
-from .events import Draft, clusters, join
-from .flight import Flight
+from .events import Draft, clusters, errors_of_rivals, join
+from .flight import Flight, held_stretches
 from .naming import channels_of
 
 StaticWindows = Sequence[tuple[Window, StaticRelations]]
@@ -55,8 +56,19 @@ def drafts_of_relations(flight: Flight, series: Series, answers: StaticWindows) 
             continue
         if len(members) > 2:
             joined = _from_the_start(flight, series, joined, members[0])
-        drafts.append(_with_course(flight, series, joined))
+        drafts.append(_less_refuted(flight, _with_course(flight, series, joined)))
     return drafts
+
+
+def _less_refuted(flight: Flight, draft: Draft) -> Draft:
+    """Return a draft of a step, without the altitude among what may be at fault where its recorded rate denies that."""
+    one, size = draft.finding, errors_of_rivals(draft.finding).get("altitude")
+    if size is None or one.shape != "bias" or "altitude_rate" not in flight.recorded:
+        return draft
+    without = held_stretches(flight.held.findings)
+    if size <= altitude_step_within(flight.record, flight.phases, without, one.onset_ci95):
+        return draft
+    return replace(draft, finding=replace(one, among=tuple(name for name in one.among if name != "altitude")))
 
 
 def _stuck(flight: Flight, joined: Draft, members: Sequence[Draft]) -> Draft:

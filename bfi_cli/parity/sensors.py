@@ -211,23 +211,11 @@ def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[st
 def altimeter_steps(record: Record, phases: Sequence[Phase], without: Sequence[Window]) -> tuple[Finding, ...]:
     """Return the steps of the altitude that its rate does not have: an altimeter, or what is set on it.
 
-    A rate that lags makes a change of the altitude that follows a change of the rate.
-
     Parameters
     ----------
     without : stretches in which the static line is held or leaks: then both read what the line does.
     """
-    channels = record.channels
-    if not {"altitude", "altitude_rate"} <= channels.keys():
-        return ()
-    watched = within(record.time_s, flight_stretches(phases)) & ~within(record.time_s, without)
-    rate = np.where(watched, channels["altitude_rate"], np.nan)
-    climbed = STEP_S * (np.cumsum(np.nan_to_num(rate)) - 0.5 * np.nan_to_num(rate))
-    excess = np.where(np.isfinite(rate), channels["altitude"] - climbed, np.nan)
-    change, faster, by_rate = (_difference(x, PROBE_MEAN_S, PROBE_GAP_S) for x in (excess, rate, climbed))
-    own, usual = _less_what_follows(change, faster[:, None])
-    quantum = find_quantum(channels["altitude"][np.isfinite(channels["altitude"])]) or 0.0
-    least = max(ALTIMETER_M, UNUSUAL * usual, ALTIMETER_STEPS * quantum) + SHARE * np.abs(by_rate)
+    excess, own, least, usual = _altitude_beside_rate(record, phases, without)
     at_once = np.nan_to_num(np.abs(np.diff(excess)))  # by which a step changes, and what is held does not
     found = []
     for k in _lasting_peaks(own, least, excess):
@@ -247,6 +235,44 @@ def altimeter_steps(record: Record, phases: Sequence[Phase], without: Sequence[W
                 )
             )
     return tuple(found)
+
+
+def altitude_step_within(
+    record: Record, phases: Sequence[Phase], without: Sequence[Window], onsets_s: tuple[float, float]
+) -> float:
+    """Return the size of step of the altitude, m, that its rate allows with an onset in an interval, infinite for any.
+
+    Parameters
+    ----------
+    without : see `altimeter_steps`.
+    """
+    _, own, least, _ = _altitude_beside_rate(record, phases, without)
+    reach_s = PROBE_MEAN_S + PROBE_GAP_S
+    about = within(record.time_s, [(onsets_s[0] - reach_s, onsets_s[1] + reach_s)])
+    allowed = np.abs(own[about]) + least[about]
+    return float(allowed.max()) if allowed.size and np.isfinite(allowed).all() else np.inf
+
+
+def _altitude_beside_rate(
+    record: Record, phases: Sequence[Phase], without: Sequence[Window]
+) -> tuple[FloatArray, FloatArray, FloatArray, float]:
+    """Return the altitude less the integral of its rate, its changes, what they amount to at least, and usually.
+
+    A rate that lags makes a change of the altitude that follows a change of the rate; it is taken off. All are (n,),
+    NaN where they are not known.
+    """
+    channels = record.channels
+    if not {"altitude", "altitude_rate"} <= channels.keys():
+        return (*np.full((3, len(record.time_s)), np.nan), np.nan)
+    watched = within(record.time_s, flight_stretches(phases)) & ~within(record.time_s, without)
+    rate = np.where(watched, channels["altitude_rate"], np.nan)
+    climbed = STEP_S * (np.cumsum(np.nan_to_num(rate)) - 0.5 * np.nan_to_num(rate))
+    excess = np.where(np.isfinite(rate), channels["altitude"] - climbed, np.nan)
+    change, faster, by_rate = (_difference(x, PROBE_MEAN_S, PROBE_GAP_S) for x in (excess, rate, climbed))
+    own, usual = _less_what_follows(change, faster[:, None])
+    quantum = find_quantum(channels["altitude"][np.isfinite(channels["altitude"])]) or 0.0
+    least = max(ALTIMETER_M, UNUSUAL * usual, ALTIMETER_STEPS * quantum) + SHARE * np.abs(by_rate)
+    return excess, own, np.where(np.isfinite(own), least, np.nan), usual
 
 
 def _less_what_follows(change: FloatArray, follows: FloatArray) -> tuple[FloatArray, float]:

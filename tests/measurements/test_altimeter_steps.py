@@ -11,9 +11,11 @@ from shipped_parity import FLIGHTS
 
 from bfi_cli.config import Config
 from bfi_cli.diagnose.flight import flight_of
+from bfi_cli.diagnose.relations import drafts_of_relations, find_relations
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import phases_of
+from bfi_cli.parity.static_relations import relation_series
 from bfi_cli.parity.windows import flight_stretches
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
@@ -63,3 +65,18 @@ def test_other_faults_and_healthy_flights_have_none(flights: Path, name: str) ->
                 told[shape, round(onset_s)] = found
     print(f"\n{name}: {told}")
     assert told == {}
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_a_small_step_of_cas_is_not_taken_for_a_large_one_of_the_altitude(flights: Path, name: str) -> None:
+    log = read_log(flights / name)
+    named = []
+    for onset_s in onsets(log):
+        fault = Fault(shape="bias", channel="cas", onset_s=onset_s, magnitude=0.5)
+        flight = flight_of(inject(log, [fault]), Config())
+        series = relation_series(flight.log)
+        drafts = drafts_of_relations(flight, series, find_relations(flight, series))
+        named += [one.finding.among for one in drafts if abs(one.finding.onset_s - onset_s) < 4.0]
+    print(f"\n{name}: {named}")
+    assert len(named) >= 0.9 * TRIALS
+    assert all("altitude" not in among for among in named)

@@ -13,7 +13,14 @@ from bfi_cli.airdata import G, isa_temperature, speed_of_sound, static_temperatu
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.parity import Record, record_of
-from bfi_cli.parity.sensors import accelerometer_steps, altimeter_steps, frozen_sensors, probe_steps, without_frozen
+from bfi_cli.parity.sensors import (
+    accelerometer_steps,
+    altimeter_steps,
+    altitude_step_within,
+    frozen_sensors,
+    probe_steps,
+    without_frozen,
+)
 
 N, RATE_HZ, ONSET_S = 1000, 4.0, 400.0
 FLIGHT = [Phase(phase="cruise", from_s=0.0, to_s=float(N))]
@@ -178,6 +185,17 @@ def test_a_rate_that_lags_a_spike_and_a_line_that_is_held_are_no_step_of_an_alti
     without = altitude_off(60.0)
     no_rate = {name: values for name, values in without.channels.items() if name != "altitude_rate"}
     assert altimeter_steps(replace(without, channels=no_rate), FLIGHT, ()) == ()
+
+
+def test_the_rate_of_the_altitude_denies_steps_that_are_not_there():
+    about = (ONSET_S - 1.0, ONSET_S + 1.0)
+    assert altitude_step_within(altitude_off(0.0), FLIGHT, (), about) < 25.0
+    assert altitude_step_within(altitude_off(60.0), FLIGHT, (), about) > 60.0
+    assert altitude_step_within(altitude_off(0.0), FLIGHT, [(ONSET_S - 20.0, ONSET_S + 20.0)], about) == np.inf
+    assert altitude_step_within(altitude_off(0.0), FLIGHT, (), (-50.0, -40.0)) == np.inf
+    record = altitude_off(0.0)
+    no_rate = {name: values for name, values in record.channels.items() if name != "altitude_rate"}
+    assert altitude_step_within(replace(record, channels=no_rate), FLIGHT, (), about) == np.inf
 
 
 def lively() -> FlightLog:

@@ -126,6 +126,15 @@ def test_all_complaints_come_at_once(sweep: Callable[..., Sweep]):
 
 
 def test_the_shipped_schema_is_the_one_of_the_rules():
-    folder = CONFIGS
-    assert json.loads((folder / "schema" / "montecarlo.json").read_text()) == json_schema()
-    assert "$schema=schema/montecarlo.json" in (folder / "montecarlo_thesis.yaml").read_text().splitlines()[0]
+    assert json.loads((CONFIGS / "schema" / "montecarlo.json").read_text()) == json_schema()
+    assert "$schema=schema/montecarlo.json" in (CONFIGS / "montecarlo_thesis.yaml").read_text().splitlines()[0]
+
+
+@pytest.mark.parametrize(("name", "part"), [("config", "Config"), ("dictionary", "DictionaryDocument")])
+def test_the_shipped_schemas_say_the_same_of_the_same(name: str, part: str):
+    """That of a sweep holds those of a configuration and of a dictionary, which are dear to make anew."""
+    schemas = {key: json.loads((CONFIGS / "schema" / f"{key}.json").read_text()) for key in (name, "montecarlo")}
+    whole, definitions = schemas[name], schemas["montecarlo"]["$defs"]
+    named = {"$schema", "$defs", "title"}
+    assert {key: value for key, value in whole.items() if key not in named} | {"title": part} == definitions[part]
+    assert {key: definitions[key] for key in whole["$defs"]} == whole["$defs"]

@@ -6,16 +6,16 @@ import json
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from made_diagnoses import Diagnoses
 
 from bfi_cli.config import Config
 from bfi_cli.diagnose import DiagnoseResult, diagnose_flight
 from bfi_cli.errors import LogError
-from bfi_cli.flightlog import FlightLog
+from bfi_cli.flightlog import FlightLog, write_log
 from bfi_cli.flightlog.record import frozen_array
 
 CONFIG = Config.model_validate({"window": {"from_s": 400.0, "to_s": 560.0}})
@@ -23,10 +23,10 @@ AIRSPEEDS = ("tas", "cas", "mach")
 GROUND = ("velocity_north", "velocity_east")
 # By channel that is missing, what the answer says of it.
 COSTS = {
+    "altitude": "no p_static or altitude: the lift does not bound the airspeed",
     "tas": "the computation of tas is not checked: the log lacks tas",
     "cas": "mach, cas and altitude are not compared: the log lacks cas",
     "mach": "mach, cas and altitude are not compared: the log lacks mach",
-    "altitude": "no p_static or altitude: the lift does not bound the airspeed",
     "aoa": "no aoa: the climb angle does not bound pitch and angle of attack",
     "pitch": "no pitch: the climb angle does not bound pitch and angle of attack",
     "roll": "no roll: the inertial acceleration does not bound the airspeed",
@@ -59,9 +59,15 @@ def altered(log: FlightLog, names: tuple[str, ...], value: float, from_s: float,
 
 
 @pytest.fixture(scope="module")
-def diagnosed_without(journey: FlightLog) -> Callable[[str], DiagnoseResult]:
+def cruise(journey: FlightLog) -> FlightLog:
+    """Return the cruise of the journey alone, of which less is read."""
+    return journey.window(320.0, 640.0)
+
+
+@pytest.fixture(scope="module")
+def diagnosed_without(cruise: FlightLog) -> Callable[[str], DiagnoseResult]:
     """Return what is said of the flight without a channel, each asked for once."""
-    return cache(lambda name: diagnosed(lacking(journey, name)))
+    return cache(lambda name: diagnosed(lacking(cruise, name)))
 
 
 @pytest.mark.first_rows(1)
@@ -82,10 +88,10 @@ def test_every_channel_has_a_row(journey: FlightLog):
 @pytest.mark.first_rows(1)
 @pytest.mark.parametrize("name", [name for name in COSTS if name not in ("elevator", "tas", "cas", "mach")])
 def test_a_frozen_channel_is_named_and_as_good_as_missing(
-    journey: FlightLog, diagnosed_without: Callable[[str], DiagnoseResult], name: str
+    cruise: FlightLog, diagnosed_without: Callable[[str], DiagnoseResult], name: str
 ):
-    value = float(journey.channels[name].values[2000])
-    frozen = diagnosed(altered(journey, (name,), value, 0.0, np.inf))
+    value = float(cruise.channels[name].values[400])
+    frozen = diagnosed(altered(cruise, (name,), value, 0.0, np.inf))
     missing = diagnosed_without(name)
     said = f"'{name}' is not used: it holds one value through the whole log"
     assert frozen.missing[0] == said
@@ -93,8 +99,8 @@ def test_a_frozen_channel_is_named_and_as_good_as_missing(
     assert frozen.limits == missing.limits
 
 
-def test_a_channel_without_a_number_is_no_frozen_one(journey: FlightLog):
-    result = diagnosed(altered(journey, ("aoa",), np.nan, 0.0, np.inf))
+def test_a_channel_without_a_number_is_no_frozen_one(cruise: FlightLog):
+    result = diagnosed(altered(cruise, ("aoa",), np.nan, 0.0, np.inf))
     assert result.missing[0] == "'aoa' is not used: it holds no number through the whole log"
 
 
@@ -114,16 +120,16 @@ def test_a_channel_without_a_number_is_no_frozen_one(journey: FlightLog):
     ],
 )
 def test_gaps_and_impossible_values(
-    journey: FlightLog, names: tuple[str, ...], value: float, from_s: float, to_s: float
+    cruise: FlightLog, names: tuple[str, ...], value: float, from_s: float, to_s: float
 ):
-    result = diagnosed(altered(journey, names, value, from_s, to_s))
+    result = diagnosed(altered(cruise, names, value, from_s, to_s))
     # Whatever is left of the flight is healthy: only a channel that is wrong may be named.
     assert {event.fault for event in result.events} <= {*names}
     assert result.windows
 
 
-def test_gps_that_comes_and_goes_is_not_used(journey: FlightLog):
-    log = lacking(journey)
+def test_gps_that_comes_and_goes_is_not_used(cruise: FlightLog):
+    log = lacking(cruise)
     gaps = np.floor(log.time_s / 7.0) % 2 == 0
     channels = {
         name: replace(log.channels[name], values=frozen_array(np.where(gaps, np.nan, log.channels[name].values)))
@@ -135,17 +141,17 @@ def test_gps_that_comes_and_goes_is_not_used(journey: FlightLog):
 
 
 @pytest.mark.parametrize("keep", [("tas",), ("mach",), ("tas", "altitude"), ("tas", *GROUND)])
-def test_an_airspeed_that_nothing_bounds_is_said(journey: FlightLog, keep: tuple[str, ...]):
-    result = diagnosed(replace(journey, channels={name: journey.channels[name] for name in keep}))
+def test_an_airspeed_that_nothing_bounds_is_said(cruise: FlightLog, keep: tuple[str, ...]):
+    result = diagnosed(replace(cruise, channels={name: cruise.channels[name] for name in keep}))
     assert "no slow fault was looked for: nothing bounds the airspeed" in result.missing
     assert (result.decision, result.verdicts["slow"]) == ("inconclusive", "inconclusive")
     assert "a slow fault of any size could be there unseen" in result.summary
 
 
-def test_relations_alone_do_not_clear_the_pitot_line(journey: FlightLog):
+def test_relations_alone_do_not_clear_the_pitot_line(cruise: FlightLog):
     """Mach number, temperature and both airspeeds agree exactly, whatever ice does to the line they share."""
     names = ("tas", "cas", "mach", "altitude", "tat", "sat")
-    result = diagnosed(replace(journey, channels={name: journey.channels[name] for name in names}))
+    result = diagnosed(replace(cruise, channels={name: cruise.channels[name] for name in names}))
     exact = [one for one in result.limits if one.shape == "drift" and one.fault in ("tas", "cas", "mach")]
     assert {(one.fault, one.bounds) for one in exact} == {(name, "disagreement") for name in ("tas", "cas", "mach")}
     assert all(one.within_tolerance for one in exact if not one.grows_on)
@@ -154,9 +160,9 @@ def test_relations_alone_do_not_clear_the_pitot_line(journey: FlightLog):
     assert "a slow fault of any size could be there unseen" in result.summary
 
 
-def test_one_airspeed_bounds_its_line_as_itself(journey: FlightLog):
+def test_one_airspeed_bounds_its_line_as_itself(cruise: FlightLog):
     names = ("tas", "altitude", "altitude_rate", *GROUND)
-    result = diagnosed(replace(journey, channels={name: journey.channels[name] for name in names}))
+    result = diagnosed(replace(cruise, channels={name: cruise.channels[name] for name in names}))
     limits = {one.fault: one for one in result.limits if one.shape == "drift" and one.holds_in == 0.95}
     assert limits["pitot_icing"].effect == pytest.approx(limits["tas"].effect)
     # A relative loss of impact pressure is half as large, relative, in airspeed, here of about 105 m/s.
@@ -169,8 +175,8 @@ def thinned(log: FlightLog, step: int) -> FlightLog:
 
 
 @pytest.mark.parametrize("step", [10, 25])
-def test_a_slow_log(journey: FlightLog, step: int):
-    result = diagnosed(lacking(thinned(journey, step)))
+def test_a_slow_log(cruise: FlightLog, step: int):
+    result = diagnosed(lacking(thinned(cruise, step)))
     assert result.events == ()
     assert result.windows
 
@@ -203,9 +209,9 @@ def change(**channels: float) -> Callable[[FlightLog], FlightLog]:
         (change(tas=np.nan, cas=np.nan, mach=np.nan), "no airspeed and no impact pressure that changes"),
     ],
 )
-def test_a_log_that_cannot_be_used(journey: FlightLog, make: Callable[[FlightLog], FlightLog], said: str):
+def test_a_log_that_cannot_be_used(cruise: FlightLog, make: Callable[[FlightLog], FlightLog], said: str):
     with pytest.raises(LogError, match=said):
-        diagnosed(make(journey))
+        diagnosed(make(cruise))
 
 
 def test_a_log_of_the_ground(journey: FlightLog):
@@ -217,7 +223,14 @@ def test_a_log_of_the_ground(journey: FlightLog):
         diagnose_flight(lacking(replace(log, channels={**log.channels, "tas": slow}), "cas", "mach"), Config())
 
 
-@pytest.mark.first_rows(3)
+@pytest.fixture(scope="module")
+def few(journey: FlightLog, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a log of two channels: what is refused is refused whatever else was recorded."""
+    path = tmp_path_factory.mktemp("few") / "few.h5"
+    write_log(replace(journey, channels={name: journey.channels[name] for name in ("altitude", "tas")}), path)
+    return path
+
+
 @pytest.mark.parametrize(
     ("options", "code", "said"),
     [
@@ -230,14 +243,13 @@ def test_a_log_of_the_ground(journey: FlightLog):
         (("--calibration", "absent.json"), 2, "absent.json: cannot be read, no such file or directory; check the path"),
     ],
 )
-def test_options(diagnoses: Diagnoses, options: tuple[str, ...], code: int, said: str):
-    outcome = diagnoses.bfi("diagnose", diagnoses.log(""), *options, "--json")
+def test_options(bfi: Callable, few: Path, options: tuple[str, ...], code: int, said: str):
+    outcome = bfi("diagnose", few, *options, "--json")
     assert (outcome.code, outcome.stdout) == (code, "")
     assert said in outcome.stderr
     assert outcome.stderr.count("\n") == 1
 
 
-@pytest.mark.first_rows(1)
 @pytest.mark.parametrize(
     ("content", "said"),
     [
@@ -248,10 +260,10 @@ def test_options(diagnoses: Diagnoses, options: tuple[str, ...], code: int, said
         ([], "not a mapping, got []"),
     ],
 )
-def test_calibrations(diagnoses: Diagnoses, tmp_path: Any, content: Any, said: str):
+def test_calibrations(bfi: Callable, few: Path, tmp_path: Path, content: Any, said: str):
     path = tmp_path / "c.json"
     path.write_text(content if isinstance(content, str) else json.dumps(content))
-    outcome = diagnoses.bfi("diagnose", diagnoses.log(""), "--calibration", path, "--json")
+    outcome = bfi("diagnose", few, "--calibration", path, "--json")
     assert (outcome.code, outcome.stdout) == (2, "")
     assert said in outcome.stderr
     assert outcome.stderr.count("\n") == 1

@@ -173,7 +173,7 @@ def test_what_ends_a_run_from_outside(
     assert (outcome.code, outcome.stdout, outcome.stderr) == (code, "", line)
 
 
-@pytest.mark.parametrize("words", [["info", LOG, "--json"], ["--help"]])
+@pytest.mark.parametrize("words", [["reproduce", "list", "--json"], ["--help"]])
 def test_a_closed_pipe_is_quiet(words: list[object]):
     program = [sys.executable, "-m", "bfi_cli", *map(str, words)]
     with subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=ROOT) as process:

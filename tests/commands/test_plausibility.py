@@ -38,9 +38,12 @@ def test_the_first_line_says_what_to_state(bfi: Callable, logs: Path):
 
 
 @pytest.mark.first_rows(1)
-@pytest.mark.parametrize("command", ["start-time", "identify"])
-def test_no_verdict_is_given_while_channels_contradict_each_other(bfi: Callable, logs: Path, command: str):
-    document = json.loads(bfi(command, logs / "knots.h5", *PART, "--json").stdout)
+@pytest.mark.parametrize(
+    "words", [("start-time", "--shape", "bias"), ("start-time",), ("identify",)], ids=lambda words: " ".join(words)
+)
+def test_no_verdict_is_given_while_channels_contradict_each_other(bfi: Callable, logs: Path, words: tuple[str, ...]):
+    command, *options = words
+    document = json.loads(bfi(command, logs / "knots.h5", *options, *PART, "--json").stdout)
     (one,) = document["plausibility"]
     assert (one["channels"], one["what"], one["unit"], one["fixed"]) == (["tas"], "unit", "kt", False)
     assert (document["decision"], set(document["verdicts"].values())) == ("inconclusive", {"inconclusive"})

@@ -152,14 +152,16 @@ def test_an_interrupted_search_for_many_faults(tmp_path: Path):
     assert ended.terminal.endswith("bfi: interrupted\n")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
-def test_an_interruption_amid_the_figures_leaves_the_old_answer(tmp_path: Path, number: int):
+@pytest.mark.first_rows(1)
+@pytest.mark.parametrize(
+    "words", [("plot", TWO), ("identify", TWO, "-d", FAULTS, *QUICKER)], ids=lambda words: words[0]
+)
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_an_interruption_amid_the_figures_leaves_the_old_answer(tmp_path: Path, words: tuple[object, ...], number: int):
     out = tmp_path / "out"
     out.mkdir()
     (out / "result.json").write_text("old")
-    ended = at_a_terminal(
-        *("identify", TWO, "-d", FAULTS, *QUICKER, "--out", out, "--force"), until="figures", number=number
-    )
+    ended = at_a_terminal(*words, "--out", out, "--force", until="figures", number=number)
     assert (ended.code, ended.stdout) == (128 + number, "")
     assert has_its_cursor(ended.terminal)
     assert [path.name for path in out.iterdir()] == ["result.json"]
@@ -181,7 +183,7 @@ def stages_of(run: Callable[[Callable[[str, float], None]], object]) -> dict[str
     ("path", "settings"),
     [
         (BIAS, {"start_time.shapes": ("bias",), "model.order": 2}),
-        (BIAS, {"method": "risro", "start_time.shapes": ("bias",), "model.order": 2}),
+        (BIAS, {**COARSE, "method": "risro", "start_time.shapes": ("bias",)}),
         pytest.param(TWO, COARSE, marks=pytest.mark.slow),
         pytest.param(TWO, {**COARSE, "start_time.ends": True}, marks=pytest.mark.slow),
     ],

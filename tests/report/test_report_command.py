@@ -28,6 +28,7 @@ def stored(tmp_path, provenance):
     return path
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_draws_all_files_and_prints_the_document(stored, tmp_path, capsys):
     assert run_command(["report", str(stored), "--out", str(tmp_path / "again"), "--json", "--series"]) == 0
     out, err = capsys.readouterr()

@@ -19,6 +19,9 @@ from matplotlib.figure import Figure
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.flightlog import read_log
 from bfi_cli.printable import printable
+from bfi_cli.report.content import Block, Drawing, HeatMap, Lane, Panel, Span, curve
+from bfi_cli.report.figures import draw
+from bfi_cli.report.style import to_svg
 from bfi_cli.serialization import csv_lines, to_json
 
 # A title and a colour of a terminal in both codings, writing direction, a line that is none, HTML, the console's own
@@ -88,23 +91,22 @@ def vectors(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("bfi_cli.report.style.to_png", lambda figure: b"")
 
 
-@pytest.fixture(params=["--json", "table"])
+@pytest.fixture(params=["--json", "table", pytest.param("drawn", marks=pytest.mark.slow)])
 def run(
     request: pytest.FixtureRequest, bfi: Callable, desk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Callable[..., object]:
-    """Run a command line in the folder as JSON and as tables, and look at all it prints."""
+    """Run a command line in the folder as JSON and as tables, and with its figures, and look at all it prints."""
     monkeypatch.chdir(desk)
     monkeypatch.setenv("COLUMNS", "500")
     monkeypatch.setenv("TERM", "dumb")  # no colours of our own
     request.getfixturevalue("unscanned")
-    # The same files are drawn with --json, where names are looked at, and not their places and pixels.
-    request.getfixturevalue("undrawn" if request.param == "table" else "vectors")
+    request.getfixturevalue("vectors" if request.param == "drawn" else "undrawn")
 
     def command(*argv: object, code: int = 0) -> object:
         if request.param == "table":
             monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
             monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
-        outcome = bfi(*argv, *(["--json"] if request.param == "--json" else []))
+        outcome = bfi(*argv, *([] if request.param == "table" else ["--json"]))
         assert outcome.code == code, outcome.stderr
         check_text(outcome.stdout)
         check_text(outcome.stderr)
@@ -149,6 +151,28 @@ def names_of(value: object) -> Iterator[str]:
             yield from (name for pair in value.items() for one in pair for name in names_of(one))
         case list():
             yield from (name for one in value for name in names_of(one))
+
+
+@pytest.mark.usefixtures("vectors")
+def test_a_figure():
+    """Whatever a figure is told, no letter of it is markup: they are drawn, and told again in comments."""
+    one, block = curve(BAD, [0.0, 1.0], [1.0, 2.0]), Block(label=BAD, low=0.2, high=0.8, shade="yellow")
+    panel = Panel(
+        title=BAD,
+        x_label=f"{BAD} [s]",
+        y_label=BAD,
+        curves=(one,),
+        levels=((BAD, 1.5),),
+        spans=(Span(label=BAD, low=0.2, high=0.4),),
+        y_ticks=((BAD, 1.0),),
+        side_notes=((BAD, 1.0),),
+        bands=(block,),
+    )
+    lanes = Panel(x_label=BAD, y_label="", curves=(), lanes=(Lane(label=BAD, blocks=(block,)),), x_limits=(0.0, 1.0))
+    heat_map = HeatMap(title=BAD, rows=(BAD,), columns=(BAD,), values=(np.array([0.5]),), label=BAD)
+    svg = to_svg(draw(Drawing(name="x", caption=BAD, panels=(panel, lanes), heat_maps=(heat_map,)))).decode()
+    check_text(svg)
+    assert not [one for one in ElementTree.fromstring(svg).iter() if "script" in str(one.tag) or "img" in str(one.tag)]
 
 
 def test_info(run: Callable, desk: Path):

@@ -190,7 +190,7 @@ def content_of(source: Path | dict, *, on_log: bool):
 
 
 @pytest.mark.first_rows(1)
-@pytest.mark.parametrize(("source", "on_log"), [(MANY, True), (THESIS, False)], ids=["many on a log", "few alone"])
+@pytest.mark.parametrize(("source", "on_log"), [(THESIS, False), (MANY, True)], ids=["few alone", "many on a log"])
 def test_the_figures_are_whole(source: Path | dict, on_log: bool):
     drawings = content_of(source, on_log=on_log).drawings
     assert [drawing.name for drawing in drawings] == ["signatures", "coherence", *(["limits"] if on_log else [])]

@@ -263,7 +263,7 @@ def test_a_key_of_the_double_model_estimator(identify: Callable, once: Callable,
 
     def noise(*settings: str) -> dict[str, float]:
         keys = ", ".join(("model: citation", *settings))
-        window = "window: {to_s: 16}\nconditioning: {rate_hz: 5}"
+        window = "window: {from_s: 1, to_s: 14.5}\nconditioning: {rate_hz: 5}"
         file.write_text(f"method: dmae\n{window}\ndictionary: {FEW}\ndmae: {{{keys}}}\n")
         return identify(TWO, "-c", file)["model"]["noise_sd"]
 
@@ -405,7 +405,7 @@ def test_a_window_moves_the_faults_of_a_dictionary_relative_to_it(identify: Call
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize(("rate", "rate_hz"), [("none", 100.0), ("auto", 10.0), ("20", 20.0), ("7.5", 7.5)])
 def test_rate(identify: Callable, rate: str, rate_hz: float):
-    assert identify(BIAS, "-d", FEW, "--rate", rate, "--order", 4)["log"]["rate_hz"] == pytest.approx(rate_hz)
+    assert identify(BIAS, "-d", FEW, "--rate", rate, "--order", 2)["log"]["rate_hz"] == pytest.approx(rate_hz)
 
 
 @pytest.mark.usefixtures("unscanned")

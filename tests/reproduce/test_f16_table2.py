@@ -155,6 +155,7 @@ def test_the_verdict_says_that_the_settings_were_chosen_and_how_far_the_table_mo
     assert float(quick.verdict.split("moves by up to ")[1].split()[0]) == pytest.approx(moves, abs=0.0011)
 
 
+@pytest.mark.slow
 def test_the_chosen_reading_is_not_repeated_among_the_others(quick: ReportContent):
     labels = [row[0] for row in quick.tables[1].rows]
     assert labels[:2] == ["published", "as chosen"]

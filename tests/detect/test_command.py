@@ -18,6 +18,8 @@ from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, read_log, write_log
 from bfi_cli.provenance import provenance
 
+QUICK = merge(Config(), {"detect.train": (0.0, 8.0), "conditioning.rate_hz": 10.0})
+
 
 @pytest.fixture(scope="module")
 def failing(flown: Callable[..., FlightLog], tmp_path_factory: pytest.TempPathFactory) -> Path:
@@ -35,7 +37,7 @@ def healthy(flown: Callable[..., FlightLog], tmp_path_factory: pytest.TempPathFa
 
 @pytest.fixture(scope="module")
 def detected(failing: Path) -> dict[str, Any]:
-    result = detect_faults(read_log(failing), merge(Config(), {"detect.train": (0.0, 8.0)}))
+    result = detect_faults(read_log(failing), QUICK)
     return detect_document(result, provenance(log_sha256=""))
 
 
@@ -56,14 +58,14 @@ def test_the_document(bfi, failing: Path):
 
 
 def test_a_failing_and_a_healthy_log_are_one_screen(bfi, failing: Path, healthy: Path, detected: dict[str, Any]):
-    result = detect_faults(read_log(healthy), merge(Config(), {"detect.train": (0.0, 8.0)}))
+    result = detect_faults(read_log(healthy), QUICK)
     for document in (detected, detect_document(result, provenance(log_sha256=""))):
         content = detect_content(document)
         check_screen(screen(content), content)
-    outcome = bfi("detect", failing, "--train", "0:8")
+    outcome = bfi("detect", failing, "--train", "0:8", "--rate", 10)
     assert outcome.stdout.splitlines()[0] == screen(detect_content(detected), 120)[0]
     assert "Channels watched" not in outcome.stdout
-    assert "Channels watched" in bfi("detect", failing, "--train", "0:8", "--verbose").stdout
+    assert "Channels watched" in bfi("detect", failing, "--train", "0:8", "--rate", 10, "--verbose").stdout
 
 
 @pytest.mark.parametrize(
@@ -84,9 +86,9 @@ def test_a_size_is_told_as_far_as_it_is_known(detected, size: float | None, ci95
 
 
 def test_the_kinds_required_decide(bfi, healthy: Path):
-    plain = json.loads(bfi("detect", healthy, "--train", "0:8", "--require", "abrupt", "--json").stdout)
+    plain = json.loads(bfi("detect", healthy, "--train", "0:8", "--rate", 10, "--require", "abrupt", "--json").stdout)
     assert (plain["decision"], plain["verdicts"]["abrupt"]) == ("no_fault", "no_fault")
-    strict = bfi("detect", healthy, "--train", "0:8", "--strict", "--json")
+    strict = bfi("detect", healthy, "--train", "0:8", "--rate", 10, "--strict", "--json")
     assert (strict.code, json.loads(strict.stdout)["decision"]) == (4, "inconclusive")
 
 

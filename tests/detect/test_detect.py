@@ -10,7 +10,7 @@ import pytest
 from noted import texts
 
 from bfi_cli.config import Config, merge
-from bfi_cli.detect import detect_faults
+from bfi_cli.detect import DetectResult, detect_faults
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.filters import Filter
@@ -18,6 +18,7 @@ from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
 
 TRAINED = merge(Config(), {"detect.train": (0.0, 8.0)})
+QUICK = merge(TRAINED, {"conditioning.rate_hz": 10.0})
 SPREADS = 5.0
 
 
@@ -42,6 +43,7 @@ def test_without_noise_and_without_a_failure_nothing_is_declared(flown: Callable
     assert (result.method, result.decision, result.alarms, result.commands) == ("exact", "no_fault", (), ())
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("channel", ["aoa", "pitch_rate"])
 def test_with_noise_the_right_channel_is_declared_within_a_second(flown: Callable[..., FlightLog], channel: str):
     log = flown()
@@ -79,7 +81,7 @@ def test_units_change_nothing_but_the_size(flown: Callable[..., FlightLog]):
     log = flown(Fault(shape="bias", channel="aoa", magnitude=0.01, onset_s=12.0), seed=1)
     aoa = log.channel("aoa")
     other = replace(log, channels={**log.channels, "aoa": replace(aoa, values=frozen_array(-57.3 * aoa.values))})
-    one, two = (detect_faults(each, TRAINED) for each in (log, other))
+    one, two = (detect_faults(each, QUICK) for each in (log, other))
     assert [alarm.channel for alarm in one.alarms] == [alarm.channel for alarm in two.alarms]
     assert [alarm.time_s for alarm in one.alarms] == [alarm.time_s for alarm in two.alarms]
     assert two.alarms[0].statistic == pytest.approx(one.alarms[0].statistic, rel=1e-6)
@@ -90,14 +92,14 @@ def test_accelerations_count_as_inputs_unless_others_are_asked_for(flown: Callab
     log = flown()
     felt = replace(log.channel("tas_rate"), name="longitudinal_acc", source="ax")
     log = replace(log, channels={**log.channels, "longitudinal_acc": felt})
-    elevators = tuple(name for name in detect_faults(flown(), TRAINED).inputs)
-    found = detect_faults(log, TRAINED)
+    elevators = tuple(name for name in detect_faults(flown(), QUICK).inputs)
+    found = detect_faults(log, QUICK)
     assert found.inputs == (*elevators, "longitudinal_acc")
     assert any(note.startswith("inputs include longitudinal_acc,") for note in texts(found.notes))
-    asked = detect_faults(log, merge(TRAINED, {"inputs": elevators}))
+    asked = detect_faults(log, merge(QUICK, {"inputs": elevators}))
     assert asked.inputs == elevators
     assert not any("inputs include" in note for note in texts(asked.notes))
-    watched = detect_faults(log, merge(TRAINED, {"outputs": ("longitudinal_acc", "pitch")}))
+    watched = detect_faults(log, merge(QUICK, {"outputs": ("longitudinal_acc", "pitch")}))
     assert (watched.inputs, watched.outputs) == (elevators, ("longitudinal_acc", "pitch"))
 
 
@@ -125,7 +127,7 @@ def test_samples_that_a_recorder_filtered_past_the_end_of_the_log_are_not_watche
     """What the recorder made of samples it never had looks like a failure of the last half second."""
     recorder = Filter(kind="gaussian", edge_hz=0.75, rate_hz=100.0)
     log = flown(Fault(shape="bias", channel="aoa", magnitude=10.0 * spread(flown(), "aoa"), onset_s=19.5), seed=4)
-    assert detect_faults(log, TRAINED).decision == "fault"
+    assert detect_faults(log, QUICK).decision == "fault"
     result = detect_faults(replace(log, filters=(recorder,)), TRAINED)
     assert (result.decision, result.alarms) == ("inconclusive", ())
     assert any("after the end of the log" in note for note in texts(result.notes))
@@ -167,35 +169,42 @@ def test_what_cannot_be_done_is_said_in_one_line(flown: Callable[..., FlightLog]
     assert "\n" not in str(refusal.value)
 
 
-def test_statistics_are_finite_where_the_channels_are_watched(flown: Callable[..., FlightLog]):
-    result = detect_faults(flown(seed=2), TRAINED)
-    after = result.time_s > 8.1
-    assert all(np.isfinite(one.statistic[after]).all() for one in result.series)
+@pytest.fixture(scope="module")
+def healthy(flown: Callable[..., FlightLog]) -> DetectResult:
+    return detect_faults(flown(seed=4), TRAINED)
 
 
-def test_healthy_channels_are_excluded_each_and_what_is_not_looked_for_is_said(flown: Callable[..., FlightLog]):
-    result = detect_faults(flown(seed=4), TRAINED)
-    assert [one.channel for one in result.candidates] == list(result.outputs)
-    assert {one.state for one in result.candidates} == {"excluded"}
-    assert result.verdicts == {"abrupt": "no_fault", "oscillating": "inconclusive", "slow": "inconclusive"}
-    assert result.summary.startswith("no step above ")
-    assert result.summary.endswith("an oscillation was not looked for; a slow fault was not looked for")
-    for one in result.candidates:
+def test_statistics_are_finite_where_the_channels_are_watched(healthy: DetectResult):
+    after = healthy.time_s > 8.1
+    assert all(np.isfinite(one.statistic[after]).all() for one in healthy.series)
+
+
+def test_healthy_channels_are_excluded_each_and_what_is_not_looked_for_is_said(healthy: DetectResult):
+    assert [one.channel for one in healthy.candidates] == list(healthy.outputs)
+    assert {one.state for one in healthy.candidates} == {"excluded"}
+    assert healthy.verdicts == {"abrupt": "no_fault", "oscillating": "inconclusive", "slow": "inconclusive"}
+    assert healthy.summary.startswith("no step above ")
+    assert healthy.summary.endswith("an oscillation was not looked for; a slow fault was not looked for")
+    for one in healthy.candidates:
         assert 0.0 < one.minimal_detectable <= one.excluded_above
         assert abs(one.magnitude) + 2.3 * one.sd <= one.excluded_above
         assert one.effect == one.excluded_above <= one.tolerance
 
 
 @pytest.mark.first_rows(1)
-@pytest.mark.parametrize("noise", [0.0, 0.01])
-def test_twice_what_is_excluded_is_declared(flown: Callable[..., FlightLog], noise: float):
+@pytest.mark.parametrize(
+    ("noise", "config"),
+    [(0.01, merge(QUICK, {"outputs": ("aoa", "pitch")})), (0.0, TRAINED), (0.01, TRAINED)],
+    ids=["quick", "exact", "parity"],
+)
+def test_twice_what_is_excluded_is_declared(flown: Callable[..., FlightLog], noise: float, config: Config):
     """Of every channel, at onsets drawn from those that the claim covers, in the same record."""
     rng, healthy = np.random.default_rng(6), flown(seed=6, noise=noise)
-    for one in detect_faults(healthy, TRAINED).candidates:
+    for one in detect_faults(healthy, config).candidates:
         onset_s = round(float(rng.uniform(9.0, 18.0)), 2)
         size = float(rng.choice([-2.0, 2.0])) * one.excluded_above
         fault = Fault(shape="bias", channel=one.channel, magnitude=size, onset_s=onset_s)
-        states = {each.channel: each.state for each in detect_faults(inject(healthy, [fault]), TRAINED).candidates}
+        states = {each.channel: each.state for each in detect_faults(inject(healthy, [fault]), config).candidates}
         assert states[one.channel] == "declared", (one.channel, onset_s)
 
 

@@ -29,7 +29,7 @@ def with_gain(log: FlightLog, *channels: str, gain: float = 0.9, from_s: float =
     return replace(log, channels={**log.channels, **changed})
 
 
-@pytest.mark.first_rows(3)
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("outputs", [("aoa",), ("altitude",), ("aoa", "pitch"), ("altitude", "tas_rate")])
 def test_outputs_that_do_not_hold_all_states_need_more_lags_and_raise_no_alarm(
     flown: Callable[..., FlightLog], outputs: tuple[str, ...]
@@ -39,6 +39,7 @@ def test_outputs_that_do_not_hold_all_states_need_more_lags_and_raise_no_alarm(
     assert (result.method, result.alarms) == ("exact", ())
 
 
+@pytest.mark.first_rows(3)
 @pytest.mark.parametrize("name", ["citation", "b747"])
 @pytest.mark.parametrize("channels", [("pitch_rate",), ("aoa",), ("aoa", "pitch_rate")])
 def test_only_what_fails_is_declared_though_healthy_channels_leave_round_off(name: str, channels: tuple[str, ...]):

@@ -20,7 +20,7 @@ WATCHED = merge(Config(), {"inputs": ("elevator",), "outputs": ("tas", "pitch"),
 def whole_flight(*, step_s: float | None = None, size: float = 5.0) -> FlightLog:
     """Return a log from ramp to ramp, in flight from about 160 to 740 s, with a step of the airspeed."""
     rng = np.random.default_rng(1)
-    time_s = np.arange(0.0, 900.0, 0.5)
+    time_s = np.arange(0.0, 900.0, 1.0)
     tas = np.interp(time_s, [120.0, 150.0, 200.0, 730.0, 790.0], [0.0, 45.0, 60.0, 40.0, 0.0])
     signals = {
         "tas": tas + 0.1 * rng.standard_normal(time_s.size),

@@ -87,6 +87,12 @@ def test_a_recorder_that_is_stated_against_the_log_counts_and_is_told(
     filters, sentence = recorder_filters(recorded, edge_hz)
     assert [one.edge_hz for one in filters] == ([] if edge_hz == "none" else [0.75 if edge_hz == "auto" else edge_hz])
     assert ("but the log has one (gaussian, gain one half at 0.75 Hz, stated in the file)" in sentence) == told
+
+
+@pytest.mark.first_rows(1)
+@pytest.mark.parametrize("edge_hz", [3.0, "none", 0.8, "auto"])
+def test_a_detection_tells_which_recorder_counts(recorded: FlightLog, edge_hz: str | float):
+    _, sentence = recorder_filters(recorded, edge_hz)
     assert sentence in texts(detected(recorded, recorder__edge_hz=edge_hz).notes)
 
 

@@ -16,6 +16,7 @@ THESIS = ROOT / "configs" / "thesis_dictionary.yaml"
 FLOWN = ("--model", "citation", "-d", THESIS, "--draws", 1)
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_log(bfi, tmp_path: Path):
     outcome = bfi("diagnosability", BIAS, "-d", THESIS, "--magnitude", 0.5, "--out", tmp_path / "out", "--json")
     document = json.loads(outcome.stdout)

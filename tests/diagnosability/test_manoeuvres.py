@@ -74,6 +74,7 @@ def test_limits_are_those_of_all_manoeuvres_together():
     np.testing.assert_allclose([atom.magnitude for atom in result.atoms], expected, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_gusts_hide_faults():
     def bits(turbulence_m_s: float) -> float:
         one = flights("3211", base=QUICK, draws=1, turbulence_m_s=turbulence_m_s)

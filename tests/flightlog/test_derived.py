@@ -221,7 +221,7 @@ def test_derived_channels_are_outputs_and_inputs_of_an_analysis(
 ):
     dictionary = tmp_path / "d.yaml"
     dictionary.write_text("atoms: [{shape: bias, channel: tas, onset_s: 1450}]\n")
-    window = ["--from", "1400", "--to", "1500", "-d", str(dictionary), "--json"]
+    window = ["--from", "1400", "--to", "1500", "-d", str(dictionary), "--order", "2", "--json"]
     names = ["--output", "tas", "--output", "lift_speed", "--input", "climb_angle", "--input", "kinematic_acc"]
     code = run_command(["identify", str(path), *window, *names])
     document = json.loads(capsys.readouterr().out)

@@ -36,7 +36,7 @@ def saved(written: dict[str, Any], *, compressed: bool = False) -> bytes:
     return file.getvalue()
 
 
-@settings(max_examples=60)
+@settings(max_examples=30)
 @given(written=st.dictionaries(NAMES, VALUES, min_size=1, max_size=4), compressed=st.booleans())
 def test_what_is_saved_passes(written: dict[str, Any], compressed: bool):
     found = variables(saved(written, compressed=compressed))
@@ -84,8 +84,8 @@ def test_a_size_that_the_data_do_not_have_does_not_pass():
 
 
 def test_what_is_compressed_is_unpacked_no_further_than_it_claims():
-    """A bomb: 64 MB of zeros behind a tag that claims 80 bytes."""
-    bomb = zlib.compress(struct.pack("<II", 14, 80) + bytes(2**26), 9)
+    """A bomb: 8 MB of zeros behind a tag that claims 80 bytes."""
+    bomb = zlib.compress(struct.pack("<II", 14, 80) + bytes(2**23), 9)
     file = saved({}) + struct.pack("<II", 15, len(bomb)) + bomb
     assert unpacked_size(file) == 80
     with pytest.raises(ValueError, match="they claim 80 bytes and hold others"):

@@ -345,8 +345,8 @@ SPECS = {
 
 
 @pytest.mark.first_rows(11)
-@pytest.mark.parametrize("suffix", [".h5", ".csv"])
 @pytest.mark.parametrize("shape", SPECS)
+@pytest.mark.parametrize("suffix", [".h5", ".csv"])
 def test_the_file_holds_the_truth_of_every_channel_that_changed(shape, suffix, path: Path, tmp_path: Path):
     spec, words = SPECS[shape]
     out = tmp_path / f"faulty{suffix}"

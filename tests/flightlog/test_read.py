@@ -280,7 +280,7 @@ def read_or_refuse(path: Path) -> None:
     assert all(channel.values.size == log.n_samples for channel in log.channels.values())
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(
     data=st.binary(max_size=300),
     head=st.sampled_from([b"", b"time,tas\n", b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n\x1a\n"]),
@@ -292,7 +292,7 @@ def test_arbitrary_bytes_are_read_or_refused(data: bytes, head: bytes, tmp_path_
 
 
 @pytest.mark.first_rows(1)
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(data=st.data())
 @pytest.mark.parametrize("write", [as_csv, as_semicolon_csv, as_matlab, as_matlab_structs])
 def test_mutated_files_are_read_or_refused(write, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):
@@ -309,7 +309,7 @@ def test_mutated_files_are_read_or_refused(write, data: st.DataObject, tmp_path_
 def test_mutated_hdf5_files_are_read_or_refused(write, tmp_path_factory: pytest.TempPathFactory):
     """Mutations are the same in every run: on some others the HDF5 library itself never returns."""
     rng = np.random.default_rng(0)
-    for _ in range(60):
+    for _ in range(30):
         path = fresh(write, tmp_path_factory)
         whole = bytearray(path.read_bytes())
         for at in rng.integers(0, len(whole), rng.integers(1, 9)):
@@ -319,7 +319,7 @@ def test_mutated_hdf5_files_are_read_or_refused(write, tmp_path_factory: pytest.
 
 
 @pytest.mark.first_rows(2)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(data=st.data())
 @pytest.mark.parametrize("write", [as_hdf5, as_hdf5_group, as_matlab_73])
 def test_truncated_hdf5_files_are_refused(write, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):

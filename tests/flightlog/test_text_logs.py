@@ -147,7 +147,7 @@ def test_a_line_of_units(tmp_path: Path):
     assert log.channels["what"].unit == ""
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(values=st.lists(st.floats(-1e6, 1e6).map(lambda x: round(x, 3)), min_size=2, max_size=20))
 def test_decimal_commas_are_the_numbers_with_points(values: list[float], tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / "commas.csv"
@@ -172,7 +172,7 @@ def test_a_column_of_text_is_left_out_and_text_among_numbers_refused(tmp_path: P
         read_log(write_text(tmp_path / "c.csv", "clock,tas\n12:00:00,90\n12,91\n"))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(data=st.data())
 def test_a_damaged_garmin_log_is_read_or_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / "damaged.csv"

@@ -39,7 +39,7 @@ def logs(draw: st.DrawFn) -> FlightLog:
     return log
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(log=logs(), suffix=st.sampled_from([".h5", ".csv"]))
 def test_round_trip_is_exact(log: FlightLog, suffix: str, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / f"round{suffix}"
@@ -60,7 +60,7 @@ def test_round_trip_is_exact(log: FlightLog, suffix: str, tmp_path_factory: pyte
             np.testing.assert_array_equal(clean, was)
 
 
-@settings(max_examples=60)
+@settings(max_examples=25)
 @given(log=logs())
 def test_any_log_can_be_inspected_and_its_report_is_json(log: FlightLog):
     report = json.loads(to_json({"report": inspect_log(log)}))["report"]

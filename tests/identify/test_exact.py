@@ -30,13 +30,14 @@ def assert_found(result, magnitudes):
     assert result.truth.vaf_fault["tas"] > 99.99
 
 
-@pytest.mark.first_rows(4)
+@pytest.mark.first_rows(1)
 @METHODS
 @pytest.mark.parametrize("name", ["bias_13.8", "cos_1.125", "drift_7.93"])
 def test_each_fault_alone(flight, thesis, faulty, exact, method, name):
     assert_found(identify_faults(faulty(flight(), thesis, {name: 3.0}), thesis, exact(method)), {name: 3.0})
 
 
+@pytest.mark.first_rows(1)
 @METHODS
 @pytest.mark.parametrize("seed", range(2))
 def test_combinations(flight, thesis, faulty, exact, method, seed):

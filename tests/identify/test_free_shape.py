@@ -134,6 +134,7 @@ def test_too_few_samples_on_a_side_are_named(onset_s: float) -> None:
     assert "choose a longer window around it" in (course.note or "")
 
 
+@pytest.mark.slow
 def test_of_two_courses_the_better_one_is_declared() -> None:
     result = identified(flown(6, 2.0 * BUMP), FREE | {"name": "later", "onset_s": 26.0})
     assert states(result)["course"] == "declared"
@@ -145,6 +146,7 @@ def test_a_method_without_courses_and_several_outputs_are_refused() -> None:
         identified(flown(7), config=merge(CONFIG, {"method": "risro"}))
 
 
+@pytest.mark.slow
 def test_the_injected_fault_is_the_course_that_begins_with_it() -> None:
     fault = Fault(shape="ramp_hold", channel="tas", magnitude=3.0, duration_s=6.0, onset_s=ONSET_S, name="ramp")
     result = identified(inject(flown(8), [fault]))

@@ -127,13 +127,13 @@ def test_dmae_explains_the_course_it_estimates_by_the_dictionary(thesis):
 
 
 def test_dmae_declares_nothing_on_a_clean_log(thesis):
-    result = identify_faults(read_log(DATA / "citation_clean.h5"), thesis, settings("dmae"))
+    result = identify_faults(read_log(DATA / "citation_clean.h5"), thesis, settings("dmae", **{"window.to_s": 15.0}))
     assert (result.decision, result.faults) == ("inconclusive", ()), "a method without intervals excludes nothing"
     assert "never exceeds" in texts(result.notes)[0]
 
 
 def test_what_dmae_finds_beside_the_dictionary_is_a_fault_without_a_name(log, thesis):
-    late = load_dictionary({"channel": "tas", "atoms": [{"name": "late", "shape": "bias", "onset_s": 30.0}]})
-    result = identify_faults(log, late, settings("dmae"))
+    late = load_dictionary({"channel": "tas", "atoms": [{"name": "late", "shape": "bias", "onset_s": 17.0}]})
+    result = identify_faults(log, late, settings("dmae", **{"window.to_s": 20.0}))
     assert result.decision == "fault"
     assert "the entries of the dictionary explain" in texts(result.notes)[1]

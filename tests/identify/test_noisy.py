@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -16,6 +17,17 @@ WELL_SEEN = ("sine_2.25", "bias_13.8", "sine_0.35")
 # Without what takes most of the time: the search for an order, and limits for onsets known to a tolerance only.
 SETTINGS = {"model": {"order": 5}, "onset_tolerance_s": 0.0}
 QUICK = Config.model_validate(SETTINGS)
+
+
+@pytest.fixture(scope="module")
+def found(flight, thesis, faulty):
+    """Return a function that gives what is found of one fault, each analysed once: `found("bias_13.8", 2.0)`."""
+
+    @cache
+    def identified(name, magnitude):
+        return identify_faults(faulty(flight(4), thesis, {name: magnitude}), thesis, QUICK)
+
+    return identified
 
 
 def by_name(result):
@@ -35,11 +47,12 @@ def test_one_fault_is_isolated(flight, thesis, faulty, name):
 
 def test_three_faults_are_isolated(flight, thesis, faulty):
     magnitudes = {"bias_13.8": 4.0, "sine_1.15": 2.0, "cos_1.125": -1.5}
-    result = identify_faults(faulty(flight(2), thesis, magnitudes), thesis, Config())
+    result = identify_faults(faulty(flight(2), thesis, magnitudes), thesis, QUICK)
     assert result.truth.isolated, texts(result.notes)
     assert result.truth.magnitude_error < 0.02
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("seed", range(2))
 def test_a_fault_free_record_has_no_fault(flight, thesis, seed):
     result = identify_faults(flight(seed), thesis, Config())
@@ -50,21 +63,20 @@ def test_a_fault_free_record_has_no_fault(flight, thesis, seed):
     assert result.model.rate_hz == 10.0
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("name", ["bias_13.8", "sine_1.15"])
-def test_twice_the_fault_is_twice_the_magnitude(flight, thesis, faulty, name):
-    one, two = (by_name(identify_faults(faulty(flight(4), thesis, {name: z}), thesis, QUICK))[name] for z in (2.0, 4.0))
+def test_twice_the_fault_is_twice_the_magnitude(found, name):
+    one, two = (by_name(found(name, z))[name] for z in (2.0, 4.0))
     assert abs(two.magnitude - 2 * one.magnitude) < 3 * np.hypot(two.sd, 2 * one.sd)
 
 
-def test_a_fault_of_the_other_sign_is_found_as_large(flight, thesis, faulty):
-    up, down = (
-        identify_faults(faulty(flight(4), thesis, {"bias_13.8": z}), thesis, QUICK).faults[0] for z in (2.0, -2.0)
-    )
+def test_a_fault_of_the_other_sign_is_found_as_large(found):
+    up, down = (found("bias_13.8", z).faults[0] for z in (2.0, -2.0))
     assert abs(up.magnitude + down.magnitude) < 3 * np.hypot(up.sd, down.sd)
 
 
 def test_intervals_and_detectable_magnitudes_make_sense(flight, thesis, faulty):
-    result = identify_faults(faulty(flight(5), thesis, {"bias_13.8": 3.0, "sine_2.25": 1.0}), thesis, Config())
+    result = identify_faults(faulty(flight(5), thesis, {"bias_13.8": 3.0, "sine_2.25": 1.0}), thesis, QUICK)
     for fault in result.faults:
         assert fault.ci95[0] < fault.magnitude < fault.ci95[1]
         assert fault.ci95[0] * fault.ci95[1] > 0

@@ -106,6 +106,7 @@ def test_the_density_counts_how_much_the_output_was_scaled() -> None:
         np.testing.assert_allclose(counted - plain, -2.0 * rows / problem.n_rows * np.log(1.0 - share), rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_a_sweep_adds_it_and_scores_it(tmp_path: Path, bfi: Callable[..., object]) -> None:
     (tmp_path / "sweep.yaml").write_text(SWEEP, encoding="utf-8")
     bfi("montecarlo", "--config", tmp_path / "sweep.yaml", "--out", tmp_path / "out")

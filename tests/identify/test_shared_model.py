@@ -69,6 +69,7 @@ def test_a_flight_of_another_aircraft_is_left_out_and_named():
     assert both.faults[0].magnitude == pytest.approx(asked(FAULTY, EARLIER[0]).faults[0].magnitude, rel=1e-6)
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize(("magnitude", "noise"), [(0.5, 0.05), (4.0, 0.005)])
 def test_a_step_in_the_log_or_noise_of_another_size_does_not_make_the_models_differ(magnitude: float, noise: float):
     step = Fault(shape="bias", channel="tas", onset_s=12.0, magnitude=magnitude, name="step")

@@ -36,6 +36,7 @@ def test_bandwidths_and_density_are_those_of_the_equations(samples: np.ndarray, 
     np.testing.assert_allclose(np.exp(log_density(found, points)), expected, rtol=1e-12, atol=1e-300)
 
 
+@pytest.mark.first_rows(1)
 @each_set
 def test_the_exponent_is_the_most_likely_of_the_grid(samples: np.ndarray):
     grid = np.linspace(0.0, 1.0, 21)

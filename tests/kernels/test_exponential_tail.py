@@ -87,6 +87,7 @@ def test_the_level_is_never_below_the_start():
     assert ExcessTail(start=4.0, mean=0.5, k=30, share=0.5).level(1.0) == 4.0
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("n_blocks", [12, 40])
 def test_blocks_with_an_exponential_tail_exceed_the_level_as_often_as_wanted(n_blocks):
     """The level of few observed blocks, judged on as many new ones; the pseudo-blocks have the right mean here."""

@@ -108,7 +108,7 @@ def test_gain_settles_at_the_solution_of_the_riccati_equation(seed):
 
 
 def test_errors_and_innovations_have_the_size_the_filter_says():
-    plant, runs, n = system(), 200, 25
+    plant, runs, n = system(), 60, 25
     rng = np.random.default_rng(3)
     nees = nis = 0.0
     for _ in range(runs):
@@ -124,7 +124,7 @@ def test_errors_and_innovations_have_the_size_the_filter_says():
 
 
 def test_innovations_are_white():
-    plant, n = system(), 4000
+    plant, n = system(), 1500
     _, y, u = flown(plant, n, np.random.default_rng(5))
     run = filtered(plant, y, u, initial=START)
     white = np.linalg.solve(np.linalg.cholesky(run.innovation_covariance), run.innovation[..., None])[..., 0]

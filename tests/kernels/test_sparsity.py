@@ -157,7 +157,7 @@ def test_the_truth_is_among_the_supports_and_exact_without_noise(kind, seed):
 
 @each_stage
 @pytest.mark.parametrize("guarded", [False, True])
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(seed=st.integers(0, 99), unit=st.floats(1e-3, 1e3), power=st.integers(-6, 6))
 def test_supports_do_not_depend_on_the_units_of_atoms_and_channel(kind, guarded, seed, unit, power):
     units = 2.0 ** (power * np.linspace(-1.0, 1.0, 8)).round()

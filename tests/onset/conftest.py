@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,8 +32,8 @@ def flown() -> Callable[..., FlightLog]:
     return fly
 
 
-@pytest.fixture
-def settings(tmp_path: Path, flown: Callable[..., FlightLog]) -> Callable[..., Config]:
+@pytest.fixture(scope="session")
+def settings(tmp_path_factory: pytest.TempPathFactory, flown: Callable[..., FlightLog]) -> Callable[..., Config]:
     """Return a function that gives a configuration at 10 Hz whose table is what white noise gives: `settings()`."""
 
     def make(order: int | str = 4, shapes: tuple[str, ...] = ("bias", "drift"), **start_time: object) -> Config:
@@ -44,7 +43,7 @@ def settings(tmp_path: Path, flown: Callable[..., FlightLog]) -> Callable[..., C
             "start_time": {"shapes": shapes, **start_time},
         }
         record = prepare_record(flown(), Config.model_validate(written))
-        path = tmp_path / "table.json"
+        path = tmp_path_factory.mktemp("calibration") / "table.json"
         path.write_text(save_tables([white_table(record.settings)], provenance(log_sha256="")))
         written["start_time"]["calibration"] = str(path)
         return Config.model_validate(written)

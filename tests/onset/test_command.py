@@ -122,12 +122,13 @@ def test_the_terminal(bfi, calibrated: Path, monkeypatch: pytest.MonkeyPatch):
     assert max(map(len, lines)) <= 80
 
 
+@pytest.mark.first_rows(2)
 @pytest.mark.parametrize(
     ("log", "options", "code"),
     [
         (BIAS, ("--fail-on", "fault"), 10),
-        (CLEAN, ("--fail-on", "fault"), 0),
         (BIAS, ("--strict", "--to", "28"), 4),
+        (CLEAN, ("--fail-on", "fault"), 0),
         (BIAS, ("--strict", "--from", "5", "--to", "21"), 0),
     ],
 )

@@ -22,7 +22,7 @@ DAMAGE = {
 }
 
 
-@pytest.mark.first_rows(19)
+@pytest.mark.first_rows(12)
 @pytest.mark.parametrize("channel", RECORDED)
 @pytest.mark.parametrize("damage", DAMAGE)
 def test_a_damaged_channel_is_no_exception(channel: str, damage: str):

@@ -180,6 +180,7 @@ def levelling_flight(step_m: float, levelling: float) -> FlightLog:
     return coarse_flight(altitude, step_m)
 
 
+@pytest.mark.first_rows(4)
 @pytest.mark.parametrize("step_m", [0.61, 3.048, 7.62, 30.48])
 @pytest.mark.parametrize("levelling", [0.5, 2.3])
 def test_level_flight_within_a_coarse_step_is_no_blocked_port(step_m: float, levelling: float):

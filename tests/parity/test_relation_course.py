@@ -81,6 +81,7 @@ def test_a_drift_that_goes_on_stays_one():
     assert answer.magnitude == pytest.approx(0.1, rel=0.02)
 
 
+@pytest.mark.slow
 def test_the_intervals_cover():
     """Of eight, six and more with a probability of 0.994."""
     answers = [told(0.05 * np.clip(RAW - 40.7, 0.0, 55.0), seed=seed, noise=0.05) for seed in range(8)]

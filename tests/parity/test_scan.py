@@ -33,9 +33,9 @@ def test_a_flight_without_noise_and_fault_shows_nothing():
     assert scan.statistic < 1e-3
 
 
-@pytest.mark.first_rows(16)
-@pytest.mark.parametrize("zero_lift", [ZERO_LIFT, None])
+@pytest.mark.first_rows(13)
 @pytest.mark.parametrize("hypothesis", HYPOTHESES, ids=lambda one: one.fault)
+@pytest.mark.parametrize("zero_lift", [ZERO_LIFT, None])
 def test_a_small_fault_has_its_magnitude_and_its_onset(hypothesis, zero_lift):
     """In whatever residuals it shows, and together."""
     record = (

@@ -191,7 +191,7 @@ def test_physics_tells_which_of_two_numbered_sensors_errs(faulty: str, size: flo
     assert found.magnitude == pytest.approx(size, rel=0.02)
 
 
-@pytest.mark.first_rows(5)
+@pytest.mark.first_rows(2)
 @pytest.mark.parametrize("faulty", ["tas_1", "tas_2", "mach_1", "mach_2", "sat_1", "sat_2"])
 def test_two_air_data_computers_are_each_held_against_their_own_channels(faulty: str):
     log = made_flight()

@@ -57,7 +57,7 @@ def plus(offset: float) -> Change:
     return lambda values: values + offset
 
 
-@pytest.mark.first_rows(6)
+@pytest.mark.first_rows(3)
 @pytest.mark.parametrize(
     ("changes", "what", "unit", "factor"),
     [
@@ -90,7 +90,7 @@ def test_a_unit_and_a_sign_are_named(flight, changes: dict[str, Change], what: s
     assert set(one.agrees_with).isdisjoint(changes)
 
 
-@pytest.mark.first_rows(5)
+@pytest.mark.first_rows(3)
 @pytest.mark.parametrize(
     ("channel", "offset", "within"),
     [
@@ -119,6 +119,7 @@ def test_a_scale_is_measured(flight):
     assert one.factor == pytest.approx(1.0 / 1.1, rel=0.01)
 
 
+@pytest.mark.first_rows(2)
 @pytest.mark.parametrize("pair", [("tas", "cas"), ("pitch", "roll"), ("pitch_rate", "roll_rate"), ("tat", "sat")])
 def test_channels_in_each_others_place_are_named(flight, pair: tuple[str, str]):
     values = {one: flight.channels[other].values for one, other in (pair, pair[::-1])}

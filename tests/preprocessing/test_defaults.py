@@ -172,22 +172,22 @@ def test_a_file_of_the_name_of_a_shipped_dictionary_is_meant(
 @pytest.mark.first_rows(1)
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize("kind", ["ulg", "bin", "tlog"])
-def test_logs_of_autopilots_are_identified_as_typed(bfi: Callable, tmp_path: Path, kind: str):
+@pytest.mark.parametrize("command", ["identify", "start-time"])
+def test_logs_of_autopilots_are_identified_as_typed(bfi: Callable, tmp_path: Path, command: str, kind: str):
     path = tmp_path / f"flight.{kind}"
     if kind == "ulg":
         write_ulog(path, px4_topics())
     else:
         path.write_bytes(dataflash_bytes() if kind == "bin" else tlog_bytes(length_s=60.0))
-    for command in (("identify", path, "-d", "airdata"), ("start-time", path, "--shape", "bias")):
-        outcome = bfi(*command, "--json")
-        assert (outcome.code, outcome.stderr) == (0, "")
-        document = json.loads(outcome.stdout)
-        has = read_log(path).channels
-        output = "tas" if "tas" in has else "ias"
-        assert document["model"]["outputs"] == [output]
-        assert set(document["model"]["inputs"]) <= set(has)
-        assert any("the output is 'ias'" in note for note in texts(document["notes"])) == (output == "ias")
-        assert any("the inputs are" in note for note in texts(document["notes"])) == ("elevator" not in has)
+    outcome = bfi(command, path, *(("-d", "airdata") if command == "identify" else ("--shape", "bias")), "--json")
+    assert (outcome.code, outcome.stderr) == (0, "")
+    document = json.loads(outcome.stdout)
+    has = read_log(path).channels
+    output = "tas" if "tas" in has else "ias"
+    assert document["model"]["outputs"] == [output]
+    assert set(document["model"]["inputs"]) <= set(has)
+    assert any("the output is 'ias'" in note for note in texts(document["notes"])) == (output == "ias")
+    assert any("the inputs are" in note for note in texts(document["notes"])) == ("elevator" not in has)
 
 
 def test_a_missing_last_sample_of_a_short_log_leaves_nothing_out():

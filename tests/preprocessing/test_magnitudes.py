@@ -80,7 +80,7 @@ def fitted(data: RegressionData, z: float) -> tuple[ScoredFit, Penalty]:
 @pytest.mark.parametrize("shape", UNITS)
 def test_evidence_against_a_root_that_is_there_is_rare(shape):
     """Perron's 5 %, at which the constant stands, within three binomial deviations; one or two inputs wander."""
-    n, exceeded = 60, 0
+    n, exceeded = 30, 0
     for seed in range(n):
         data = regression(record(seed, shape, 1.0, n_inputs=1 + seed % 2))
         scored, _ = fitted(data, 1.0)

@@ -55,9 +55,9 @@ def test_screening_never_promises_too_much(name):
     assert (rough <= exact + 1e-6).all()
 
 
-@pytest.mark.first_rows(4)
-@pytest.mark.parametrize("order", [4, 10])
+@pytest.mark.first_rows(2)
 @pytest.mark.parametrize("name", ["bias", "drift", "sine"])
+@pytest.mark.parametrize("order", [4, 10])
 def test_a_clear_fault_is_found_from_start_to_end(name, order):
     u, y = record(N)
     waveform = waveforms(N)[name]
@@ -133,6 +133,7 @@ def best_sine(n, frequency):
     return shapes.sine(n, angle=2 * np.pi * frequency)
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("frequency", [0.0571, 0.1321])
 def test_an_unknown_frequency_is_found_with_its_onset(frequency):
     u, y = record(300)

@@ -19,9 +19,12 @@ MAGNITUDES = (-50.0, -1.0, 0.01, 3.0, 50.0)
 SHAPES = sorted(waveforms(10))
 
 
+@pytest.mark.first_rows(28)
 @pytest.mark.parametrize("name", SHAPES)
-@pytest.mark.parametrize("order", [1, 2, 4, 10])
-@pytest.mark.parametrize("carried", [0.0, 50.0])
+@pytest.mark.parametrize(
+    ("order", "carried"),
+    [(1, 50.0), (2, 0.0), (4, 50.0), (10, 50.0), (1, 0.0), (2, 50.0), (4, 0.0), (10, 0.0)],
+)
 def test_rss_is_that_of_a_plain_least_squares_at_the_same_magnitude(name, order, carried):
     u, y = record(N)
     waveform = waveforms(N)[name]
@@ -83,7 +86,7 @@ def test_a_second_output_that_shares_the_noise_helps():
     assert both.statistic.max() > 5.0 * alone.statistic.max()
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(
     name=st.sampled_from(SHAPES),
     scale=st.floats(1e-3, 1e3),
@@ -103,7 +106,7 @@ def test_units_signs_and_levels_do_not_matter(name, scale, sign, level, gain):
     np.testing.assert_allclose(moved.z[k], sign * scale * plain.z[k], rtol=1e-5)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(name=st.sampled_from(SHAPES), onset=st.integers(12, N - 20), added=st.floats(-50.0, 50.0))
 def test_a_fault_added_at_an_onset_moves_its_profile_by_its_magnitude(name, onset, added):
     u, y = record(N)
@@ -223,8 +226,10 @@ def test_the_minimum_is_found_where_the_lowest_start_leads_to_another(name, seed
     assert (n - order) * np.log(found.rss[0] / dense) < 1e-3
 
 
-def test_the_minimum_is_global_in_random_cases():
-    assert sum(missed(seed) for seed in range(60)) <= 1
+@pytest.mark.first_rows(1)
+@pytest.mark.parametrize(("runs", "most"), [(15, 0), (60, 1)])
+def test_the_minimum_is_global_in_random_cases(runs, most):
+    assert sum(missed(seed) for seed in range(runs)) <= most
 
 
 @pytest.mark.slow

@@ -43,16 +43,17 @@ def objective(problem: ProjectedRegression, at: Mf2dSolution, dz: np.ndarray, nu
     return 0.5 * float(np.sum(error**2)) + nuclear * float(singular.sum()) + sparse * float(np.abs(z).sum())
 
 
-@pytest.mark.parametrize("n_outputs", [1, 2, 3])
-def test_the_objective_is_what_it_says_and_is_lowest(n_outputs: int):
-    problem = problem_of(0, n_outputs=n_outputs)
+@pytest.mark.parametrize(("n_outputs", "n", "n_atoms"), [(1, 240, 6), (2, 240, 6), (3, 240, 6), (2, 60, 40)])
+def test_the_objective_is_what_it_says_and_is_lowest(n_outputs: int, n: int, n_atoms: int):
+    """The last problem has more coefficients than rows."""
+    problem = problem_of(0, n_outputs=n_outputs, n=n, n_atoms=n_atoms)
     sparse = 0.1 * largest_weight(problem)
     found = solve_mf2d(problem, nuclear=0.3 * sparse, sparse=sparse, tolerance=1e-8)
     assert found.converged
-    lowest = objective(problem, found, np.zeros(6), 0.3 * sparse, sparse)
+    lowest = objective(problem, found, np.zeros(n_atoms), 0.3 * sparse, sparse)
     assert found.objective == pytest.approx(lowest, rel=1e-12)
-    for j, step in np.ndindex(6, 2):
-        moved = np.zeros(6)
+    for j, step in np.ndindex(n_atoms, 2):
+        moved = np.zeros(n_atoms)
         moved[j] = (-1.0) ** step * 1e-2
         assert objective(problem, found, moved, 0.3 * sparse, sparse) > lowest
 

@@ -33,6 +33,7 @@ OUTPUTS = ("tas", "altitude_rate")
 TRUTH = {"tas_20": 1.0, "tas_27": -1.0, "climb_31": 1.0, "climb_36": -1.0}
 NOISE = FT * np.sqrt(1e-3)
 SEEDS = range(sized(20, 0.3))
+ALIKE = 1e-4  # tolerance of SCS by default
 SOLVED = range(3 if FULL else 1)  # by general solvers too, which take ten times as long
 MF2D = merge(
     Config(),
@@ -103,7 +104,7 @@ def test_the_objective_is_that_of_general_solvers_in_less_time() -> None:
         nuclear = 0.3 * sparse
         with threadpool_limits(1):
             begun = process_time()
-            found = solve_mf2d(given, nuclear=nuclear, sparse=sparse)
+            found = solve_mf2d(given, nuclear=nuclear, sparse=sparse, tolerance=ALIKE)
             own = process_time() - begun
             s, n_y, n_z = given.order, given.n_outputs, len(given.signals)
             X = cp.Variable(((s + 1) * n_y, n_z + n_y))
@@ -124,7 +125,9 @@ def test_the_objective_is_that_of_general_solvers_in_less_time() -> None:
         gap = {solver: found.objective / value - 1.0 for solver, value in values.items()}
         print(f"own {own:.2f} s, {found.iterations} iterations, converged {found.converged}; relative gap {gap}")
         assert gap["CLARABEL"] < 1e-4
+        with threadpool_limits(1):
+            exactly = solve_mf2d(given, nuclear=nuclear, sparse=sparse, tolerance=1e-6)
+        assert abs(exactly.objective / values["CLARABEL"] - 1.0) < 1e-6
     print({solver: np.round(made, 1).tolist() for solver, made in ratios.items()})
-    # SCS stops where its objective is off in the sixth digit; the interior point method is as exact as ours.
     assert np.median(ratios["CLARABEL"]) > 10.0
-    assert np.median(ratios["SCS"]) > 1.0
+    assert np.median(ratios["SCS"]) > (10.0 if FULL else 5.0)  # of one problem a busy machine may measure less

@@ -8,6 +8,7 @@ import json
 import re
 import textwrap
 from collections.abc import Iterator, Mapping
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
@@ -129,19 +130,26 @@ def _attribute_docstrings(part: type[BaseModel]) -> dict[str, str]:
     """Return the string that follows each attribute in the source of a model and its bases."""
     described: dict[str, str] = {}
     for owner in reversed(part.__mro__):
-        if not issubclass(owner, Rules) or owner.__pydantic_generic_metadata__["args"]:
-            continue
-        try:
-            source = inspect.getsource(owner)
-        except OSError:  # made from an entry of `bfi_cli.shapes`; its fields carry their descriptions
-            continue
-        (definition,) = ast.parse(textwrap.dedent(source)).body
-        assert isinstance(definition, ast.ClassDef)
-        for statement, after in pairwise(definition.body):
-            if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
-                match after:
-                    case ast.Expr(value=ast.Constant(value=str(text))):
-                        described[statement.target.id] = inspect.cleandoc(text)
+        if issubclass(owner, Rules) and not owner.__pydantic_generic_metadata__["args"]:
+            described |= _own_docstrings(owner)
+    return described
+
+
+@cache
+def _own_docstrings(owner: type[BaseModel]) -> dict[str, str]:
+    """Return the string that follows each attribute in the source of a model, without its bases."""
+    described: dict[str, str] = {}
+    try:
+        source = inspect.getsource(owner)
+    except OSError:  # made from an entry of `bfi_cli.shapes`; its fields carry their descriptions
+        return described
+    (definition,) = ast.parse(textwrap.dedent(source)).body
+    assert isinstance(definition, ast.ClassDef)
+    for statement, after in pairwise(definition.body):
+        if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
+            match after:
+                case ast.Expr(value=ast.Constant(value=str(text))):
+                    described[statement.target.id] = inspect.cleandoc(text)
     return described
 
 

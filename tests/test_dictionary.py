@@ -46,6 +46,7 @@ VALUE = st.one_of(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(
     st.sampled_from(sorted(set(IN_DICTIONARY) - {"samples", "free"})),
@@ -90,6 +91,7 @@ ANYTHING = st.recursive(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(
     ANYTHING

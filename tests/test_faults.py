@@ -385,6 +385,7 @@ ANYTHING = st.recursive(
 )
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None)
 @given(fault_objects(), st.dictionaries(st.sampled_from([*VALUES, "shape", "onset"]), ANYTHING, max_size=3))
 def test_any_object_is_a_fault_or_a_dictionary_error(data, spoilt):

@@ -156,6 +156,7 @@ def test_the_progress_is_told():
     assert told == [(k, 5) for k in range(1, 6)]
 
 
+@pytest.mark.slow
 def test_a_larger_gain_makes_a_smaller_residual_of_a_wrong_model():
     setting = Observation(command=command(9.0, 20.0), observer_gain=GAINS, duration_s=3.0, step_s=0.05)
     wrong, zero = np.array([[0.1], [0.25], [0.2]]), np.zeros((3, 1))

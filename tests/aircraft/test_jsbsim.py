@@ -127,6 +127,7 @@ def test_a_steady_wind_adds_to_the_ground_velocity_alone():
     np.testing.assert_array_equal(windy["tas"], calm["tas"])
 
 
+@pytest.mark.slow
 @needs_jsbsim
 def test_the_flight_begins_where_it_is_asked_to():
     log = flown("737", duration_s=2.0, tas_m_s=200.0, altitude_m=8000.0)
@@ -182,6 +183,7 @@ def test_a_control_at_its_stop_is_a_note():
     assert notes == {0.01: (), 0.9: ("throttle is held at its stop",)}
 
 
+@pytest.mark.slow
 def test_a_flight_tells_the_process_that_waits_how_far_it_is(tmp_path: Path):
     """Two roads to one number: what is told to one end is read at the other, from a process that takes a while."""
     told: list[float] = []

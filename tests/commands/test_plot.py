@@ -102,6 +102,7 @@ def test_channels_are_drawn_in_the_order_asked_for_also_derived_and_mapped(bfi: 
     assert [one["name"] for one in mapped["channels"]] == ["tas", "altitude", "roll", "elevator"]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_more_channels_than_a_page_holds_go_on_a_second_one(bfi: Callable, log: Path, tmp_path: Path) -> None:
     names = ["tas", "altitude", "pitch", "elevator", "sat", "p_static", "p_total", "q_impact", "cas", "time_of_day"]

@@ -115,6 +115,7 @@ def _plain(bfi, log: Path, *options: str) -> str:
     return bfi("detect", log, "--train", "0:8", "--require", "abrupt", *options, "--json").stdout
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("undrawn")
 def test_the_files_and_the_report_again(bfi, failing: Path, tmp_path: Path):
     outcome = bfi("detect", failing, "--train", "0:8", "--out", tmp_path / "out", "--fail-on", "fault")
@@ -127,6 +128,7 @@ def test_the_files_and_the_report_again(bfi, failing: Path, tmp_path: Path):
         assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "out" / name).read_bytes()
 
 
+@pytest.mark.slow
 def test_every_key_of_the_configuration_acts_and_the_command_line_wins(bfi, failing: Path, tmp_path: Path):
     file = tmp_path / "c.yaml"
     file.write_text(

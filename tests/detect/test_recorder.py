@@ -96,6 +96,7 @@ def test_a_detection_tells_which_recorder_counts(recorded: FlightLog, edge_hz: s
     assert sentence in texts(detected(recorded, recorder__edge_hz=edge_hz).notes)
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("kind", ["gaussian", "causal"])
 def test_the_end_of_a_log_is_watched_as_far_as_the_stated_recorder_looks_ahead(recorded: FlightLog, kind: str):
     bare = replace(recorded, filters=None)
@@ -103,6 +104,7 @@ def test_the_end_of_a_log_is_watched_as_far_as_the_stated_recorder_looks_ahead(r
     assert any("after the end of the log" in note for note in texts(result.notes)) == (kind == "gaussian")
 
 
+@pytest.mark.slow
 def test_no_step_is_excluded_at_a_rate_at_which_the_recorder_spreads_it(recorded: FlightLog):
     """Limits of sharp steps would exclude what passes unseen when its rise takes several samples."""
     fast = detected(recorded, conditioning__rate_hz=5.0)
@@ -128,6 +130,7 @@ def test_where_nobody_states_the_recorder_a_slow_one_is_reckoned_with(recorded: 
     assert not any("low-pass" in note for note in texts(none.notes))
 
 
+@pytest.mark.slow
 def test_the_lowest_edge_that_an_uncertain_recorder_may_have_counts(recorded: FlightLog):
     """Spectra that show a windowed sinc of 1.33 Hz may be those of a Gaussian of half that edge."""
     likely = replace(RECORDER, kind="fir", edge_hz=1.33)

@@ -64,6 +64,7 @@ def test_apart_is_less_than_seen(at_unit):
     assert (apart <= seen).all()
 
 
+@pytest.mark.slow
 def test_larger_faults_tell_more(flight, thesis, at_unit):
     larger = assess(flight, thesis, merge(EXACT, {"diagnosability.magnitude": 3.0}))
     for key in ("divergence_bits", "sample_bits", "apart_bits"):
@@ -92,6 +93,7 @@ def test_a_fault_alone_is_like_no_other(flight):
     assert only.divergence_bits > 0.5
 
 
+@pytest.mark.slow
 def test_injected_faults_are_taken_out(flight, thesis, at_unit):
     faulty = inject(flight, [replace(thesis.atoms[1], magnitude=4.0)])
     result = assess(faulty, thesis, Config())
@@ -131,12 +133,14 @@ def test_what_the_model_explains_away_tells_nothing(flight, tmp_path):
     assert (at_limit.atoms[0].magnitude, at_limit.atoms[0].divergence_bits) == (None, None)
 
 
+@pytest.mark.slow
 def test_without_noise_everything_is_told_and_the_notes_say_why(fly, thesis):
     result = assess(fly(), thesis, Config())
     np.testing.assert_allclose(column(result, "divergence_bits"), 1.0, atol=1e-4)
     assert any("the log has no noise" in note for note in texts(result.notes))
 
 
+@pytest.mark.slow
 def test_faults_of_several_outputs(fly):
     shared = {"shape": "bias", "onset_s": 12.0}
     both = dictionary({"name": "tas", **shared}, {"name": "aoa", "channel": "aoa", **shared})
@@ -152,6 +156,7 @@ def test_faults_of_several_outputs(fly):
     assert ((column(result, "divergence_bits") > 0.1) & (column(result, "sample_bits") < 0.5)).all()
 
 
+@pytest.mark.slow
 def test_the_unit_of_a_channel_does_not_matter(flight, thesis, at_unit):
     """A flight a thousand times slower, with faults a thousand times smaller, is the same flight."""
     tas = flight.channel("tas")
@@ -194,6 +199,7 @@ def test_a_flight_without_a_manoeuvre_cannot_be_used(flight, thesis):
         assess(replace(flight, channels={**flight.channels, "elevator": still}), thesis, Config())
 
 
+@pytest.mark.slow
 def test_kinds_of_fault_are_left_out_and_named_in_a_note(flight):
     stated = [{"name": f"at_{onset}", "shape": "bias", "onset_s": onset} for onset in (12.0, 20.0)]
     kinds = [{"name": "kind", "shape": "drift"}, {"name": "part", "shape": "bias", "onset_s": {"from": 5, "to": 9}}]

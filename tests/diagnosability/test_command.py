@@ -45,6 +45,7 @@ def test_a_model(bfi, thesis):
     assert sizes == pytest.approx([2.0 if atom["name"] == "bias_13.8" else 1.0 for atom in document["atoms"]])
 
 
+@pytest.mark.slow
 def test_the_configuration_names_dictionary_and_window(bfi, tmp_path: Path):
     config = tmp_path / "c.yaml"
     config.write_text(f"dictionary: {THESIS}\nwindow: {{from_s: 2, to_s: 25}}\nmodel: {{order: 4}}\n")

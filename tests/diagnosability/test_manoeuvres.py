@@ -66,6 +66,7 @@ def test_every_manoeuvre_meets_the_same_noise():
     assert not np.array_equal(flown(alike, "none", 0).channel("tas").values, still)
 
 
+@pytest.mark.slow
 def test_limits_are_those_of_all_manoeuvres_together():
     one = flights("3211", "doublet", base=QUICK, draws=1, magnitude=2.0, at_limit=True)
     result = assess_manoeuvres(BIAS, one)

@@ -128,6 +128,7 @@ def test_gaps_and_impossible_values(
     assert result.windows
 
 
+@pytest.mark.slow
 def test_gps_that_comes_and_goes_is_not_used(cruise: FlightLog):
     log = lacking(cruise)
     gaps = np.floor(log.time_s / 7.0) % 2 == 0
@@ -174,6 +175,7 @@ def thinned(log: FlightLog, step: int) -> FlightLog:
     return replace(log, time_s=frozen_array(log.time_s[::step]), channels=channels)
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("step", [10, 25])
 def test_a_slow_log(cruise: FlightLog, step: int):
     result = diagnosed(lacking(thinned(cruise, step)))

@@ -66,6 +66,7 @@ def test_dropouts_are_one_event_and_the_only_one(document: dict[str, Any]):
     assert document["verdicts"]["abrupt"] == "fault"
 
 
+@pytest.mark.slow
 def test_what_was_left_out_is_said_and_shown(document: dict[str, Any]):
     said = [note for note in texts(document["notes"]) if "left out of the other analyses" in note]
     assert said == ["'tas' drops out 2 times, 4 s in all, first at 420 s; left out of the other analyses"]

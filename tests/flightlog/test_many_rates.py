@@ -267,6 +267,7 @@ def test_a_folder_of_other_things_is_refused(tmp_path: Path):
         read_log(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unscanned")
 def test_info_identify_and_inject_take_a_folder(bfi, folder: Path, tmp_path: Path):
     document = json.loads(bfi("info", folder, "--json").stdout)

@@ -82,6 +82,7 @@ def test_a_fast_sinusoid_is_followed_and_a_slow_one_mistaken_for_a_bias():
     assert -4.0 < slow.fault[later].mean() < -3.0
 
 
+@pytest.mark.slow
 def test_adaptive_noise_follows_both_sinusoids():
     for spec in (FAST, SLOW):
         found, truth = estimated(spec, 12.0, adaptive_window=20)
@@ -115,6 +116,7 @@ def test_innovations_are_as_large_as_expected_where_the_settings_are_the_truth()
     assert abs(np.mean(scaled[1:] * scaled[:-1])) < 4.0 / np.sqrt(n)
 
 
+@pytest.mark.slow
 def test_another_reference_only_moves_the_trim():
     log = flight(12.0)
     raised = log.channel("tas")

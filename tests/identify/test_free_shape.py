@@ -109,6 +109,7 @@ def test_beside_a_named_fault_that_begins_late_the_output_is_drawn_as_measured()
     np.testing.assert_array_equal(result.outputs[0].measured, log.channel("tas").values)
 
 
+@pytest.mark.slow
 def test_fault_free_records_are_given_no_course() -> None:
     declared = [states(identified(flown(seed)))["course"] == "declared" for seed in range(100, 103)]
     assert np.mean(declared) <= 0.03 + 2.0 * np.sqrt(0.03 * 0.97 / len(declared))
@@ -156,6 +157,7 @@ def test_the_injected_fault_is_the_course_that_begins_with_it() -> None:
     assert (result.truth.magnitude_error or 1.0) < 0.3
 
 
+@pytest.mark.slow
 def test_the_scan_is_not_made_beside_a_course() -> None:
     log = flown(1, 2.0 * BUMP)
     result = identify(log, load_dictionary({"atoms": [FREE]}), CONFIG)[0]

@@ -132,6 +132,7 @@ def test_dmae_declares_nothing_on_a_clean_log(thesis):
     assert "never exceeds" in texts(result.notes)[0]
 
 
+@pytest.mark.slow
 def test_what_dmae_finds_beside_the_dictionary_is_a_fault_without_a_name(log, thesis):
     late = load_dictionary({"channel": "tas", "atoms": [{"name": "late", "shape": "bias", "onset_s": 17.0}]})
     result = identify_faults(log, late, settings("dmae", **{"window.to_s": 20.0}))

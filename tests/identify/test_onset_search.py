@@ -45,6 +45,7 @@ def test_a_step_at_its_onset_stays_there(flight, thesis):
     assert [one.magnitude for one in moving.faults] == [one.magnitude for one in exact.faults]
 
 
+@pytest.mark.slow
 def test_a_record_without_a_fault_is_answered_as_with_exact_onsets(flight, thesis):
     moving, exact = (identify_faults(flight(1), thesis, config) for config in (MOVING, EXACT))
     assert moving.faults == exact.faults == ()

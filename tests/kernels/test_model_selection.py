@@ -222,6 +222,7 @@ def test_two_atoms_that_only_help_together_are_found():
     assert first.criterion > search.of(()).criterion
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("n_candidates", [BACKWARD_LIMIT, BACKWARD_LIMIT + 1])
 def test_small_dictionaries_are_searched_from_all_atoms_too(n_candidates):
     u, y, theta = oscillations(1)

@@ -223,6 +223,7 @@ def test_a_walk_of_the_noise_itself_is_its_covariance() -> None:
     assert_allclose(noise, summed @ steps @ summed.T, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_the_band_covers_what_it_says() -> None:
     """Points of a course are dependent; its average coverage over courses is what a band of Wahba (1983) promises."""
     covered, errors = [], []

@@ -55,6 +55,7 @@ def sweep(written: Callable[[str], Path]) -> Callable[..., Sweep]:
     return load
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("shape", FAULTS)
 def test_the_record_is_what_bfi_inject_makes_of_it(sweep: Callable[..., Sweep], shape: str) -> None:
     setting = sweep(f"{{{FAULTS[shape]}}}").scenarios[0].setting

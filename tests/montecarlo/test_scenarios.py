@@ -125,6 +125,7 @@ def test_all_complaints_come_at_once(sweep: Callable[..., Sweep]):
         sweep(f"{HEAD}trials: many\n")
 
 
+@pytest.mark.slow
 def test_the_shipped_schema_is_the_one_of_the_rules():
     assert json.loads((CONFIGS / "schema" / "montecarlo.json").read_text()) == json_schema()
     assert "$schema=schema/montecarlo.json" in (CONFIGS / "montecarlo_thesis.yaml").read_text().splitlines()[0]

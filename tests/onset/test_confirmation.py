@@ -50,6 +50,7 @@ def test_a_step_that_no_other_channel_has_is_declared(flown, settings):
     assert fault.magnitude == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_all_trusted_inputs_without_a_dictionary_and_without_a_fault(flown):
     log = flown()
     config = merge(

@@ -93,6 +93,7 @@ def test_the_default_calibrates_on_the_log_where_no_table_fits(log: FlightLog):
     assert any("windows of the log" in stage for stage in stages)
 
 
+@pytest.mark.slow
 def test_the_threshold_decides_at_any_rate_of_false_alarms(log: FlightLog):
     """Of a few dozen windows none can be as rare as one in a million: the tail is followed, and a note says so."""
     config = merge(CONFIG, {"start_time.false_alarm": 1e-6})
@@ -118,6 +119,7 @@ def test_auto_is_the_default(log: FlightLog):
     assert one.threshold("bias") == other.threshold("bias")
 
 
+@pytest.mark.slow
 def test_a_flight_too_short_for_its_windows_lends_shorter_ones(log: FlightLog):
     longer = merge(CONFIG, {"window": {"from_s": FROM_S, "to_s": FROM_S + 60.0}})
     rule = rule_for(log, prepare_record(log, longer), longer, order=4)

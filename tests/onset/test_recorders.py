@@ -119,6 +119,7 @@ def test_a_wrong_recorder_that_is_taken_for_certain_measures_wrongly(recorded: F
     assert abs(uncertain - 3.0) < 0.5 * abs(certain - 3.0)
 
 
+@pytest.mark.slow
 def test_where_nothing_tells_the_recorder_the_note_says_so(flown: Callable[..., FlightLog]):
     unknown = replace(flown(BIAS).window(0.0, 20.0), filters=None)
     config = merge(Config(), {"start_time.shapes": ("bias",), "conditioning.rate_hz": 10.0, "model.order": 4})

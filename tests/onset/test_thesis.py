@@ -50,6 +50,7 @@ def test_it_heeds_the_sparsity_settings(flown):
     assert (silent.decision, silent.faults) == ("inconclusive", ()), "a method without a test excludes nothing"
 
 
+@pytest.mark.slow
 def test_its_profile_is_that_of_the_scan(flown, settings):
     log = flown(Fault(shape="bias", magnitude=2.0, onset_s=15.0))
     scan = settings(2, shapes=("bias",))

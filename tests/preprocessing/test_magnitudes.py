@@ -89,6 +89,7 @@ def test_evidence_against_a_root_that_is_there_is_rare(shape):
     assert exceeded <= n * 0.05 + 3.0 * np.sqrt(n * 0.05 * 0.95)
 
 
+@pytest.mark.slow
 def test_where_the_wind_wanders_the_interval_of_a_drift_covers():
     """The response forgets and the wind does not: one model, made to choose, is far too sure of what it forgets."""
     n, covered = 60, np.zeros(2)

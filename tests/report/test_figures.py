@@ -70,6 +70,7 @@ def test_svg_is_whole_and_fetches_nothing(vectors):
         assert all(link.startswith("#") for link in links)
 
 
+@pytest.mark.slow
 def test_figures_do_not_depend_on_the_users_settings():
     import matplotlib as mpl
 
@@ -78,6 +79,7 @@ def test_figures_do_not_depend_on_the_users_settings():
         assert to_svg(figure_of(fault_result(), "outputs")) == expected
 
 
+@pytest.mark.slow
 def test_drawing_leaves_no_global_state():
     import matplotlib as mpl
 
@@ -134,6 +136,7 @@ def test_magnitudes_are_drawn_in_units_of_the_minimal_detectable():
     np.testing.assert_allclose(drawn, expected)
 
 
+@pytest.mark.slow
 def test_a_large_dictionary_keeps_what_was_declared():
     made = fault_result()
     quiet = [replace(made.candidates[1], name=f"drift_{i}") for i in range(300)]

@@ -135,6 +135,7 @@ def test_lanes_are_drawn_with_their_names_and_the_clock() -> None:
     assert [text.get_text() for text in upper.get_xticklabels()][:3] == ["0:00", "0:15", "0:30"]
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("n", [1, 2, 20])
 def test_any_number_of_lanes_finds_room(n: int) -> None:
     """A layout without room would be a warning, and here an error."""

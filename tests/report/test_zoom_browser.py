@@ -100,6 +100,7 @@ def shown(page: Any) -> list[list[float]]:
     return [[float(one.split()[0].replace("−", "-")) for one in panel] for panel in texts]
 
 
+@pytest.mark.slow
 def test_one_time_line_goes_through_all_panels(page: Any) -> None:
     page.mouse.move(*place(page, 60.0))
     lines = page.locator("#panels .hair").evaluate_all(
@@ -114,6 +115,7 @@ def test_one_time_line_goes_through_all_panels(page: Any) -> None:
     assert shown(page) == [[], [], []]
 
 
+@pytest.mark.slow
 def test_a_click_keeps_a_second_line_and_values_show_their_change(page: Any) -> None:
     page.mouse.click(*place(page, 40.0))
     page.mouse.move(*place(page, 140.0, panel=2))
@@ -145,6 +147,7 @@ def test_the_wheel_the_mouse_and_the_keys_zoom_and_move(page: Any) -> None:
     assert view(page) == (50.0, 150.0)
 
 
+@pytest.mark.slow
 def test_a_button_released_outside_holds_nothing(page: Any) -> None:
     x, y = place(page, 100.0)
     page.mouse.move(x, y)
@@ -158,12 +161,14 @@ def test_a_button_released_outside_holds_nothing(page: Any) -> None:
     assert view(page) == before == (50.0, 150.0)
 
 
+@pytest.mark.slow
 def test_an_event_that_is_clicked_is_seen_closer(page: Any) -> None:
     page.locator("#panels rect[data-low='80']").click()
     low, high = view(page)
     assert 60.0 < low < 80.0 < 100.0 < high < 120.0
 
 
+@pytest.mark.slow
 def test_channels_and_logs_are_chosen_by_click(page: Any) -> None:
     panels, curves = page.locator("#panels > svg"), page.locator("#panels path.curve")
     assert curves.count() == 3
@@ -180,6 +185,7 @@ def test_channels_and_logs_are_chosen_by_click(page: Any) -> None:
     assert (curves.count(), panels.nth(1).is_visible()) == (3, True)
 
 
+@pytest.mark.slow
 def test_any_channel_is_drawn_against_any_other_over_the_time_in_view(page: Any) -> None:
     assert not page.locator("#xy").is_visible()
     page.select_option("#across", label="tas [m/s] a.h5")
@@ -203,6 +209,7 @@ def test_any_channel_is_drawn_against_any_other_over_the_time_in_view(page: Any)
     assert not page.locator("#xy").is_visible()
 
 
+@pytest.mark.slow
 def test_events_and_limits_are_marked(page: Any) -> None:
     assert page.locator("#panels line[stroke-dasharray='5 3']").count() == 2
     level = page.locator("#panels .level")

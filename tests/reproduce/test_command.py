@@ -46,6 +46,7 @@ def test_a_figure_is_written_with_everything_that_draws_it_again(bfi: Run, tmp_p
     assert "1 per point, seed 3" in dict(reproduce_content(document).facts)["Trials"]
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_content_and_another_another(bfi: Run):
     first, again, other = (
         json.loads(bfi("reproduce", "fir", "--quick", "--trials", 1, "--seed", seed, *JSON).stdout)["exhibit"]
@@ -64,6 +65,7 @@ def test_a_log_takes_the_place_of_the_simulated_record(bfi: Run):
     assert ours["samples"] == "2000"
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few")
 def test_all_makes_each_in_a_folder_of_its_own_and_names_what_a_log_does_not_allow(bfi: Run, tmp_path: Path):
     """The first ten seconds end before the fault of figure 5-13."""

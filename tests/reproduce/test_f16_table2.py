@@ -97,6 +97,7 @@ def test_equation_17_agrees_with_equation_15(flights: list[Residuals]):
     assert (np.abs(value - indices(flights, COARSE).index[0]) < 4.0 * error).all()
 
 
+@pytest.mark.slow
 def test_the_index_rises_and_stays_near_the_table_even_with_a_coarse_step(flights: list[Residuals]):
     for reference in ("kde", "gaussian"):
         found = indices(flights, changed(reference=reference))

@@ -54,6 +54,7 @@ def test_a_trial_depends_on_its_seed_alone():
     assert problem_of(Point(THESIS_ATOMS, 0.01, False), (1, 2)).truth == ()
 
 
+@pytest.mark.slow
 def test_hardly_any_noise_leaves_nothing_to_choose_wrongly():
     for k in range(3):
         outcome = dict(zip(RULES, run((Point(THESIS_ATOMS, 1e-4), (0, 0, k))), strict=True))

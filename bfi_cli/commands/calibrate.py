@@ -30,6 +30,8 @@ from .progress import stages
 def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options: Any) -> None:
     """Scan windows of fault-free LOGs and write the distribution of the statistic to FILE.
 
+    Of whole flights those count in which the aircraft flies, where an airspeed shows it.
+
     Where the logs have air data, FILE also holds the aircraft's angle of zero lift and the tables of bfi diagnose.
     """
     from ..decision.calibration import join_tables, load_tables, save_tables, summary, table_notes

@@ -314,12 +314,31 @@ def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report 
 
 
 def calibration_windows(logs: Sequence[FlightLog], config: Config) -> list[tuple[FlightLog, tuple[float, float]]]:
-    """Return log, start and end of every window of a calibration, of the length and the step of the configuration."""
-    parts_of_logs = [log.window(config.window.from_s, config.window.to_s) for log in logs]
-    shortest_s = min(part.n_samples / part.rate_hz for part in parts_of_logs)
+    """Return log, start and end of every window of a calibration, of the length and the step of the configuration.
+
+    Where an airspeed shows when a log flies, only those in flight: what a taxiing aircraft does is no measure for it.
+    """
+    stretches = [(log, _flown(log, config)) for log in logs]
+    shortest_s = min(max(stop_s - start_s for start_s, stop_s in own) for _, own in stretches)
     length_s = config.calibrate.length_s or min(LENGTH_S, shortest_s)
     step_s = config.calibrate.step_s or 0.5 * length_s
-    return [(log, window) for log in logs for window in windows_of(log, config, length_s=length_s, step_s=step_s)]
+    return [
+        (log, window)
+        for log, own in stretches
+        for start_s, stop_s in own
+        for window in _tiles(start_s, stop_s - start_s, length_s, step_s)
+    ]
+
+
+def _flown(log: FlightLog, config: Config) -> Windows:
+    """Return the stretches of the configured window in which a log flies, the whole window where it cannot tell."""
+    from_s, to_s = _analysed(log, config)
+    flown = [
+        (max(start_s, from_s), min(stop_s, to_s))
+        for start_s, stop_s in airborne_stretches(log, suspects=config.outputs)
+        if start_s < to_s and stop_s > from_s
+    ]
+    return flown or [(from_s, to_s)]
 
 
 def windows_of(log: FlightLog, config: Config, *, length_s: float, step_s: float) -> Windows:

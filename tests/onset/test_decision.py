@@ -14,7 +14,7 @@ from bfi_cli.faults import Fault
 from bfi_cli.flightlog import Channel, FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.onset import find_onset
-from bfi_cli.onset.decision import FEWEST_WINDOWS, MOST_WINDOWS, own_windows, rule_for
+from bfi_cli.onset.decision import FEWEST_WINDOWS, MOST_WINDOWS, calibration_windows, own_windows, rule_for
 from bfi_cli.onset.scan_record import prepare_record
 
 LENGTH_S, FROM_S = 20.0, 200.0
@@ -146,3 +146,22 @@ def test_the_ground_is_no_calibration(log: FlightLog):
     ground = log.window(0.0, GROUND_S)
     still = Channel(name="tas", values=frozen_array(np.zeros(ground.n_samples)), unit="m/s", source="tas")
     assert own_windows(replace(ground, channels={**ground.channels, "tas": still}), Config(), 5.0) == []
+
+
+def test_a_calibration_counts_what_flies_of_whole_flights(log: FlightLog):
+    """Rest before take-off and after landing raised the threshold of a recorded flight five times."""
+    whole = Config()
+    starts = [from_s for _, (from_s, _) in calibration_windows([log, log], whole)]
+    assert len(starts) == 2 * len({*starts})
+    assert min(starts) >= GROUND_S
+    assert max(starts) + 120.0 <= GROUND_S + FLIGHT_S
+    part = merge(whole, {"window": {"from_s": 300.0, "to_s": 500.0}})
+    (first, *_, last) = calibration_windows([log], merge(part, {"calibrate.length_s": LENGTH_S}))
+    assert first[1] == (300.0, 300.0 + LENGTH_S)
+    assert 400.0 < last[1][1] <= GROUND_S + FLIGHT_S
+
+
+def test_where_no_airspeed_tells_when_it_flies_a_calibration_counts_everything(log: FlightLog):
+    whole = merge(Config(), {"calibrate.length_s": LENGTH_S})
+    without = replace(log, channels={"elevator": log.channels["elevator"]})
+    assert calibration_windows([without], whole)[0][1] == (0.0, LENGTH_S)

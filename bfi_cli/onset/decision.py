@@ -314,38 +314,28 @@ def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report 
 
 
 def calibration_windows(logs: Sequence[FlightLog], config: Config) -> list[tuple[FlightLog, tuple[float, float]]]:
-    """Return log, start and end of every window of a calibration, of the length and the step of the configuration.
-
-    Where an airspeed shows when a log flies, only those in flight: what a taxiing aircraft does is no measure for it.
-    """
-    stretches = [(log, _flown(log, config)) for log in logs]
-    shortest_s = min(max(stop_s - start_s for start_s, stop_s in own) for _, own in stretches)
+    """Return log, start and end of every window of a calibration, of the length and the step of the configuration."""
+    shortest_s = min(max(stop_s - start_s for start_s, stop_s in _flown(log, config)) for log in logs)
     length_s = config.calibrate.length_s or min(LENGTH_S, shortest_s)
     step_s = config.calibrate.step_s or 0.5 * length_s
-    return [
-        (log, window)
-        for log, own in stretches
-        for start_s, stop_s in own
-        for window in _tiles(start_s, stop_s - start_s, length_s, step_s)
-    ]
-
-
-def _flown(log: FlightLog, config: Config) -> Windows:
-    """Return the stretches of the configured window in which a log flies, the whole window where it cannot tell."""
-    from_s, to_s = _analysed(log, config)
-    flown = [
-        (max(start_s, from_s), min(stop_s, to_s))
-        for start_s, stop_s in airborne_stretches(log, suspects=config.outputs)
-        if start_s < to_s and stop_s > from_s
-    ]
-    return flown or [(from_s, to_s)]
+    return [(log, window) for log in logs for window in windows_of(log, config, length_s=length_s, step_s=step_s)]
 
 
 def windows_of(log: FlightLog, config: Config, *, length_s: float, step_s: float) -> Windows:
-    """Return (from_s, to_s) of the windows of a length that fit between the configured start and end."""
-    part = log.window(config.window.from_s, config.window.to_s)
-    first = float(part.time_s[0])
-    return _tiles(first, float(part.time_s[-1]) + 1.0 / part.rate_hz - first, length_s, step_s)
+    """Return (from_s, to_s) of the windows of a length that fit between the configured start and end.
+
+    Where an airspeed shows when the log flies, only those in flight: an aircraft at rest is no measure for it.
+    """
+    flown = _flown(log, config)
+    return [window for start_s, stop_s in flown for window in _tiles(start_s, stop_s - start_s, length_s, step_s)]
+
+
+def _flown(log: FlightLog, config: Config) -> Windows:
+    """Return the stretches of the configured window in which a log flies, all of it where no airspeed tells."""
+    from_s, to_s = _analysed(log, config)
+    stretches = airborne_stretches(log, suspects=config.outputs)
+    within = [(max(start_s, from_s), min(stop_s, to_s)) for start_s, stop_s in stretches]
+    return [(start_s, stop_s) for start_s, stop_s in within if start_s < stop_s] or [(from_s, to_s)]
 
 
 def own_windows(log: FlightLog, config: Config, length_s: float) -> Windows:

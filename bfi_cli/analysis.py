@@ -34,7 +34,7 @@ from .identify.result import AgainstTruth, IdentifyResult, ScanSummary
 from .identify.shared_model import with_those_that_share
 from .kernels.progress import Progress, unseen
 from .notes import Note
-from .onset import OnsetResult, find_onset, search_onsets
+from .onset import OnsetResult, OnsetSearch, find_onset, search_onsets
 from .onset.shapes import scanned_shape
 from .preprocessing.defaults import require_one_trim
 from .preprocessing.window import must_resample, with_inputs_of
@@ -129,29 +129,29 @@ def _identify_kinds(
     physics, scanning = _physics(log, config, progress)
     scanned = [one for one in kinds if scanned_shape(one) is not None]
     searched = search_onsets(log, merge(scanning, {"method": "ml"}), progress, kinds=scanned)
+    evidence = searched.evidence
     if dictionary is not None:
         from_s = float(part.time_s[0]) if dictionary.relative_to == "window" else 0.0
-        searched = replace(searched, faults=tuple(_named(one, dictionary, from_s) for one in searched.faults))
-    sources = [searched.evidence, physics]
-    proposed = _as_dictionary(searched, dictionary)
+        evidence = replace(evidence, faults=tuple(_named(one, dictionary, from_s) for one in evidence.faults))
+    proposed = _as_dictionary([one.fault for one in evidence.faults] or searched.likeliest, dictionary)
     log, on_model = with_those_that_share(log, proposed, config) if log.earlier else (log, ())
-    if searched.faults:
+    if evidence.faults:
         found = identification(log, proposed, config, progress, given=config.method == "ml")
     else:
         nothing = config.selection.model_copy(update={"max_active": 0})
         none = config.model_copy(update={"selection": nothing, "method": "ml"})
         found = identification(log, proposed, none, progress)
-    result = concluded(log, config, replace(found, converged=True), sources)
+    result = concluded(log, config, replace(found, converged=True), [evidence, physics])
     said = "no dictionary" if dictionary is None else "the onsets of the dictionary are not known"
-    if searched.faults:
-        said += f": {len(searched.faults)} declared by the search over all onsets, magnitudes estimated jointly"
+    if evidence.faults:
+        said += f": {len(evidence.faults)} declared by the search over all onsets, magnitudes estimated jointly"
     else:
         percent = 100.0 * config.start_time.false_alarm
         said += f": the search over all onsets declares none at a false-alarm rate of {percent:.3g} %"
     left_out = _left_out(dictionary, kinds, physics)
-    notes = (Note.method(said), *on_model, *searched.notes, *physics.notes, *left_out, *result.notes)
-    result = replace(result, notes=notes, truth=_truth_by_onset(result, searched))
-    return _with_scan(result, searched, "it proposed the faults"), proposed
+    notes = (Note.method(said), *on_model, *evidence.notes, *physics.notes, *left_out, *result.notes)
+    result = replace(result, notes=notes, truth=_truth_by_onset(result, part))
+    return _with_scan(result, evidence, "it proposed the faults"), proposed
 
 
 def _left_out(dictionary: Dictionary | None, live: Sequence[Fault], physics: Evidence) -> tuple[Note, ...]:
@@ -181,32 +181,20 @@ def _named(found: FaultEstimate, dictionary: Dictionary, from_s: float) -> Fault
     return replace(found, name=name, fault=replace(found.fault, name=name))
 
 
-def _as_dictionary(searched: OnsetResult, dictionary: Dictionary | None) -> Dictionary:
-    """Return the faults that a search declares; where there is none, every scanned shape at its best onset."""
-    atoms = [one.fault for one in searched.faults]
-    atoms = atoms or [
-        Fault(
-            shape=profile.shape,
-            channel=profile.channel,
-            onset_s=float(profile.onset_s[profile.statistic.argmax()]),
-            frequency_hz=profile.frequency_hz,
-            name=f"{profile.shape}_{instant(float(profile.onset_s[profile.statistic.argmax()]))}",
-        )
-        for profile in searched.profiles
-        if profile.shape != "samples"
-    ]
+def _as_dictionary(atoms: Sequence[Fault], dictionary: Dictionary | None) -> Dictionary:
+    """Return faults as a dictionary, each with a name of its own."""
     if len({atom.name for atom in atoms}) < len(atoms):
         atoms = [replace(atom, name=f"{atom.name}_{i}") for i, atom in enumerate(atoms, 1)]
     known = Dictionary(atoms=(), relative_to="log", sha256="", path="onset scan") if dictionary is None else dictionary
     return replace(known, atoms=tuple(atoms), relative_to="log")
 
 
-def _truth_by_onset(result: IdentifyResult, searched: OnsetResult) -> AgainstTruth | None:
+def _truth_by_onset(result: IdentifyResult, part: FlightLog) -> AgainstTruth | None:
     """Return the comparison with injected faults, by onset: no search finds the very signal that was injected."""
     if result.truth is None:
         return None
-    tolerance_s = ONSET_SAMPLES / result.log.rate_hz
-    comparison = compare_by_onset(result.faults, searched.truth or (), tolerance_s=tolerance_s)
+    tolerance_s, injected = ONSET_SAMPLES / result.log.rate_hz, part.truth.faults if part.truth else ()
+    comparison = compare_by_onset(result.faults, injected, tolerance_s=tolerance_s)
     return replace(result.truth, **{field.name: getattr(comparison, field.name) for field in fields(Comparison)})
 
 
@@ -229,7 +217,7 @@ def _identify_entries(
         vaf > EXPLAINED for vaf in found.result.vaf_output.values()
     )
     looked_for = {one.kind for one in found.result.candidates if one.state is not None}
-    searched: OnsetResult | str
+    searched: OnsetSearch | str
     if any(SHAPES[one.fault.shape].acts_on == "course" for one in found.result.faults):
         searched = "not scanned: a fault of unknown shape is declared"
     elif (why_not := _why_not_scanned(part, config, exact=exact)) is not None:
@@ -250,16 +238,18 @@ def _identify_entries(
         return _with_scan(replace(result, notes=(*result.notes, *physics.notes)), None, searched)
     found = _within_tolerance(found, searched, config)
     if found.result.faults:
-        candidates = not_excluded_by(found.result.candidates, searched.candidates)
+        candidates = not_excluded_by(found.result.candidates, searched.evidence.candidates)
         found = replace(found, result=replace(found.result, candidates=candidates))
-    sources = [found.evidence, _beside_entries(searched, looked_for), physics]
+    sources = [found.evidence, _beside_entries(searched.evidence, looked_for), physics]
     result = concluded(log, config, found, sources)
     result = replace(result, notes=(*result.notes, *physics.notes))
     if any(one.source != "dictionary" for one in result.faults):
         result = _estimated_jointly(log, dictionary, result, config, progress)
     declares = any(one.source == "scan" for one in result.faults)
     result = _with_checked_onsets(result)
-    return _with_scan(result, searched, "it declares another fault" if declares else "it declares no other fault")
+    return _with_scan(
+        result, searched.evidence, "it declares another fault" if declares else "it declares no other fault"
+    )
 
 
 def _scan_beside(
@@ -271,7 +261,7 @@ def _scan_beside(
     kinds: Sequence[Fault],
     claims: Collection[Kind],
     as_measured: FlightLog | None,
-) -> OnsetResult | str:
+) -> OnsetSearch | str:
     """Search all onsets of a window beside entries of a dictionary that state theirs, or return why not.
 
     The calibration is a table that fits or the nearest one: windows of the log itself would take longer than the
@@ -310,7 +300,7 @@ def _why_not_scanned(window: FlightLog, config: Config, *, exact: bool) -> str |
     return None
 
 
-def _within_tolerance(found: Identification, searched: OnsetResult | None, config: Config) -> Identification:
+def _within_tolerance(found: Identification, searched: OnsetSearch | None, config: Config) -> Identification:
     """Return an identification with the limits of the search for entries whose onsets are known to a tolerance only."""
     if config.onset_tolerance_s == 0.0 or not METHODS[config.method].intervals:
         return found
@@ -322,14 +312,14 @@ def _within_tolerance(found: Identification, searched: OnsetResult | None, confi
     return replace(found, result=replace(found.result, candidates=candidates))
 
 
-def _beside_entries(searched: OnsetResult, looked_for: set[Kind]) -> Evidence:
+def _beside_entries(evidence: Evidence, looked_for: set[Kind]) -> Evidence:
     """Return what a search says beside entries of a dictionary: faults, suspects, limits of kinds they lack."""
-    candidates = [
+    candidates = tuple(
         replace(one, name=f"{one.name} (scan)")
-        for one in searched.candidates
+        for one in evidence.candidates
         if one.kind not in looked_for or one.state in ("declared", "suspected")
-    ]
-    return Evidence(source="scan", faults=searched.faults, candidates=tuple(candidates), notes=searched.notes)
+    )
+    return replace(evidence, candidates=candidates)
 
 
 def _estimated_jointly(
@@ -387,13 +377,13 @@ def _corrected(part: FlightLog, found: Identification, config: Config) -> Flight
     return part
 
 
-def _with_scan(result: IdentifyResult, searched: OnsetResult | None, note: str) -> IdentifyResult:
+def _with_scan(result: IdentifyResult, evidence: Evidence | None, note: str) -> IdentifyResult:
     """Return the result with what the search alone says of the window."""
-    if searched is None:
+    if evidence is None:
         summary = ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=note)
         return replace(result, scan=summary, notes=(*result.notes, Note.limit(note)))
-    verdicts = verdicts_of(searched.candidates)
-    said = tuple(_said(one) for one in searched.faults)
+    verdicts = verdicts_of(evidence.candidates)
+    said = tuple(_said(one) for one in evidence.faults)
     scan = ScanSummary(decision=decide(verdicts, KINDS), verdicts=verdicts, faults=said, note=note)
     return replace(result, scan=scan)
 

@@ -352,7 +352,7 @@ def test_the_limits_of_kinds_on_a_log_are_those_of_the_search():
     kinds = dictionary(*KINDS[:2], {"name": "late", "shape": "bias", "onset_s": {"from": 50, "to": 90}})
     found = audit_on_log(log, kinds, config)
     searched = search_onsets(log, with_inputs_of(log, config), kinds=kinds.resolved(0.0)[:2])
-    expected = {one.name: one.minimal_detectable_scan for one in searched.candidates}
+    expected = {one.name: one.minimal_detectable_scan for one in searched.evidence.candidates}
     assert {entry.name: entry.minimal_detectable for entry in found.atoms} == {**expected, "late": None}
     assert expected["step"] > 0.0
     assert [entry.live for entry in found.atoms] == [True, True, False]

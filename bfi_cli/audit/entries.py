@@ -17,7 +17,7 @@ from ..faults import Fault, did_you_mean, magnitude_unit, physical
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..notes import Note
-from ..onset import OnsetResult, search_onsets
+from ..onset import OnsetSearch, search_onsets
 from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..preprocessing.summary import ModelSummary
 from .comparison import Signatures, absorbed, most_like
@@ -264,7 +264,7 @@ def _audited(fault: Fault, unit: str, note: str | None, least: float | None, *, 
 
 def searched_on_log(
     clean: FlightLog, dictionary: Dictionary, config: Config
-) -> tuple[OnsetResult | None, list[str | None]]:
+) -> tuple[OnsetSearch | None, list[str | None]]:
     """Return the search of a log without faults for the kinds of a dictionary, and why kinds are left out of it.
 
     The result is None where all are.
@@ -278,7 +278,7 @@ def searched_on_log(
     return searched, reasons
 
 
-def without_signals(dictionary: Dictionary, config: Config, searched: OnsetResult | None = None) -> Audit:
+def without_signals(dictionary: Dictionary, config: Config, searched: OnsetSearch | None = None) -> Audit:
     """Return the audit of a dictionary that states no onset, its entries left out: there is no signal to compare.
 
     Parameters
@@ -286,7 +286,7 @@ def without_signals(dictionary: Dictionary, config: Config, searched: OnsetResul
     searched : the search of the log, None without a log.
     """
     start_s, stop_s = config.window.from_s or 0.0, config.window.to_s
-    log = None if searched is None else searched.log
+    log = None if searched is None else searched.record.window.summary
     return Audit(
         path=dictionary.path,
         relative_to=dictionary.relative_to,
@@ -306,7 +306,7 @@ def with_kinds(
     dictionary: Dictionary,
     units: Mapping[str, str],
     reasons: Sequence[str | None] = (),
-    searched: OnsetResult | None = None,
+    searched: OnsetSearch | None = None,
 ) -> Audit:
     """Return the audit of the entries that state their onsets with the kinds of fault added, in the dictionary's order.
 
@@ -320,7 +320,7 @@ def with_kinds(
     ------
     DictionaryError : nothing is left to be looked for.
     """
-    limits = {} if searched is None else {one.name: one for one in searched.candidates}
+    limits = {} if searched is None else {one.name: one for one in searched.evidence.candidates}
     left_out = iter(reasons or [None] * len(dictionary.atoms))
     stated, atoms = iter(audit.atoms), []
     for fault in dictionary.resolved(audit.start_s):
@@ -330,7 +330,9 @@ def with_kinds(
             atoms.append(_kind(fault, units.get(fault.channel, ""), next(left_out), limits.get(fault.name or "")))
     if not any(one.live for one in atoms):
         raise DictionaryError(f"{dictionary.path}: no live atom: {atoms[0].note}")
-    return replace(audit, atoms=tuple(atoms), notes=(*audit.notes, *(() if searched is None else searched.notes)))
+    return replace(
+        audit, atoms=tuple(atoms), notes=(*audit.notes, *(() if searched is None else searched.evidence.notes))
+    )
 
 
 def _kind(fault: Fault, unit: str, reason: str | None, limit: Candidate | None) -> AuditedAtom:

@@ -1,16 +1,12 @@
 """When did a fault start, of which shape is it and how large: the scan over all onsets (docs/theory.md, 9)."""
 
-from .decision import calibration_windows, table_of_windows, windows_of
+from .decision import CalibrationUse, calibration_windows, table_of_windows, windows_of
 from .detection import find_onset, search_onsets
 from .report import onset_content, onset_document
-from .result import (
-    CalibrationUse,
-    OnsetResult,
-    OnsetSeries,
-    ShapeProfile,
-)
+from .result import OnsetResult, OnsetSeries, ShapeProfile
+from .search import OnsetSearch
 
-__all__ = ["CalibrationUse", "OnsetResult", "OnsetSeries", "ShapeProfile"]
+__all__ = ["CalibrationUse", "OnsetResult", "OnsetSearch", "OnsetSeries", "ShapeProfile"]
 __all__ += [
     "calibration_windows",
     "find_onset",

@@ -30,7 +30,6 @@ from ..flightlog.record import frozen_array
 from ..kernels.lagged import lagged
 from ..kernels.progress import Progress, Report, parts, silent, unseen
 from ..notes import Note
-from .result import CalibrationUse
 from .scan import HypothesisScan, Peak, bic_change, scan_hypotheses
 from .scan_record import ScanRecord, prepare_record
 from .shapes import SCANNED_AS
@@ -54,6 +53,24 @@ MOST_WINDOWS = 60
 SHORTER = tuple(float(share) for share in np.arange(0.95, 0.24, -0.05))
 # Shorter ones are not enough for a model of order 8 with one input, which takes half of them.
 FEWEST_SAMPLES = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationUse:
+    """Which null distribution the decision rests on.
+
+    Attributes
+    ----------
+    source : "shipped", "self" (windows of the log itself), "gaussian", or the path of a table.
+    matches : whether the table was made for the settings in use.
+    n_windows : number of fault-free windows, or of simulated records, behind it.
+    length_s : of each, after conditioning.
+    """
+
+    source: str
+    matches: bool
+    n_windows: int
+    length_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

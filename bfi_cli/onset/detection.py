@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from ..config import Config, merge
 from ..decision import KINDS, Evidence, conclude, onsets_checked
 from ..errors import ConfigError
-from ..faults import Fault, magnitude_unit
+from ..faults import Fault, FaultEstimate, magnitude_unit
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
@@ -28,7 +28,7 @@ from .confirmation import unconfirmed
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults
 from .magnitudes import measure
-from .result import OnsetResult, assemble_result
+from .result import OnsetResult
 from .scan import (
     HypothesisScan,
     Peak,
@@ -39,8 +39,9 @@ from .scan import (
     scan_of,
 )
 from .scan_record import ScanRecord, prepare_record
+from .search import OnsetSearch, declared_faults, result_of
 from .shapes import SCANNED_AS, fault_of
-from .thesis import find_onset_as_published
+from .thesis import search_as_published
 
 # A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
 MOST_FAULTS = 5
@@ -82,22 +83,14 @@ def find_onset(
     if config.method not in ("ml", "risro"):
         raise ConfigError(f"method: start-time has ml and risro, got {config.method}; give --method scan or thesis")
     config = with_inputs_of(log, config)
-    if config.method == "risro":
-        with threadpool_limits(1):
-            result = find_onset_as_published(log, config, progress)
-    else:
-        result = search_onsets(log, config, progress)
-    said = conclude([result.evidence, *beside], config.require)
+    search = search_as_published if config.method == "risro" else search_onsets
+    with threadpool_limits(1):
+        found = search(log, config, progress)
+    said = conclude([found.evidence, *beside], config.require)
     helps = None if config.method == "risro" else what_would_help(log, config, said.verdicts)
-    return replace(
-        result,
-        decision=said.decision,
-        verdicts=said.verdicts,
-        summary=said.summary,
-        faults=said.faults,
-        candidates=said.candidates,
-        notes=(*said.notes, *result.notes, *(note for one in beside for note in one.notes), *filter(None, [helps])),
-    )
+    of_sources = [note for one in (found.evidence, *beside) for note in one.notes]
+    false_alarm = config.start_time.false_alarm
+    return result_of(found, said, false_alarm, [*said.notes, *of_sources, *filter(None, [helps])])
 
 
 def search_onsets(
@@ -109,7 +102,7 @@ def search_onsets(
     entries: Sequence[Fault] = (),
     claims: Collection[Kind] = KINDS,
     as_measured: FlightLog | None = None,
-) -> OnsetResult:
+) -> OnsetSearch:
     """Search a window for faults by a scan over all onsets, and return the evidence without a conclusion.
 
     1. Scan the record: every shape at every onset, the order of the model chosen together with the shape.
@@ -171,26 +164,23 @@ def search_onsets(
         of_limits(1.0)
     verdict = verdicts[0] if verdicts else rule.verdict(first)
     p_values = [own.p_value if rule.use.matches else None for own in verdicts]
-    result = assemble_result(
-        record, first, estimates, p_values, tolerances, order=order, series_order=first.fault_free_order
-    )
-    covered = covered_s(record, order)
-    notes = [*map(Note.limit, doubts.values()), *rule.notes, *_notes(record, result, rule, verdict)]
+    faults, covered = declared_faults(record, estimates, p_values, tolerances), covered_s(record, order)
+    notes = [*map(Note.limit, doubts.values()), *rule.notes, *_notes(record, faults, rule, verdict)]
     if not estimates and not rule.use.matches:
-        notes.insert(0, _strongest_suspect(result, verdict))
+        notes.insert(0, _strongest_suspect(record, first.of(verdict.shape), verdict))
     notes.append(onsets_checked("at 95 % for faults", *covered, "earlier ones cannot be excluded"))
-    return replace(
-        result,
-        candidates=candidates,
+    return OnsetSearch(
+        method="scan",
+        record=record,
+        scan=first,
+        estimates=tuple(estimates),
+        evidence=Evidence(source="scan", faults=faults, candidates=candidates, notes=tuple(notes)),
+        order=order,
+        series_order=first.fault_free_order,
+        rule=rule,
+        verdict=verdict,
         covered_s=covered,
         of_dictionary=of_dictionary,
-        false_alarm=rule.false_alarm,
-        p_value=verdict.p_value if rule.use.matches else None,
-        statistic=verdict.statistic,
-        threshold=verdict.threshold,
-        calibration=rule.use,
-        profiles=tuple(replace(profile, threshold=rule.threshold(profile.shape)) for profile in result.profiles),
-        notes=tuple(notes),
     )
 
 
@@ -413,20 +403,20 @@ def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
     return likelihood.n_rows * likelihood.fit(np.zeros((*record.y.shape, 0))).log_det
 
 
-def _strongest_suspect(result: OnsetResult, verdict: Verdict) -> Note:
+def _strongest_suspect(record: ScanRecord, peak: Peak, verdict: Verdict) -> Note:
     """Return the note on what stands out most where nothing is declared by a table of other settings."""
-    profile = next(profile for profile in result.profiles if profile.shape == verdict.shape)
-    best = int(profile.statistic.argmax())
-    size = f"{profile.magnitude[best]:.3g} {profile.unit}".rstrip()
+    channel, scale, unit = record.output(peak.form.output)
+    unit = magnitude_unit(fault_of(peak.form, channel), unit)
+    size = f"{scale * float(peak.profile.z[peak.profile.best]):.3g} {unit}".rstrip()
     return Note.limit(
-        f"the strongest suspect is a {profile.shape} of {size} on {profile.channel} from "
-        f"{instant(profile.onset_s[best])} s, statistic {profile.statistic[best]:.3g} against "
+        f"the strongest suspect is a {peak.form.shape} of {size} on {channel} from "
+        f"{instant(record.onset_s(peak.onset))} s, statistic {peak.statistic:.3g} against "
         f"{verdict.threshold:.3g}; a table for these settings (bfi calibrate), or --calibration gaussian, may decide "
         "otherwise"
     )
 
 
-def _notes(record: ScanRecord, result: OnsetResult, rule: Rule, verdict: Verdict) -> list[Note]:
+def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], rule: Rule, verdict: Verdict) -> list[Note]:
     """Return notes on p-value and record, and on onsets that are hardly known or beside large moves of the inputs."""
     notes = []
     if rule.use.matches and verdict.p_value <= rule.null.rarest:
@@ -439,7 +429,7 @@ def _notes(record: ScanRecord, result: OnsetResult, rule: Rule, verdict: Verdict
     changes = np.abs(np.diff(record.u, axis=0))
     large = changes >= MOST * changes.max(axis=0, initial=0.0)
     moves_s = record.time_s[1:][large[:, large.mean(axis=0) <= RARE].any(axis=1)]
-    for fault in result.faults:
+    for fault in faults:
         low, high = fault.onset_ci95 or (fault.fault.onset_s, fault.fault.onset_s)
         if ((moves_s >= low - BESIDE_S) & (moves_s <= high + BESIDE_S)).any():
             notes.append(

@@ -14,7 +14,7 @@ from functools import partial
 import numpy as np
 
 from ..config import Config
-from ..decision import candidate_of
+from ..decision import Evidence, candidate_of
 from ..errors import ConfigError
 from ..flightlog import FlightLog
 from ..kernels.lagged import compress
@@ -26,9 +26,9 @@ from ..notes import Note
 from ..preprocessing.regression import decides_by_rule, solve, stage_of
 from ..preprocessing.tolerance import tolerances_of
 from .estimate import as_scanned
-from .result import OnsetResult, assemble_result
 from .scan import HypothesisScan, Peak, fault_free_bic, scan_of
 from .scan_record import ScanRecord, prepare_record
+from .search import OnsetSearch, declared_faults
 from .shapes import ShapeHypothesis, fault_of, signal
 
 # The shapes of known form of the published figures.
@@ -43,8 +43,8 @@ STAGE_NOTE = (
 )
 
 
-def find_onset_as_published(log: FlightLog, config: Config, progress: Progress = unseen) -> OnsetResult:
-    """Return the onset where the magnitude of a separate solution for every onset is largest.
+def search_as_published(log: FlightLog, config: Config, progress: Progress = unseen) -> OnsetSearch:
+    """Search the onset where the magnitude of a separate solution for every onset is largest.
 
     Parameters
     ----------
@@ -55,13 +55,7 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
     ConfigError : several outputs, a search for ends, or no shape of this method.
     LogError, ExcitationError : the log cannot be used.
     """
-    wanted = config.start_time
-    if len(config.outputs) > 1:
-        raise ConfigError(f"--method thesis: works on one output, got {len(config.outputs)}; give one --output")
-    if wanted.ends:
-        raise ConfigError("--method thesis: finds no ends; leave --ends out, or give --method scan")
-    if not set(wanted.shapes) & set(SHAPES):
-        raise ConfigError(f"--method thesis: knows {' and '.join(SHAPES)} only, got {', '.join(wanted.shapes)}")
+    _check_it_can(config)
     record = prepare_record(log, config, partial(progress, "the window"))
     y, orders = record.y, record.orders
     plain = [fault_free_bic(record, scan_of(record, y, s, output=0, first=max(orders))) for s in orders]
@@ -85,7 +79,7 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
         without_fault=tuple(plain),
         with_fault=tuple(plain),
     )
-    left = ", ".join(shape for shape in wanted.shapes if shape not in SHAPES)
+    left = ", ".join(shape for shape in config.start_time.shapes if shape not in SHAPES)
     notes = [Note.limit(NOTE)]
     if stage is not None:
         zeros = sum(int(np.sum(peak.profile.z == 0.0)) for peak in peaks)
@@ -94,8 +88,6 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
         ]
     if left:
         notes.append(Note.limit(f"the published method is for steps and ramps; left out: {left}"))
-    tolerances, p_values = tolerances_of(log, record.window.log, config.outputs, config), [None] * len(estimates)
-    result = assemble_result(record, curve, estimates, p_values, tolerances, order=order, series_order=order)
     # The published method has no interval and no test, so it excludes nothing.
     channel, scale, unit = record.output(0)
     candidates = [
@@ -108,13 +100,28 @@ def find_onset_as_published(log: FlightLog, config: Config, progress: Progress =
         )
         for of_shape, k in zip(peaks, largest, strict=True)
     ]
-    return replace(
-        result,
-        candidates=tuple(candidates),
-        false_alarm=wanted.false_alarm,
+    tolerances = tolerances_of(log, record.window.log, config.outputs, config)
+    faults = declared_faults(record, estimates, [None] * len(estimates), tolerances)
+    return OnsetSearch(
         method="thesis",
-        notes=tuple(notes),
+        record=record,
+        scan=curve,
+        estimates=tuple(estimates),
+        evidence=Evidence(source="scan", faults=faults, candidates=tuple(candidates), notes=tuple(notes)),
+        order=order,
+        series_order=order,
     )
+
+
+def _check_it_can(config: Config) -> None:
+    """Refuse what the published method does not do."""
+    wanted = config.start_time
+    if len(config.outputs) > 1:
+        raise ConfigError(f"--method thesis: works on one output, got {len(config.outputs)}; give one --output")
+    if wanted.ends:
+        raise ConfigError("--method thesis: finds no ends; leave --ends out, or give --method scan")
+    if not set(wanted.shapes) & set(SHAPES):
+        raise ConfigError(f"--method thesis: knows {' and '.join(SHAPES)} only, got {', '.join(wanted.shapes)}")
 
 
 def _solved(record: ScanRecord, scan: Scan, form: ShapeHypothesis, config: Config, report: Report) -> Profile:

@@ -149,7 +149,7 @@ def _identify_kinds(
         percent = 100.0 * config.start_time.false_alarm
         said += f": the search over all onsets declares none at a false-alarm rate of {percent:.3g} %"
     left_out = _left_out(dictionary, kinds, physics)
-    notes = (Note.method(said), *on_model, *evidence.notes, *physics.notes, *left_out, *result.notes)
+    notes = (Note.method(said), *result.notes, *on_model, *evidence.notes, *physics.notes, *left_out)
     result = replace(result, notes=notes, truth=_truth_by_onset(result, part))
     return _with_scan(result, evidence, "it proposed the faults"), proposed
 

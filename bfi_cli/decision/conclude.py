@@ -16,8 +16,12 @@ from ..notes import Note
 from ..report.text import instant, quantity
 from ..shapes import SHAPES, Kind
 from .candidate import Candidate, with_limit
-from .evidence import Evidence
+from .evidence import Evidence, Manoeuvre
 from .verdict import decide, summarise, verdicts_of
+
+# Sources that explain the window by a linear model of the aircraft.
+MODELS = ("dictionary", "scan")
+REFUTED = "declared, and refuted by another source: see the notes"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,9 +47,10 @@ class Conclusion:
 def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusion:
     """Return what the evidence of all sources says together.
 
-    1. A fault that a source declares is declared, unless another source excludes its error on the channel: then it is
-       suspected. What two sources declare of one channel at one time is one fault, named by the one with more evidence:
-       a reading that is held to the last bit has most, and whatever seems to begin on its channel since is that.
+    1. A fault that a source declares is declared, unless another source excludes its error on the channel, or a model
+       declares it where it begins in a manoeuvre that no linear model follows: then it is suspected. What two sources
+       declare of one channel at one time is one fault, named by the one with more evidence: a reading that is held to
+       the last bit has most, and whatever seems to begin on its channel since is that.
     2. What bounds a slow error of a channel in one source bounds it in all: the smallest limit counts.
     3. A sensor that is frozen tells of no other fault of its channel.
     4. The verdicts on the kinds, and the sentence that says them.
@@ -59,11 +64,14 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
     candidates: list[Candidate] = []
     notes: list[Note] = []
     refuted: dict[int, Note] = {}
+    manoeuvres = [manoeuvre for one in evidence for manoeuvre in one.manoeuvres]
     for one in evidence:
         others = [other for other in evidence if other is not one]
         for fault in one.faults:
             if (by := _excluded_by(fault, others)) is not None:
                 refuted[id(fault)] = _disagreement(fault, one.source, by)
+            elif one.source in MODELS and (within := _within(fault, manoeuvres)) is not None:
+                refuted[id(fault)] = _beside(fault, one.source, within)
     notes += refuted.values()
     declared = [
         replace(fault, source=one.source) for one in evidence for fault in one.faults if id(fault) not in refuted
@@ -81,7 +89,7 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
         suspected = {(fault.fault.shape, fault.fault.channel) for fault in one.faults if id(fault) in refuted}
         for candidate in one.candidates:
             if candidate.state == "declared" and (candidate.shape, candidate.channel) in suspected:
-                candidate = replace(candidate, state="suspected", note="another source excludes an error of this size")
+                candidate = replace(candidate, state="suspected", note=REFUTED)
             candidates.append(candidate)
     bounded = tuple(_while_it_read(_with_least_limit(candidate, evidence), faults) for candidate in candidates)
     verdicts: dict[Kind, Decision] = {
@@ -141,14 +149,30 @@ def _excluded_by(fault: FaultEstimate, others: Sequence[Evidence]) -> tuple[str,
     return None
 
 
+def _within(fault: FaultEstimate, manoeuvres: Sequence[Manoeuvre]) -> Manoeuvre | None:
+    """Return the manoeuvre in or beside which a fault begins; a reading that is held is told without a model."""
+    if _is_held(fault):
+        return None
+    return next((one for one in manoeuvres if one.reach_s[0] <= fault.fault.onset_s <= one.reach_s[1]), None)
+
+
+def _beside(fault: FaultEstimate, source: str, one: Manoeuvre) -> Note:
+    return Note.limit(
+        f"{_suspicion(fault, source)}; it begins within {one.beside_s:.3g} s of a {one.name} "
+        f"({instant(one.from_s)} to {instant(one.to_s)} s), which no linear model follows"
+    )
+
+
 def _disagreement(fault: FaultEstimate, source: str, excluded_by: tuple[str, Candidate]) -> Note:
     other, one = excluded_by
+    limit = quantity(one.limit or 0.0, one.channel_unit)
+    return Note.limit(f"{_suspicion(fault, source)}; the {other} excludes more than {limit} there")
+
+
+def _suspicion(fault: FaultEstimate, source: str) -> str:
     label, channel = SHAPES[fault.fault.shape].label, fault.fault.channel
     size, from_s = quantity(fault.magnitude, fault.unit), instant(fault.fault.onset_s)
-    return Note.limit(
-        f"only suspected: a {label} of {size} on {channel} from {from_s} s, which the {source} declares; the {other} "
-        f"excludes more than {quantity(one.limit or 0.0, one.channel_unit)} there"
-    )
+    return f"only suspected: a {label} of {size} on {channel} from {from_s} s, which the {source} declares"
 
 
 def _while_it_read(candidate: Candidate, faults: Sequence[FaultEstimate]) -> Candidate:

@@ -21,6 +21,7 @@ from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..notes import Note
 from ..preprocessing.defaults import what_would_help
+from ..preprocessing.manoeuvres import manoeuvres_of
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.summary import ModelSummary, noise_of
 from ..preprocessing.tolerance import tolerances_of
@@ -101,7 +102,9 @@ def concluded(
     sources : the evidence, that of the identification among it; default it alone.
     """
     result = identified.result
-    conclusion = conclude([identified.evidence] if sources is None else sources, config.require)
+    intervals = METHODS[config.method].intervals
+    flown = (manoeuvres_of(log, config.outputs),) if intervals else ()
+    conclusion = conclude([*([identified.evidence] if sources is None else sources), *flown], config.require)
     decision: Decision = "fault" if identified.fires else conclusion.decision
     verdicts, unanswered = conclusion.verdicts, list[Note]()
     if not identified.converged:
@@ -109,7 +112,7 @@ def concluded(
         unanswered.append(Note.limit(f"{NOT_CONVERGED}: {result.solver.termination}"))
     elif decision == "inconclusive" and identified.hides_all:
         unanswered.append(Note.limit(UNANSWERABLE))
-    helps = what_would_help(log, config, verdicts) if METHODS[config.method].intervals else None
+    helps = what_would_help(log, config, verdicts) if intervals else None
     return replace(
         result,
         decision=decision,

@@ -30,6 +30,7 @@ from ..flightlog.record import frozen_array
 from ..kernels.lagged import lagged
 from ..kernels.progress import Progress, Report, parts, silent, unseen
 from ..notes import Note
+from ..preprocessing.manoeuvres import modelled_stretches
 from .scan import HypothesisScan, Peak, bic_change, scan_hypotheses
 from .scan_record import ScanRecord, prepare_record
 from .shapes import SCANNED_AS
@@ -350,7 +351,7 @@ def windows_of(log: FlightLog, config: Config, *, length_s: float, step_s: float
 def _flown(log: FlightLog, config: Config) -> Windows:
     """Return the stretches of the configured window in which a log flies, all of it where no airspeed tells."""
     from_s, to_s = _analysed(log, config)
-    stretches = airborne_stretches(log, suspects=config.outputs)
+    stretches = modelled_stretches(log, config.outputs)
     within = [(max(start_s, from_s), min(stop_s, to_s)) for start_s, stop_s in stretches]
     return [(start_s, stop_s) for start_s, stop_s in within if start_s < stop_s] or [(from_s, to_s)]
 
@@ -363,7 +364,7 @@ def own_windows(log: FlightLog, config: Config, length_s: float) -> Windows:
     """
     from_s, to_s = _analysed(log, config)
     before, after = [], []
-    for start_s, stop_s in airborne_stretches(log, suspects=config.outputs):
+    for start_s, stop_s in modelled_stretches(log, config.outputs):
         before += _tiles(start_s, min(stop_s, from_s) - start_s, length_s, length_s / OVERLAPPING["auto"])
         first_s = max(start_s, to_s)
         after += _tiles(first_s, stop_s - first_s, length_s, length_s / OVERLAPPING["auto"])
@@ -383,7 +384,7 @@ def earlier_windows(log: FlightLog, config: Config) -> Windows:
     """
     from_s, to_s = _analysed(log, config)
     length_s, first_s = to_s - from_s, float(log.time_s[0])
-    stretches = airborne_stretches(log, suspects=config.outputs) or [(first_s, from_s)]
+    stretches = modelled_stretches(log, config.outputs) or [(first_s, from_s)]
     windows = []
     for start_s, stop_s in stretches:
         windows += _tiles(start_s, min(stop_s, from_s) - start_s, length_s, length_s / OVERLAPPING["self"])

@@ -19,6 +19,7 @@ from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ..notes import Note
 from ..preprocessing.defaults import what_would_help
+from ..preprocessing.manoeuvres import manoeuvres_of
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity
@@ -86,8 +87,10 @@ def find_onset(
     search = search_as_published if config.method == "risro" else search_onsets
     with threadpool_limits(1):
         found = search(log, config, progress)
-    said = conclude([found.evidence, *beside], config.require)
-    helps = None if config.method == "risro" else what_would_help(log, config, said.verdicts)
+    published = config.method == "risro"
+    flown = () if published else (manoeuvres_of(log, config.outputs),)
+    said = conclude([found.evidence, *beside, *flown], config.require)
+    helps = None if published else what_would_help(log, config, said.verdicts)
     of_sources = [note for one in (found.evidence, *beside) for note in one.notes]
     false_alarm = config.start_time.false_alarm
     return result_of(found, said, false_alarm, [*said.notes, *of_sources, *filter(None, [helps])])

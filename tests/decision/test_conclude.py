@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from noted import texts
 
-from bfi_cli.decision import KINDS, Candidate, Evidence, beyond_tolerance, conclude
+from bfi_cli.decision import KINDS, Candidate, Evidence, Manoeuvre, beyond_tolerance, conclude
 from bfi_cli.faults import Fault, FaultEstimate
 
 
@@ -161,3 +161,29 @@ def test_what_seems_to_begin_on_a_channel_whose_reading_is_held_is_no_fault_of_i
         KINDS,
     )
     assert [one.name for one in said.faults] == names
+
+
+STALL = Evidence(
+    source="phases", manoeuvres=(Manoeuvre(name="stall", from_s=40.0, to_s=45.0, beside_s=10.0),), faults=()
+)
+
+
+@pytest.mark.parametrize("source", ["scan", "dictionary"])
+@pytest.mark.parametrize(("onset_s", "decision"), [(29.0, "fault"), (31.0, "inconclusive"), (56.0, "fault")])
+def test_what_a_model_declares_in_or_beside_a_manoeuvre_is_suspected(source: str, onset_s: float, decision: str):
+    model = Evidence(
+        source=source, faults=(estimate(onset_s=onset_s),), candidates=(candidate("abrupt", None, "declared"),)
+    )
+    said = conclude([model, STALL], ["abrupt"])
+    assert said.decision == decision
+    assert said.candidates[0].state == ("declared" if decision == "fault" else "suspected")
+    if decision != "fault":
+        (note,) = texts(said.notes)
+        assert note.endswith("it begins within 10 s of a stall (40 to 45 s), which no linear model follows")
+
+
+def test_what_needs_no_model_is_declared_in_a_manoeuvre_too():
+    physics = Evidence(source="physics", faults=(estimate(onset_s=42.0),))
+    held = Evidence(source="scan", faults=(estimate("frozen", 42.0),))
+    for one in (physics, held):
+        assert conclude([one, STALL], KINDS).decision == "fault"

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from bfi_cli.config import Config
+from bfi_cli.analysis import identify, start_time
+from bfi_cli.config import Config, merge
 from bfi_cli.diagnose.diagnose import diagnose_flight
 from bfi_cli.flightlog import read_log
 
@@ -19,3 +20,13 @@ def test_nothing_is_declared(flights: Path, name: str) -> None:
     result = diagnose_flight(read_log(flights / name), Config())
     assert [one.fault for one in result.events if one.state == "declared"] == []
     assert result.decision != "fault"
+
+
+@pytest.mark.parametrize("from_s", [50_700.0, 50_758.0])
+def test_a_practised_stall_is_no_fault(flights: Path, from_s: float) -> None:
+    """The airspeed falls to 12 m/s and rises by 10 m/s within two seconds, which no linear model follows."""
+    log = read_log(flights / "reader_samples" / "g1000_c172.csv")
+    config = merge(Config(), {"inputs": ("auto",), "window.from_s": from_s, "window.to_s": from_s + 250.0})
+    for result in (start_time(log, config), identify(log, None, config)[0]):
+        assert (result.decision, result.faults) == ("inconclusive", ())
+        assert any("of a stall (50789 to 50810 s)" in note.text for note in result.notes)

@@ -213,7 +213,7 @@ def lasting_faults(flight: Flight, progress: Progress) -> tuple[list[Draft], Sta
     static = find_relations(flight, series, report=partial(progress, "static relations"))
     drafts += drafts_of_relations(flight, series, static)
     slow = find_slow_faults(flight, drafts, static, report=partial(progress, "lift and inertia"))
-    drafts = [one for one in drafts if not _follows_from_leak(one, slow.drafts)]
+    drafts = [one for one in drafts if not _follows_from_leak(flight, one, slow.drafts)]
     return [*drafts, *slow.drafts], static, slow
 
 
@@ -243,9 +243,9 @@ def _by_tolerance(flight: Flight, drafts: Sequence[Draft]) -> tuple[list[Draft],
     return [draft for draft, is_small in pairs if not is_small], [draft for draft, is_small in pairs if is_small]
 
 
-def _follows_from_leak(line: Draft, slow: Sequence[Draft]) -> bool:
-    """Return whether a line is held that loses its airspeed to a static line which leaks already."""
-    leaks = [one.finding for one in slow if one.finding.fault == STATIC_LEAK and is_certain(one)]
+def _follows_from_leak(flight: Flight, line: Draft, slow: Sequence[Draft]) -> bool:
+    """Return whether a line is held that loses its airspeed to a static line which leaks already, and not only may."""
+    leaks = [one.finding for one in slow if one.finding.fault == STATIC_LEAK and _state(flight, one)[0] == "declared"]
     return line.finding.stage == "holds" and any(begins_within(line.finding, leak) for leak in leaks)
 
 

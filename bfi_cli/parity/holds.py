@@ -281,9 +281,12 @@ def doubt_of(
     coarse = _altitude_step_m(lines, best) > COARSE_M
     coarse_airspeed = not static and _airspeed_step_sd(lines, line, best) > COARSE_PA
     if coarse_airspeed or (static and coarse):
-        # The other still stretches are calm flight within a step as well as holds.
+        # The other still stretches are calm flight within a step as well as holds; those between which the line never
+        # moves in flight, as before and after a landing, are one hold.
+        moves = np.flatnonzero(stretches.inside & ~stretches.still)
+        before, after = moves[moves < first].max(initial=-1), moves[moves > last].min(initial=len(stretches.sd))
         every = np.arange(len(stretches.sd))
-        calm = _calm(lines, line, stretches, (every >= first) & (every <= last))
+        calm = _calm(lines, line, stretches, (every > before) & (every < after))
     # The total pressure moves at least as the static one does, unless speed is traded for it.
     stirred = of_other is not None and limit <= HIDDEN * float(of_other.sd[best])
     told = _stopped(lines, line, onset) if static else stirred

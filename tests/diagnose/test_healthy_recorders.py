@@ -9,7 +9,8 @@ import pytest
 from bfi_cli.analysis import identify, start_time
 from bfi_cli.config import Config, merge
 from bfi_cli.diagnose.diagnose import diagnose_flight
-from bfi_cli.flightlog import read_log
+from bfi_cli.faults import Fault
+from bfi_cli.flightlog import inject, read_log
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
@@ -30,3 +31,12 @@ def test_a_practised_stall_is_no_fault(flights: Path, from_s: float) -> None:
     for result in (start_time(log, config), identify(log, None, config)[0]):
         assert (result.decision, result.faults) == ("inconclusive", ())
         assert any("of a stall (50789 to 50810 s)" in note.text for note in result.notes)
+
+
+@pytest.mark.parametrize(("fault", "onset_s"), [("pitot_blocked", 51_500.0), ("static_blocked", 51_000.0)])
+def test_a_leak_that_is_only_suspected_explains_no_blocked_line(flights: Path, fault: str, onset_s: float) -> None:
+    """In this flight a static leak cannot be told from none; two landings follow."""
+    log = read_log(flights / "reader_samples" / "g1000_c172.csv")
+    result = diagnose_flight(inject(log, [Fault(shape=fault, onset_s=onset_s)]), Config())
+    declared = [one for one in result.events if one.state == "declared"]
+    assert (declared[0].fault, declared[0].onset_s) == (fault, pytest.approx(onset_s, abs=5.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from made_logs import made_log
 
 from bfi_cli.airdata import air_data_of, channels_of, impact_pressure_of_cas, pressure_at, total_temperature
 from bfi_cli.faults import Fault
-from bfi_cli.flightlog import FlightLog, inject
+from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.parity.holds import doubt_of, find_holds
 from bfi_cli.parity.lines import Stretches, lines_of
@@ -395,3 +396,15 @@ def test_how_still_a_line_must_be_goes_by_the_calm_of_the_flight_and_the_noise_o
     assert line is not None
     why = doubt_of(log, lines, line, stretch(sd, limit), stretch(9.0, 1.0), 3.0, (0, 0, 0), 0)
     assert bool(why) is doubted
+
+
+@pytest.mark.realdata
+def test_a_tube_that_stays_blocked_over_landings_is_no_calm_flight(flights: Path):
+    """True airspeed in whole knots: what is still after the next take-off is the same hold, not how calm it flies."""
+    log = read_log(flights / "reader_samples" / "g1000_c172.csv")
+    start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1])
+    assert find_holds(log, start_s, stop_s).findings == ()
+    blocked = inject(log, [Fault(shape="pitot_blocked", onset_s=51_500.0)])
+    (found,) = find_holds(blocked, start_s, stop_s).findings
+    assert found.fault == "pitot_blocked"
+    assert found.onset_s == pytest.approx(51_500.0, abs=5.0)

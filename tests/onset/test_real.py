@@ -11,6 +11,7 @@ from bfi_cli.config import Config
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.onset import find_onset, windows_of
+from bfi_cli.preprocessing.manoeuvres import manoeuvres_of
 
 pytestmark = pytest.mark.realdata
 
@@ -67,9 +68,11 @@ def test_real_flights_need_a_higher_threshold_than_white_noise(flight: FlightLog
     assert all(thresholds[0][shape] > 1.5 * thresholds[1][shape] for shape in ("bias", "drift"))
 
 
-def test_windows_fill_the_flight(flight: FlightLog, settings: Callable[..., Config]):
+def test_windows_fill_the_flight_but_for_its_stall(flight: FlightLog, settings: Callable[..., Config]):
     config = settings().model_copy(update={"window": Config().window})
     windows = windows_of(flight, config, length_s=120.0, step_s=60.0)
     assert windows[0][0] == pytest.approx(1500.0)
     assert windows[-1][1] <= 3800.0 + 0.11
-    assert len(windows) == 37
+    (stall,) = manoeuvres_of(flight, ()).manoeuvres
+    assert not any(from_s < stall.reach_s[1] and to_s > stall.reach_s[0] for from_s, to_s in windows)
+    assert len(windows) == 34

@@ -86,9 +86,10 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
     order = {one.source: k for k, one in enumerate(evidence)}
     faults.sort(key=lambda one: order[one.source])
     for one in evidence:
-        suspected = {(fault.fault.shape, fault.fault.channel) for fault in one.faults if id(fault) in refuted}
+        kept = [fault for fault in one.faults if id(fault) not in refuted]
         for candidate in one.candidates:
-            if candidate.state == "declared" and (candidate.shape, candidate.channel) in suspected:
+            stands = any(_is_of(fault, candidate) for fault in kept)
+            if candidate.state == "declared" and not stands and any(_is_of(fault, candidate) for fault in one.faults):
                 candidate = replace(candidate, state="suspected", note=REFUTED)
             candidates.append(candidate)
     bounded = tuple(_while_it_read(_with_least_limit(candidate, evidence), faults) for candidate in candidates)
@@ -104,6 +105,12 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
         candidates=bounded,
         notes=tuple(notes),
     )
+
+
+def _is_of(fault: FaultEstimate, candidate: Candidate) -> bool:
+    """Say whether a fault is of a candidate: an entry that states its onset, or a kind at any onset."""
+    alike = (fault.fault.shape, fault.fault.channel) == (candidate.shape, candidate.channel)
+    return alike and (candidate.onset_s is None or candidate.name == fault.name)
 
 
 def _is_held(one: FaultEstimate) -> bool:

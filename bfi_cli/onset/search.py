@@ -73,18 +73,17 @@ class OnsetSearch:
 
     @property
     def likeliest(self) -> tuple[Fault, ...]:
-        """Every shape at its best onset, on the axis of the log, whether it stands out or not."""
-        kinds = [(peak, fault_of(peak.form, self.record.output(peak.form.output)[0])) for peak in self.peaks]
-        begun = [(kind, self.record.onset_s(peak.onset)) for peak, kind in kinds]
+        """Every shape of known form at its best onset, on the axis of the log, whether it stands out or not."""
         return tuple(
             Fault(
-                shape=kind.shape,
-                channel=kind.channel,
-                onset_s=onset_s,
-                frequency_hz=kind.frequency_hz,
-                name=f"{kind.shape}_{instant(onset_s)}",
+                shape=peak.form.shape,
+                channel=self.record.output(peak.form.output)[0],
+                onset_s=self.record.onset_s(peak.onset),
+                frequency_hz=peak.form.parameter if peak.form.shape == "sine" else None,
+                name=f"{peak.form.shape}_{instant(self.record.onset_s(peak.onset))}",
             )
-            for kind, onset_s in begun
+            for peak in self.peaks
+            if peak.form.shape != "samples"
         )
 
 
@@ -126,8 +125,7 @@ def result_of(search: OnsetSearch, said: Conclusion, false_alarm: float, notes: 
 
     Parameters
     ----------
-    false_alarm : rate at which all sources together decide.
-    notes : all of them.
+    false_alarm : rate at which the search decides; notes : those of all sources.
     """
     record, rule, verdict = search.record, search.rule, search.verdict
     log = record.window.log

@@ -187,3 +187,16 @@ def test_what_needs_no_model_is_declared_in_a_manoeuvre_too():
     held = Evidence(source="scan", faults=(estimate("frozen", 42.0),))
     for one in (physics, held):
         assert conclude([one, STALL], KINDS).decision == "fault"
+
+
+def test_a_second_fault_of_the_same_kind_stays_declared_where_the_first_is_refuted():
+    """Of entries each has its own state; of a kind at any onset one that stands is enough."""
+    first, second = replace(estimate(onset_s=42.0), name="early"), replace(estimate(onset_s=80.0), name="late")
+    declared = candidate("abrupt", None, "declared")
+    entries = tuple(replace(declared, name=one.name, onset_s=one.fault.onset_s) for one in (first, second))
+    of_entries = Evidence(source="dictionary", faults=(first, second), candidates=entries)
+    said = conclude([of_entries, STALL], KINDS)
+    assert [one.name for one in said.faults] == ["late"]
+    assert [one.state for one in said.candidates] == ["suspected", "declared"]
+    of_kind = Evidence(source="scan", faults=(first, second), candidates=(declared,))
+    assert [one.state for one in conclude([of_kind, STALL], KINDS).candidates] == ["declared"]

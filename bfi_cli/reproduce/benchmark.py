@@ -37,9 +37,15 @@ def benchmark(settings: Settings) -> ReportContent:
         if not settings.quick or (one.axes["compare"] in QUICK_METHODS and one.axes["inject"] in QUICK_FAULTS)
     ]
     with TemporaryDirectory(prefix="bfi-") as folder:
+        path = Path(folder) / "record.h5"  # of a flight, as a file that every worker can read
         if settings.log is not None:
-            path = Path(folder) / "record.h5"  # as a file that every worker can read
-            write_log(replace(thesis_record(settings), segments=()), path)
+            flight = thesis_record(settings)
+            if (lasts_s := flight.n_samples / flight.rate_hz) < page["length_s"]:
+                raise LogError(
+                    f"{settings.log.path}: {lasts_s:.4g} s are less than the {page['length_s']:g} s of a trial; give a "
+                    "longer log, or a later --to"
+                )
+            write_log(replace(flight, segments=()), path)
             record = RecordedLog(log=str(path), length_s=page["length_s"])
             scenarios = [_on_flight(one, record) for one in scenarios]
         n_trials = settings.trials_or(plain.n_trials, QUICK_TRIALS)
@@ -47,7 +53,8 @@ def benchmark(settings: Settings) -> ReportContent:
         try:
             check_records(sweep)
         except LogError as error:
-            raise LogError(f"{settings.log.path if settings.log else sweep.path}: {error}") from None
+            where = settings.log.path if settings.log else sweep.path
+            raise LogError(f"{where}: {str(error).removeprefix(f'{path}: ')}") from None
         total = n_trials * len(scenarios)
         done = run_sweep(sweep, workers=settings.workers, report=lambda count: settings.report(count, total))
     summary = summarise(sweep, done)

@@ -89,6 +89,11 @@ def test_all_makes_each_in_a_folder_of_its_own_and_names_what_a_log_does_not_all
         (("fir", "--trials", "0"), 2, "--trials"),
         (("thesis-5-1", "--log", "no.h5"), 3, "no.h5"),
         (("thesis-5-1", "--log", DATA / "citation_bias.h5"), 3, "give the fault-free one"),
+        (
+            ("benchmark", "--quick", "--log", DATA / "citation_clean.h5"),
+            3,
+            "citation_clean.h5: 31.72 s are less than the 60 s of a trial",
+        ),
     ],
 )
 def test_what_the_user_can_mend_is_one_line(words: tuple[object, ...], code: int, message: str, bfi: Run):

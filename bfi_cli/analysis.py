@@ -13,6 +13,7 @@ from .config import Config, merge
 from .decision import (
     KINDS,
     UNTESTED,
+    Conclusion,
     Evidence,
     decide,
     not_excluded_by,
@@ -28,7 +29,7 @@ from .flightlog import FlightLog, inject
 from .flightlog.defects import is_told_by_physics
 from .flightlog.injection import without_line_fault
 from .flightlog.recorder import recorder_filters
-from .identify.identify import Identification, concluded, identification
+from .identify.identify import Identification, conclusion_of, identification, result_of
 from .identify.methods import METHODS
 from .identify.result import AgainstTruth, IdentifyResult, ScanSummary
 from .identify.shared_model import with_those_that_share
@@ -133,25 +134,34 @@ def _identify_kinds(
     if dictionary is not None:
         from_s = float(part.time_s[0]) if dictionary.relative_to == "window" else 0.0
         evidence = replace(evidence, faults=tuple(_named(one, dictionary, from_s) for one in evidence.faults))
-    proposed = _as_dictionary([one.fault for one in evidence.faults] or searched.likeliest, dictionary)
+    said = conclusion_of(log, config, [evidence, physics])
+    declared = [one for one in said.faults if one.source == "scan"]
+    proposed = _as_dictionary([one.fault for one in declared] or searched.likeliest, dictionary)
     log, on_model = with_those_that_share(log, proposed, config) if log.earlier else (log, ())
-    if evidence.faults:
+    if declared:
         found = identification(log, proposed, config, progress, given=config.method == "ml")
     else:
         nothing = config.selection.model_copy(update={"max_active": 0})
         none = config.model_copy(update={"selection": nothing, "method": "ml"})
         found = identification(log, proposed, none, progress)
-    result = concluded(log, config, replace(found, converged=True), [evidence, physics])
-    said = "no dictionary" if dictionary is None else "the onsets of the dictionary are not known"
-    if evidence.faults:
-        said += f": {len(evidence.faults)} declared by the search over all onsets, magnitudes estimated jointly"
+    # The search decides, whatever becomes of a solver that only makes the model that is shown.
+    found = replace(found, outcome=replace(found.outcome, converged=True))
+    how = "no dictionary" if dictionary is None else "the onsets of the dictionary are not known"
+    if declared:
+        how += f": {len(declared)} declared by the search over all onsets, magnitudes estimated jointly"
     else:
         percent = 100.0 * config.start_time.false_alarm
-        said += f": the search over all onsets declares none at a false-alarm rate of {percent:.3g} %"
-    left_out = _left_out(dictionary, kinds, physics)
-    notes = (Note.method(said), *result.notes, *on_model, *evidence.notes, *physics.notes, *left_out)
-    result = replace(result, notes=notes, truth=_truth_by_onset(result, part))
-    return _with_scan(result, evidence, "it proposed the faults"), proposed
+        how += f": the search over all onsets declares none at a false-alarm rate of {percent:.3g} %"
+    result = result_of(
+        log,
+        config,
+        found,
+        said,
+        _summary_of(evidence, "it proposed the faults"),
+        notes=(*on_model, *evidence.notes, *physics.notes, *_left_out(dictionary, kinds, physics)),
+        truth=_truth_by_onset(found, said.faults, part),
+    )
+    return replace(result, notes=(Note.method(how), *result.notes)), proposed
 
 
 def _left_out(dictionary: Dictionary | None, live: Sequence[Fault], physics: Evidence) -> tuple[Note, ...]:
@@ -189,13 +199,13 @@ def _as_dictionary(atoms: Sequence[Fault], dictionary: Dictionary | None) -> Dic
     return replace(known, atoms=tuple(atoms), relative_to="log")
 
 
-def _truth_by_onset(result: IdentifyResult, part: FlightLog) -> AgainstTruth | None:
+def _truth_by_onset(found: Identification, faults: Sequence[FaultEstimate], part: FlightLog) -> AgainstTruth | None:
     """Return the comparison with injected faults, by onset: no search finds the very signal that was injected."""
-    if result.truth is None:
+    if found.truth is None:
         return None
-    tolerance_s, injected = ONSET_SAMPLES / result.log.rate_hz, part.truth.faults if part.truth else ()
-    comparison = compare_by_onset(result.faults, injected, tolerance_s=tolerance_s)
-    return replace(result.truth, **{field.name: getattr(comparison, field.name) for field in fields(Comparison)})
+    tolerance_s, injected = ONSET_SAMPLES / found.window.summary.rate_hz, part.truth.faults if part.truth else ()
+    comparison = compare_by_onset(faults, injected, tolerance_s=tolerance_s)
+    return replace(found.truth, **{field.name: getattr(comparison, field.name) for field in fields(Comparison)})
 
 
 def _identify_entries(
@@ -211,17 +221,17 @@ def _identify_entries(
     require_one_trim(part, stated, config)
     physics, scanning = _physics(log, config, progress)
     found = identification(log, dictionary.exact, config, progress)
-    if not found.converged:
-        return _with_scan(concluded(log, config, found), None, "not scanned: the solver did not converge")
-    exact = found.result.log.rate_hz == found.result.log.native_rate_hz and all(
-        vaf > EXPLAINED for vaf in found.result.vaf_output.values()
-    )
-    looked_for = {one.kind for one in found.result.candidates if one.state is not None}
+    if not found.outcome.converged:
+        said, why_not = conclusion_of(log, config, [found.evidence]), "not scanned: the solver did not converge"
+        return result_of(log, config, found, said, _not_scanned(why_not), notes=[Note.limit(why_not)])
+    of_window = found.window.summary
+    exact = of_window.rate_hz == of_window.native_rate_hz and all(vaf > EXPLAINED for vaf in found.vaf_output.values())
+    looked_for = {one.kind for one in found.candidates if one.state is not None}
     searched: OnsetSearch | str
-    if any(SHAPES[one.fault.shape].acts_on == "course" for one in found.result.faults):
+    if any(SHAPES[one.fault.shape].acts_on == "course" for one in found.faults):
         searched = "not scanned: a fault of unknown shape is declared"
-    elif (why_not := _why_not_scanned(part, config, exact=exact)) is not None:
-        searched = why_not
+    elif (why := _why_not_scanned(part, config, exact=exact)) is not None:
+        searched = why
     else:
         searched = _scan_beside(
             _corrected(part, found, config),
@@ -229,26 +239,31 @@ def _identify_entries(
             stated,
             progress,
             kinds=kinds,
-            claims=[kind for kind in KINDS if kind not in looked_for or kinds or found.result.faults],
-            as_measured=part if found.result.faults else None,
+            claims=[kind for kind in KINDS if kind not in looked_for or kinds or found.faults],
+            as_measured=part if found.faults else None,
         )
     if isinstance(searched, str):
         found = found if exact else _within_tolerance(found, None, config)
-        result = concluded(log, config, found, [found.evidence, physics])
-        return _with_scan(replace(result, notes=(*result.notes, *physics.notes)), None, searched)
+        said = conclusion_of(log, config, [found.evidence, physics])
+        notes = (*physics.notes, Note.limit(searched))
+        return result_of(log, config, found, said, _not_scanned(searched), notes=notes)
     found = _within_tolerance(found, searched, config)
-    if found.result.faults:
-        candidates = not_excluded_by(found.result.candidates, searched.evidence.candidates)
-        found = replace(found, result=replace(found.result, candidates=candidates))
-    sources = [found.evidence, _beside_entries(searched.evidence, looked_for), physics]
-    result = concluded(log, config, found, sources)
-    result = replace(result, notes=(*result.notes, *physics.notes))
-    if any(one.source != "dictionary" for one in result.faults):
-        result = _estimated_jointly(log, dictionary, result, config, progress)
-    declares = any(one.source == "scan" for one in result.faults)
-    result = _with_checked_onsets(result)
-    return _with_scan(
-        result, searched.evidence, "it declares another fault" if declares else "it declares no other fault"
+    if found.faults:
+        found = replace(found, candidates=not_excluded_by(found.candidates, searched.evidence.candidates))
+    said = conclusion_of(log, config, [found.evidence, _beside_entries(searched.evidence, looked_for), physics])
+    joint = None
+    if any(one.source != "dictionary" for one in said.faults):
+        joint = _jointly(log, dictionary, said.faults, config, progress)
+        said = replace(said, faults=_sized_by(joint, said.faults, log, config))
+    declares = any(one.source == "scan" for one in said.faults)
+    return result_of(
+        log,
+        config,
+        found,
+        said,
+        _summary_of(searched.evidence, f"it declares {'another' if declares else 'no other'} fault"),
+        shown=joint,
+        notes=(*physics.notes, *_checked_onsets(said)),
     )
 
 
@@ -304,12 +319,10 @@ def _within_tolerance(found: Identification, searched: OnsetSearch | None, confi
     """Return an identification with the limits of the search for entries whose onsets are known to a tolerance only."""
     if config.onset_tolerance_s == 0.0 or not METHODS[config.method].intervals:
         return found
-    limits = [None] * len(found.result.candidates) if searched is None else searched.of_dictionary
+    limits = [None] * len(found.candidates) if searched is None else searched.of_dictionary
     covered_s = None if searched is None else searched.covered_s
-    candidates = tuple(
-        with_limit_of_scan(one, limit, covered_s) for one, limit in zip(found.result.candidates, limits, strict=True)
-    )
-    return replace(found, result=replace(found.result, candidates=candidates))
+    both = zip(found.candidates, limits, strict=True)
+    return replace(found, candidates=tuple(with_limit_of_scan(one, limit, covered_s) for one, limit in both))
 
 
 def _beside_entries(evidence: Evidence, looked_for: set[Kind]) -> Evidence:
@@ -322,53 +335,49 @@ def _beside_entries(evidence: Evidence, looked_for: set[Kind]) -> Evidence:
     return replace(evidence, candidates=candidates)
 
 
-def _estimated_jointly(
-    log: FlightLog, dictionary: Dictionary, result: IdentifyResult, config: Config, progress: Progress
-) -> IdentifyResult:
-    """Return the result with series, residuals and magnitudes of a model that has all declared faults."""
-    if config.method != "ml":
-        return result
+def _jointly(
+    log: FlightLog, dictionary: Dictionary, faults: Sequence[FaultEstimate], config: Config, progress: Progress
+) -> Identification | None:
+    """Return the identification of a model that has all declared faults, None where none has a signal."""
     # Of what holds a reading the log has no signal.
-    told = [one for one in result.faults if SHAPES[one.fault.shape].acts_on != "held"]
+    told = [one for one in faults if SHAPES[one.fault.shape].acts_on != "held"]
+    if config.method != "ml" or not told:
+        return None
     atoms = tuple(replace(one.fault, name=one.name, magnitude=1.0) for one in told)
-    if not atoms:
-        return result
-    joint = identification(log, replace(dictionary, atoms=atoms, relative_to="log"), config, progress, given=True)
+    return identification(log, replace(dictionary, atoms=atoms, relative_to="log"), config, progress, given=True)
+
+
+def _sized_by(
+    joint: Identification | None, faults: Sequence[FaultEstimate], log: FlightLog, config: Config
+) -> tuple[FaultEstimate, ...]:
+    """Return faults with the magnitudes of a model that has all of them."""
     # An uncertain recorder was profiled for each fault where it was found, and is not for all of them together.
-    recorders = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)[0]
-    sized = {} if alternatives(recorders) else {one.name: one for one in joint.result.faults}
-
-    def again(one: FaultEstimate) -> FaultEstimate:
-        other = sized.get(one.name)
-        if other is None:
-            return one
-        return replace(one, **{key: getattr(other, key) for key in ("magnitude", "physical_value", "sd", "ci95")})
-
-    kept = ("model", "vaf_output", "outputs", "residuals")
-    return replace(
-        result,
-        faults=tuple(map(again, result.faults)),
-        **{key: getattr(joint.result, key) for key in kept},
+    if joint is None or alternatives(recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)[0]):
+        return tuple(faults)
+    sized = {one.name: one for one in joint.faults}
+    keys = ("magnitude", "physical_value", "sd", "ci95")
+    return tuple(
+        replace(one, **{key: getattr(sized[one.name], key) for key in keys}) if one.name in sized else one
+        for one in faults
     )
 
 
-def _with_checked_onsets(result: IdentifyResult) -> IdentifyResult:
-    """Return the result with a note on the onsets of the entries that count, where others begin too near an end."""
-    untested = sum(one.state is None and one.note == UNTESTED for one in result.candidates)
-    counted = [one.onset_s for one in result.candidates if one.state is not None and one.onset_s is not None]
+def _checked_onsets(said: Conclusion) -> tuple[Note, ...]:
+    """Return a note on the onsets of the entries that count, where others begin too near an end."""
+    untested = sum(one.state is None and one.note == UNTESTED for one in said.candidates)
+    counted = [one.onset_s for one in said.candidates if one.state is not None and one.onset_s is not None]
     if not untested or not counted:
-        return result
+        return ()
     begin = f"{untested} others start" if untested > 1 else "another one starts"
-    note = onsets_checked("for entries", min(counted), max(counted), f"{begin} {UNTESTED}")
-    return replace(result, notes=(*result.notes, note))
+    return (onsets_checked("for entries", min(counted), max(counted), f"{begin} {UNTESTED}"),)
 
 
 def _corrected(part: FlightLog, found: Identification, config: Config) -> FlightLog:
     """Return the window of a log less the faults that are declared in it, through the recorder that they suit."""
-    recorder, result = found.recorder or config.recorder, found.result
+    recorder = found.recorder or config.recorder
     response = response_of(recorder_filters(part, recorder.edge_hz, recorder.kind)[0], part.rate_hz)
     # A channel that is derived from others is made of them anew in the scan.
-    known = [one for one in result.faults if one.magnitude and one.fault.channel in part.channels]
+    known = [one for one in found.faults if one.magnitude and one.fault.channel in part.channels]
     of_lines = [one for one in known if one.fault.shape in OF_LINES]
     faults = [replace(one.fault, magnitude=-one.magnitude) for one in known if one not in of_lines]
     part = replace(inject(part, faults, response=response), truth=None) if faults else part
@@ -377,15 +386,15 @@ def _corrected(part: FlightLog, found: Identification, config: Config) -> Flight
     return part
 
 
-def _with_scan(result: IdentifyResult, evidence: Evidence | None, note: str) -> IdentifyResult:
-    """Return the result with what the search alone says of the window."""
-    if evidence is None:
-        summary = ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=note)
-        return replace(result, scan=summary, notes=(*result.notes, Note.limit(note)))
+def _summary_of(evidence: Evidence, note: str) -> ScanSummary:
+    """Return what the search alone says of the window."""
     verdicts = verdicts_of(evidence.candidates)
-    said = tuple(_said(one) for one in evidence.faults)
-    scan = ScanSummary(decision=decide(verdicts, KINDS), verdicts=verdicts, faults=said, note=note)
-    return replace(result, scan=scan)
+    faults = tuple(_said(one) for one in evidence.faults)
+    return ScanSummary(decision=decide(verdicts, KINDS), verdicts=verdicts, faults=faults, note=note)
+
+
+def _not_scanned(why: str) -> ScanSummary:
+    return ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=why)
 
 
 def _said(one: FaultEstimate) -> str:

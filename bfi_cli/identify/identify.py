@@ -12,10 +12,10 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..config import Config
-from ..decision import KINDS, Evidence, conclude, estimate_of
+from ..decision import KINDS, Candidate, Conclusion, Evidence, conclude, estimate_of
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
-from ..faults import Decision, FaultEstimate
+from ..faults import FaultEstimate
 from ..filters import Filter, alternatives
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
@@ -32,7 +32,7 @@ from .magnitudes import FreeOutcome, MethodResult
 from .methods import METHODS
 from .reconstruction import against_truth, output_series, residual_summaries, true_faults, with_heads
 from .recorder import with_likeliest_recorder
-from .result import IdentifyResult, ScanSummary
+from .result import AgainstTruth, IdentifyResult, OutputSeries, ResidualSummary, ScanSummary
 from .warnings import hidden_atoms, warnings_of
 
 UNANSWERABLE = (
@@ -63,64 +63,102 @@ def identify_faults(
     DictionaryError : no entry of the dictionary can be seen in the window.
     ConfigError : the method does not do what is asked.
     """
-    return concluded(log, with_inputs_of(log, config), identification(log, dictionary, config, progress, given=given))
+    config = with_inputs_of(log, config)
+    found = identification(log, dictionary, config, progress, given=given)
+    scan = ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=NOT_SCANNED)
+    return result_of(log, config, found, conclusion_of(log, config, [found.evidence]), scan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Identification:
-    """An identification before any conclusion.
+    """What a method found in a window, before any conclusion.
 
     Attributes
     ----------
-    result : without decision, verdicts and summary.
-    converged : the solver of the answer did; fires : the method says that there is a fault, whatever is declared.
+    window : the analysed one; outcome : of the method on it.
+    faults : that the method declares; candidates : every entry of the dictionary.
     hides_all : every fault of the dictionary can pass for the aircraft's motion.
     recorder : that the faults suit best in place of an uncertain one; None for what the log or the user states.
+    notes : what limits it, and how it was computed.
     """
 
-    result: IdentifyResult
-    converged: bool
-    fires: bool
+    window: PreparedWindow
+    outcome: MethodResult
+    faults: tuple[FaultEstimate, ...]
+    candidates: tuple[Candidate, ...]
+    model: ModelSummary
+    vaf_output: Mapping[str, float]
+    outputs: tuple[OutputSeries, ...]
+    residuals: tuple[ResidualSummary, ...]
+    truth: AgainstTruth | None
     hides_all: bool
+    notes: tuple[Note, ...]
     recorder: Filter | None = None
 
     @property
     def evidence(self) -> Evidence:
-        """What the identification says of the entries of its dictionary."""
-        candidates = self.result.candidates if self.converged else ()
-        return Evidence(source="dictionary", faults=self.result.faults, candidates=candidates)
+        """What the method says of the entries of its dictionary."""
+        candidates = self.candidates if self.outcome.converged else ()
+        return Evidence(source="dictionary", faults=self.faults, candidates=candidates)
 
 
-def concluded(
-    log: FlightLog, config: Config, identified: Identification, sources: Sequence[Evidence] | None = None
-) -> IdentifyResult:
-    """Return the result of an identification with the conclusion from its evidence, or from that of several sources.
+def conclusion_of(log: FlightLog, config: Config, sources: Sequence[Evidence]) -> Conclusion:
+    """Return what all sources say together, in the light of the manoeuvres of the flight.
 
     Parameters
     ----------
     config : with the names of the inputs.
-    sources : the evidence, that of the identification among it; default it alone.
     """
-    result = identified.result
-    intervals = METHODS[config.method].intervals
-    flown = (manoeuvres_of(log, config.outputs),) if intervals else ()
-    conclusion = conclude([*([identified.evidence] if sources is None else sources), *flown], config.require)
-    decision: Decision = "fault" if identified.fires else conclusion.decision
-    verdicts, unanswered = conclusion.verdicts, list[Note]()
-    if not identified.converged:
+    flown = (manoeuvres_of(log, config.outputs),) if METHODS[config.method].intervals else ()
+    return conclude([*sources, *flown], config.require)
+
+
+def result_of(
+    log: FlightLog,
+    config: Config,
+    found: Identification,
+    said: Conclusion,
+    scan: ScanSummary,
+    *,
+    shown: Identification | None = None,
+    notes: Sequence[Note] = (),
+    truth: AgainstTruth | None = None,
+) -> IdentifyResult:
+    """Return the result of an identification and of the conclusion from it.
+
+    Parameters
+    ----------
+    shown : whose model, series and residuals are shown; default those of the identification.
+    notes : that follow its own; truth : in place of its own comparison with injected faults.
+    """
+    window, outcome, shown = found.window, found.outcome, shown or found
+    decision, verdicts, unanswered = said.decision, said.verdicts, list[Note]()
+    if outcome.fires:
+        decision = "fault"
+    if not outcome.converged:
         decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
-        unanswered.append(Note.limit(f"{NOT_CONVERGED}: {result.solver.termination}"))
-    elif decision == "inconclusive" and identified.hides_all:
+        unanswered.append(Note.limit(f"{NOT_CONVERGED}: {outcome.solver.termination}"))
+    elif decision == "inconclusive" and found.hides_all:
         unanswered.append(Note.limit(UNANSWERABLE))
-    helps = what_would_help(log, config, verdicts) if intervals else None
-    return replace(
-        result,
+    helps = what_would_help(log, config, verdicts) if METHODS[config.method].intervals else None
+    return IdentifyResult(
+        log=window.summary,
         decision=decision,
         verdicts=verdicts,
-        summary=conclusion.summary if identified.converged else NOT_CONVERGED,
-        faults=conclusion.faults if identified.converged else result.faults,
-        candidates=conclusion.candidates if identified.converged else result.candidates,
-        notes=(*unanswered, *conclusion.notes, *result.notes, *filter(None, [helps])),
+        summary=said.summary if outcome.converged else NOT_CONVERGED,
+        scan=scan,
+        faults=said.faults if outcome.converged else found.faults,
+        candidates=said.candidates if outcome.converged else found.candidates,
+        model=shown.model,
+        vaf_output=shown.vaf_output,
+        solver=outcome.solver,
+        notes=(*unanswered, *said.notes, *found.notes, *filter(None, [helps]), *notes),
+        time_s=window.signals.time_s,
+        inputs={name: window.signals.u[:, i] for i, name in enumerate(config.inputs)},
+        input_units={name: window.log.channel(name).unit for name in config.inputs},
+        outputs=shown.outputs,
+        residuals=shown.residuals,
+        truth=truth or found.truth,
     )
 
 
@@ -205,12 +243,9 @@ def _assembled(
         float(100.0 * (1.0 - np.var(error) / np.var(y))) for error, y in zip(outcome.error.T, explained.T, strict=True)
     ]
     series = output_series(window, outcome, true_faults(window))
-    result = IdentifyResult(
-        log=window.summary,
-        decision="inconclusive",
-        verdicts=dict.fromkeys(KINDS, "inconclusive"),
-        summary="",
-        scan=ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=NOT_SCANNED),
+    return Identification(
+        window=window,
+        outcome=outcome,
         faults=tuple(faults),
         candidates=candidates,
         model=ModelSummary(
@@ -225,21 +260,15 @@ def _assembled(
             criterion_best=outcome.criterion_best,
         ),
         vaf_output=dict(zip(config.outputs, vaf, strict=True)),
-        solver=outcome.solver,
+        outputs=series,
+        residuals=residuals,
+        truth=against_truth(stated, outcome, series),
+        hides_all=bool(hidden) and all(hidden),
         notes=(
             *outcome.notes,
             *warnings_of(window, outcome, series, residuals, hidden),
             *((Note.method(window.recorder),) if window.recorder else ()),
         ),
-        time_s=window.signals.time_s,
-        inputs={name: window.signals.u[:, i] for i, name in enumerate(config.inputs)},
-        input_units={name: window.log.channel(name).unit for name in config.inputs},
-        outputs=series,
-        residuals=residuals,
-        truth=against_truth(stated, outcome, series),
-    )
-    return Identification(
-        result=result, converged=outcome.converged, fires=outcome.fires, hides_all=bool(hidden) and all(hidden)
     )
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from noted import texts
 
+from bfi_cli.decision import Evidence, Manoeuvre
 from bfi_cli.flightlog import read_log
 from bfi_cli.yaml12 import load_yaml
 
@@ -445,6 +446,20 @@ def test_without_a_dictionary_the_scan_proposes_the_faults(identify: Callable):
     assert fault["magnitude"] == pytest.approx(4.0, abs=0.02)
     assert document["truth"]["isolated"] is True
     assert "no dictionary: 1 declared by the search over all onsets" in texts(document["notes"])[0]
+
+
+def test_what_the_conclusion_only_suspects_stays_in_the_corrected_signal(
+    identify: Callable, monkeypatch: pytest.MonkeyPatch
+):
+    stall = Manoeuvre(name="stall", from_s=12.0, to_s=15.0, beside_s=2.0)
+    flown = Evidence(source="phases", manoeuvres=(stall,))
+    monkeypatch.setattr("bfi_cli.identify.identify.manoeuvres_of", lambda *_: flown)
+    document = identify(BIAS, "--rate", 5, "--order", 2)
+    (output,) = document["series"]["outputs"]
+    assert (document["decision"], document["faults"]) == ("inconclusive", [])
+    assert document["truth"]["missed"] == ["bias_13.8"]
+    assert output["corrected"] == output["measured"]
+    assert any("within 2 s of a stall" in text for text in texts(document["notes"]))
 
 
 def test_without_a_dictionary_and_without_a_fault_the_limits_of_the_scan_are_shown(identify: Callable):

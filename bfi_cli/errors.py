@@ -33,6 +33,11 @@ class SweepError(BfiError):
     """A Monte Carlo sweep cannot be run or continued."""
 
 
+def reason_of(error: Exception) -> str:
+    """Return why a file cannot be read or written, as part of one line: what the operating system says, else Python."""
+    return (getattr(error, "strerror", None) or str(error)).lower()
+
+
 def first_line(error: Exception) -> str:
     """Return what a library says of an error, as part of one line: its first line, and no more than fits."""
     lines = str(error).strip().splitlines()

@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from .errors import ConfigError
+from .errors import ConfigError, reason_of
 
 # How a file says that this program wrote it: the first line of a CSV file, an attribute of the root of an HDF5 file,
 # the library of an MCAP file (its second string, after an empty one and 9 bytes of the head of the record), the kind
@@ -201,6 +201,5 @@ def aside(folder: Path, *, place: Path, option: str) -> Iterator[Path]:
             with contextlib.suppress(OSError):
                 one.rmdir()
         if isinstance(error, OSError):
-            reason = (error.strerror or str(error)).lower()
-            raise ConfigError(f"{place}: cannot be written, {reason}; give another {option}") from error
+            raise ConfigError(f"{place}: cannot be written, {reason_of(error)}; give another {option}") from error
         raise

@@ -16,7 +16,7 @@ from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_
 
 import numpy as np
 
-from .errors import ConfigError
+from .errors import ConfigError, reason_of
 from .files import MARK
 from .notes import Note, unique
 from .printable import printable, valid_text
@@ -27,6 +27,8 @@ DAMAGED = "the file is damaged or of another program, write it again"
 # Number of the documents: since 3 their notes have kinds. Those with the number before are read as well.
 SCHEMA = 3
 SCHEMA_BEFORE = {"detect": 2, "diagnose": 2, "identify": 2, "montecarlo": 2, "start-time": 2}
+# By kind of document, the key of the list of faults that the analysis declares.
+DECLARED = {"identify": "faults", "start-time": "faults", "detect": "alarms", "diagnose": "events"}
 # Keys of what has an entry per sample or onset: gigabytes for a day at 100 Hz. A reproduction has drawings in it.
 SERIES = ("series", "profile", "drawings")
 
@@ -118,7 +120,7 @@ def read_json(path: str | Path, *, give: str) -> Any:
         text = sys.stdin.read() if str(path) == "-" else Path(path).read_text("utf-8")
         return json.loads(text)
     except OSError as error:
-        raise ConfigError(f"{path}: {(error.strerror or str(error)).lower()}; {give}") from None
+        raise ConfigError(f"{path}: {reason_of(error)}; {give}") from None
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: not a text file; {give}") from None
     except (ValueError, RecursionError) as error:

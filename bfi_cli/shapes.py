@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import DictionaryError
+from .errors import DictionaryError, reason_of
 from .kernels.atom_signals import Tail
 from .units import per_second
 
@@ -45,7 +45,7 @@ def sample_bytes(path: str) -> bytes:
         with open(path, "rb") as file:
             content = file.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
-        raise _unreadable(path, (getattr(error, "strerror", None) or "no such file").lower()) from None
+        raise _unreadable(path, reason_of(error)) from None
     if len(content) > MAX_BYTES:
         raise _unreadable(path, f"larger than {MAX_BYTES / 1e6:g} MB")
     return content

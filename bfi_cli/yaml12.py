@@ -12,7 +12,7 @@ from typing import Any, ClassVar, NoReturn, cast
 
 import yaml
 
-from .errors import BfiError, ConfigError
+from .errors import BfiError, ConfigError, reason_of
 from .printable import shortened
 
 NULL = re.compile(r"(?:~|null|Null|NULL|)\Z")
@@ -187,5 +187,4 @@ def read_text(path: Path, *, error: type[BfiError], most_bytes: int = MAX_BYTES)
     except UnicodeDecodeError as fault:
         raise error(f"{path}: byte {fault.start} is not UTF-8 text; save the file as UTF-8") from None
     except (OSError, ValueError) as fault:
-        reason = fault.strerror if isinstance(fault, OSError) and fault.strerror else str(fault)
-        raise error(f"{path}: cannot be read, {reason.lower()}; check the path") from None
+        raise error(f"{path}: cannot be read, {reason_of(fault)}; check the path") from None

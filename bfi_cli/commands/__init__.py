@@ -21,7 +21,7 @@ from typing import TextIO
 import click
 
 from .. import __version__
-from ..errors import BfiError
+from ..errors import BfiError, reason_of
 from ..printable import SHOWN, shortened
 
 __all__ = ["COMMANDS", "cli", "main", "run_command"]
@@ -171,8 +171,8 @@ def run_command(argv: Sequence[str] | None) -> int:
         return _complain("bfi: out of memory; choose a shorter window or a lower --rate", LOG)
     except Exception as error:
         if isinstance(error, OSError) and (error.errno == errno.ENOSPC or not _flushed()):
-            reason = (error.strerror or str(error)).lower()
-            return _complain(f"stdout: cannot be written, {reason}; free some space, or write elsewhere", USAGE)
+            what = f"stdout: cannot be written, {reason_of(error)}"
+            return _complain(f"{what}; free some space, or write elsewhere", USAGE)
         return _complain(_crash(error), DEFECT)
     finally:
         _flushed()
@@ -245,7 +245,7 @@ def _crash(error: Exception) -> str:
         with tempfile.NamedTemporaryFile("wb", prefix="bfi-crash-", suffix=".txt", delete=False) as file:
             file.write(text.encode("utf-8", SHOWN))
     except OSError as full:
-        return f"{what}; report it (no crash file, {(full.strerror or str(full)).lower()})"
+        return f"{what}; report it (no crash file, {reason_of(full)})"
     return f"{what}; report it with {file.name}"
 
 

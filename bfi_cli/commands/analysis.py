@@ -107,7 +107,9 @@ class Asked:
         config, notes = with_defaults_of(flight, self.config)
         whole = (config.window.from_s, config.window.to_s) == (None, None)
         asked = (self.config.window.from_s, self.config.window.to_s) != (None, None)
-        on_windows = None if asked else advice_on_windows(flight, whole=whole)
+        on_windows = None if asked else advice_on_windows(flight)
+        if on_windows and whole:
+            on_windows += "; the whole record is analysed"
         on_ground = advice_on_the_ground(flight, config.window.from_s, config.window.to_s, suspects=config.outputs)
         notes = (*map(Note.advice, filter(None, (on_ground, on_windows))), *notes)
         for one in notes:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..display_units import IN_FILES, UNITS, Units
-from ..errors import ConfigError
+from ..errors import ConfigError, reason_of
 from ..printable import printable
 from .progress import stages
 
@@ -174,8 +174,9 @@ def _print(text: str) -> None:
     except BrokenPipeError:
         raise
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise ConfigError(f"stdout: cannot be written, {reason}; free some space, or write elsewhere") from error
+        raise ConfigError(
+            f"stdout: cannot be written, {reason_of(error)}; free some space, or write elsewhere"
+        ) from error
 
 
 def write_and_show(

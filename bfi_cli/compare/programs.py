@@ -11,7 +11,7 @@ import tempfile
 from functools import partial
 from pathlib import Path
 
-from ..errors import ConfigError
+from ..errors import ConfigError, reason_of
 from ..flightlog import write_log
 from ..printable import shortened
 from ..serialization import from_plain
@@ -48,7 +48,7 @@ def _run(problem: Problem, *, path: str, timeout_s: float) -> Statement:
                     start_new_session=True,
                 )
             except OSError as error:
-                raise ConfigError(f"{path}: does not start, {(error.strerror or str(error)).lower()}") from None
+                raise ConfigError(f"{path}: does not start, {reason_of(error)}") from None
             try:
                 code = process.wait(timeout_s)
             except subprocess.TimeoutExpired:

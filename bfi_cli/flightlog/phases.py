@@ -186,6 +186,11 @@ class FlightPhases:
     disagreements: tuple[Disagreement, ...]
 
 
+def spans_of(phases: Sequence[Phase], kinds: Collection[str]) -> list[tuple[float, float]]:
+    """Return (from_s, to_s) of the phases of some kinds, in their order."""
+    return [(one.from_s, one.to_s) for one in phases if one.phase in kinds]
+
+
 def note_on_rotors(phases: Sequence[Phase]) -> tuple[Note, ...]:
     """Return the note on where a VTOL is carried by its rotors, none where it never is."""
     parts = [one for one in phases if one.phase in (HOVER, TRANSITION)]
@@ -236,7 +241,7 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     if not speeds:
         return nothing
     hovering = _hovering(log)
-    rotors = within(log.time_s, [(one.from_s, one.to_s) for one in hovering])
+    rotors = within(log.time_s, spans_of(hovering, (HOVER, TRANSITION)))
     speeds = {name: np.where(rotors, np.nan, smoothed_speed(values, log.rate_hz)) for name, values in speeds.items()}
     # The first that moves is the one that is used: a tube that was left covered tells no scale.
     cruises = {name: cruise_of(speed) for name, speed in speeds.items()}
@@ -285,10 +290,11 @@ def _around(phases: Sequence[Phase], hovering: Sequence[Phase], low: Sequence[tu
     ----------
     low : stretches in which the aircraft is as low as on the ground.
     """
+    rotors = spans_of(hovering, (HOVER, TRANSITION))
     found = [
         replace(one, from_s=from_s, to_s=to_s)
         for one in phases
-        for from_s, to_s in left_of([(one.from_s, one.to_s)], [(other.from_s, other.to_s) for other in hovering])
+        for from_s, to_s in left_of([(one.from_s, one.to_s)], rotors)
     ]
     for one in hovering:
         aloft = left_of([(one.from_s, one.to_s)], low)
@@ -338,8 +344,7 @@ def flight_stretches(phases: Sequence[Phase]) -> list[tuple[float, float]]:
 
 def _stretches(phases: Sequence[Phase], parts: Collection[str]) -> list[tuple[float, float]]:
     """Return the stretches that parts of a flight make, those that follow each other as one."""
-    kept = sorted((one for one in phases if one.phase in parts), key=lambda one: one.from_s)
-    return joined([(one.from_s, one.to_s) for one in kept], APART_S)
+    return joined(sorted(spans_of(phases, parts)), APART_S)
 
 
 def _on_grid(

@@ -16,7 +16,7 @@ from ..notes import Note
 from ..provenance import Provenance
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, shown_notes, thinned
 from ..report.text import change, instant
-from ..serialization import document_of, document_of_kind, from_plain, mapping, member, read_json, to_plain
+from ..serialization import DECLARED, document_of, document_of_kind, from_plain, mapping, member, read_json, to_plain
 from .derived import DERIVED, with_derived
 from .difference import GAP, difference
 from .phases import Phase, phases_of
@@ -45,8 +45,6 @@ DIFFERENCES = (
     "of the other in straight lines, and nothing within its gaps."
 )
 GIVE = "give the result.json of bfi identify, start-time, detect or diagnose"
-# Under which key a kind of document has its events; what is suspected is one of these, or of its "candidates".
-EVENTS = {"identify": "faults", "start-time": "faults", "detect": "alarms", "diagnose": "events"}
 STANDING_OUT = ("declared", "suspected")
 
 
@@ -147,12 +145,13 @@ def read_events(path: str) -> tuple[tuple[Event, ...], str]:
     ------
     ConfigError : the file cannot be read, is not JSON, or is no document with events.
     """
-    document = document_of_kind(read_json(path, give=GIVE), EVENTS, where=path, give=GIVE, wanted="which has no events")
+    wanted = "which has no events"
+    document = document_of_kind(read_json(path, give=GIVE), DECLARED, where=path, give=GIVE, wanted=wanted)
     kind = document["kind"]
     sha256 = mapping(member(document, "provenance", where=path), where=f"{path}: provenance").get("log_sha256")
     try:
         suspected = (one for one in document.get("candidates", ()) if one.get("state") == "suspected")
-        entries = (*member(document, EVENTS[kind], where=path), *suspected)
+        entries = (*member(document, DECLARED[kind], where=path), *suspected)
         events = [_event(one, kind) for one in entries if one.get("state", "declared") in STANDING_OUT]
         found = [one for one in events if one is not None]
     except (KeyError, TypeError, ValueError, AttributeError) as error:

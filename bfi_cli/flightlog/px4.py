@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import LogError
+from ..errors import LogError, reason_of
 from ..notes import Note
 from .raw import Asked, RawLog, choose_group, require_few
 from .text import read_csv
@@ -202,8 +202,7 @@ def _topic_files(folder: str) -> list[Path]:
     try:
         names = sorted(os.listdir(folder))
     except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise LogError(f"{folder}: cannot be read, {reason}; give the path of a log") from None
+        raise LogError(f"{folder}: cannot be read, {reason_of(error)}; give the path of a log") from None
     paths = [Path(folder, name) for name in names if re.fullmatch(r".*_\d+\.csv", name, re.IGNORECASE)]
     return [path for path in paths if path.is_file() and _is_by_ulog2csv(path)]
 

@@ -18,7 +18,7 @@ from ..kernels.runs import BoolArray, shared, within
 from ..notes import Note
 from ..report.text import quantity
 from .derived import DERIVED, missing_for
-from .phases import HOVER, NO_AIRSPEED, TRANSITION, Phase, note_on_rotors, phases_of
+from .phases import HOVER, NO_AIRSPEED, TRANSITION, Phase, note_on_rotors, phases_of, spans_of
 from .plausible import doubt_about
 from .rates import AS_FAST, GAP
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, Segment
@@ -267,22 +267,14 @@ def _sensors_of_one_quantity(log: FlightLog) -> Iterator[Note]:
                 )
 
 
-def advice_on_windows(log: FlightLog, *, whole: bool = True) -> str | None:
-    """Return a sentence that names the windows with the most moves; None where the log is not long.
-
-    Parameters
-    ----------
-    whole : the whole log is analysed, which the sentence says.
-    """
+def advice_on_windows(log: FlightLog) -> str | None:
+    """Return a sentence that names the windows with the most moves; None where the log is not long."""
     duration_s = float(log.time_s[-1] - log.time_s[0])
     if duration_s <= LONG_S:
         return None
     windows = _suggested_windows(log, phases_of(log), at_most=MOST_NAMED)
     named = [f"--from {w.start_s:.10g} --to {w.stop_s:.10g} ({w.channel})" for w in windows]
-    return (
-        f"the record is {duration_s / 60.0:.0f} min long; windows to take: {', '.join(named) or 'none stands out'}"
-        f"{'; the whole record is analysed' * whole}"
-    )
+    return f"the record is {duration_s / 60.0:.0f} min long; windows to take: {', '.join(named) or 'none stands out'}"
 
 
 def advice_on_the_ground(
@@ -298,8 +290,7 @@ def advice_on_the_ground(
     first = float(log.time_s[0]) if from_s is None else from_s
     last = float(log.time_s[-1]) if to_s is None else to_s
     phases = phases_of(log, suspects=suspects)
-    grounds = [(one.from_s, one.to_s) for one in phases if one.phase == "ground"]
-    if not shared((first, last), grounds) > MOSTLY * (last - first):
+    if not shared((first, last), spans_of(phases, ("ground",))) > MOSTLY * (last - first):
         return None
     flown = [one for one in phases if one.phase not in UNFIT]
     aloft = f" (in flight from {flown[0].from_s:.6g} to {flown[-1].to_s:.6g} s)" if flown else ""
@@ -378,7 +369,7 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
 
 def _flying(log: FlightLog, phases: Sequence[Phase]) -> BoolArray:
     """Mark the samples that are on no ground."""
-    return ~within(log.time_s, [(one.from_s, one.to_s) for one in phases if one.phase == "ground"])
+    return ~within(log.time_s, spans_of(phases, ("ground",)))
 
 
 def _excitation(log: FlightLog, name: str, flying: BoolArray) -> Excitation:
@@ -418,7 +409,7 @@ def _move_times(log: FlightLog, name: str, flying: BoolArray) -> FloatArray:
 
 def ranked_windows(log: FlightLog, phases: Sequence[Phase]) -> tuple[ExcitedWindow, ...]:
     """Return the windows to suggest in order of time: those in flight rank first, of these the ones with most moves."""
-    unfit = [(one.from_s, one.to_s) for one in phases if one.phase in UNFIT]
+    unfit = spans_of(phases, UNFIT)
 
     def worth(window: ExcitedWindow) -> tuple[bool, int, float]:
         inside = shared((window.start_s, window.stop_s), unfit)

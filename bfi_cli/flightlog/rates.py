@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ..errors import LogError
 from ..kernels.decimation import WHITE, lowpass_taps
 from ..notes import Note
-from .raw import FLAGS, LARGEST, FloatArray, RawLog, Track
+from .raw import FLAGS, FloatArray, RawLog, Track, require_memory
 
 # Whose rate is that of the log, and what takes its place in a log without an airspeed.
 BASES = ("tas", "cas", "ias", "pitch", "pitch_rate", "longitudinal_acc")
@@ -83,11 +83,8 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
     cut = grid[(grid >= first - beside) & (grid <= last + beside)]
     grid = cut if cut.size > 1 else grid
     ranked = sorted(usable, key=lambda t: (t is not base, rates[t] < AS_FAST * rate_hz))
-    if 8 * len(ranked) * grid.size > LARGEST:
-        raise LogError(
-            f"{path}: {len(ranked)} channels of {grid.size} samples need more than {LARGEST / 1e9:.0f} GB of memory; "
-            "cut the log"
-        )
+    size = 8 * len(ranked) * grid.size
+    require_memory(path, size, f"{len(ranked)} channels of {grid.size} samples", "cut the log")
     columns = [Track(source="time", values=grid, unit="s", channel="time")]
     slow = [t for t in ranked if t.channel in FLAGS or rates[t] < AS_FAST * rate_hz]
     for t in ranked:

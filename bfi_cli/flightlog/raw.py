@@ -19,24 +19,24 @@ from ..units import si_unit, to_si
 from .record import Segment
 
 FloatArray = NDArray[np.float64]
-# The wanted window, None for an end of the log.
+# First and last time of the wanted window, None for an end of the log.
 Span = tuple[float | None, float | None]
 
-# Bytes of a log's channels as float64. It is held twice while it is put together: what a computer of 8 GB has.
+# Limit of a log's channels as float64, bytes: assembling holds them twice, which fits into 8 GB.
 LARGEST = 4 * 10**9
 DAY_S = 86_400.0  # without leap seconds, which clocks of recorders do not count
 BESIDE_TIME = "holds dates or times beside the time axis"
-# Angles that leave one end of their range and come back at the other.
+# Angles that wrap around.
 ANGLES = frozenset({"roll", "yaw"})
-# Signals that have no values between theirs: they keep the last, and nothing is filtered.
+# Discrete states: held from sample to sample, never interpolated or filtered.
 FLAGS = frozenset({"valid_airspeed", "hover", "gear"})
-# Channels of a file. The largest recorders have about 4000 parameters.
+# Limit of the channels of a file; the largest recorders have about 4000 parameters.
 MOST_CHANNELS = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Asked:
-    """What the user says of a file, see `read.read_log`."""
+    """What the user states about a file, see `read.read_log`."""
 
     group: str | None = None
     channel_map: Mapping[str, str] = field(default_factory=dict)
@@ -48,7 +48,7 @@ class Asked:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """The names in the file that are spoken of: such signals are read though they are no channels."""
+        """Names in the file that the options mention; these signals are read even if they are no standard channels."""
         return (*self.channel_map.values(), *self.unit_map, *self.keep)
 
 
@@ -58,12 +58,12 @@ class Track:
 
     Attributes
     ----------
-    channel : the standard name that the format gives it, or has a claim on; None where its own name tells.
-    time_s : (n_samples,) of a signal with a clock of its own; empty where all of the file have one time axis. All or
-        none of a file have one.
-    rate_hz : of the signal where the file has it at a rate of its own, None otherwise.
-    turn : of an angle that leaves one end of its range and comes back at the other: a full turn in its unit.
-    read : of one that is left in its file, whose `values` are empty: the values of rows; rows : those that it has.
+    channel : the standard name that the format states, None where it follows from `source`.
+    time_s : (n_samples,) times of a signal with a separate clock; empty where all signals of the file share one axis.
+        Either all signals of a file have such times, or none.
+    rate_hz : of a signal with a separate rate, None for the rate of the file.
+    turn : a full turn in the unit of an angle that wraps around, None for other signals.
+    read : of a signal that is still in its file (`values` is empty), returns the values of rows; rows : its rows there.
     """
 
     source: str
@@ -77,7 +77,7 @@ class Track:
     rows: slice = field(default_factory=lambda: slice(0, 0))
 
     def here(self) -> Track:
-        """Return the signal with its values, read if they are still in the file."""
+        """Return the signal with its values in memory."""
         return self if self.read is None else replace(self, values=self.read(self.rows), read=None)
 
     def part(self, rows: slice) -> Track:
@@ -93,10 +93,10 @@ class RawLog:
 
     Attributes
     ----------
-    columns : of one length and time axis, or each with a clock of its own, which `clocks.on_one_clock` makes one.
-    faults : None where it carries no truth; `clean` is by channel.
-    left_out : by name why an array is no channel, "holds text", and behind a semicolon what the reader can do.
-    boots : the parts of a file whose clock starts again, of a format that tells them itself.
+    columns : of one length and time axis, or with separate clocks, which `clocks.on_one_clock` merges.
+    faults : the injected faults of /truth, None without /truth; clean : by channel the signals without them.
+    left_out : by name why an array is no channel, "holds text", and behind a semicolon the remedy.
+    boots : the parts between restarts of the clock, where the format states them.
     """
 
     columns: Sequence[Track]
@@ -112,7 +112,7 @@ class RawLog:
 
 
 def by_precedence(columns: Sequence[Track], asked: Asked) -> list[tuple[Track, NameMatch | None]]:
-    """Pair columns with their standard names, the first claim on one first."""
+    """Pair columns with their standard names; of several columns for one name the preferred comes first."""
     wanted = {source: name for name, source in asked.channel_map.items()}
 
     def pairs() -> Iterator[tuple[Track, NameMatch | None]]:
@@ -128,16 +128,13 @@ def by_precedence(columns: Sequence[Track], asked: Asked) -> list[tuple[Track, N
 
 
 def unit_of(column: Track, match: NameMatch | None, asked: Asked) -> str | None:
-    """Return the unit of a column: that which the user gives it, else that of the file, else that of its name."""
+    """Return the unit of a column: stated by the user, else by the file, else by its name ("tas_kt")."""
     given = asked.unit_map.get(column.source) or (asked.unit_map.get(match.name) if match else None)
     return given or (column.unit if column.unit is not None else match.unit if match else None)
 
 
 def claimed(tracks: Sequence[Track], asked: Asked) -> list[Track]:
-    """Return signals with the channels that they have a claim on, the first claim on one first.
-
-    A heading or roll is told to turn over.
-    """
+    """Return signals with the standard channel of each, see `by_precedence`, and the full turn of angles that wrap."""
     made = []
     for track, match in by_precedence(tracks, asked):
         channel, unit, turn = match.name if match else None, unit_of(track, match, asked), None
@@ -148,7 +145,7 @@ def claimed(tracks: Sequence[Track], asked: Asked) -> list[Track]:
 
 
 def fits(name: str, unit: str | None) -> bool:
-    """Say whether a unit can be that of a standard channel, as far as the unit is known."""
+    """Say whether a standard channel can have a unit; an unknown unit, or none, always fits."""
     known = si_unit(unit) if unit else None
     return known is None or known in (STANDARD[name].unit, "1") or STANDARD[name].unit == "1"
 
@@ -197,11 +194,11 @@ def different_length(path: str, name: str, n: int, n_times: int) -> LogError:
 
 
 def require_few(path: str, count: int, what: str) -> None:
-    """Check that a file has no more channels, or columns or variables, than a recorder writes; `what` names them.
+    """Check the number of channels, columns or variables of a file, which `what` names.
 
     Raises
     ------
-    LogError : it has.
+    LogError : more than `MOST_CHANNELS`.
     """
     if count > MOST_CHANNELS:
         raise LogError(f"{path}: {count} {what}, the limit is {MOST_CHANNELS}; export fewer channels")
@@ -212,7 +209,7 @@ def require_memory(path: str, n_bytes: float, what: str, advice: str) -> None:
 
     Raises
     ------
-    LogError : it does not.
+    LogError : more bytes than `LARGEST`.
     """
     if n_bytes > LARGEST:
         limit = f"the limit is {LARGEST / 1e9:.0f} GB"
@@ -221,11 +218,11 @@ def require_memory(path: str, n_bytes: float, what: str, advice: str) -> None:
 
 @contextlib.contextmanager
 def parsing(path: str, what: str, advice: str = "export it again") -> Iterator[None]:
-    """Say of a file that it is damaged where the parser of another library fails: it can raise anything then.
+    """Report any exception of another library's parser as damage of the file.
 
     Raises
     ------
-    LogError : it is.
+    LogError : the parser failed.
     """
     try:
         yield
@@ -240,7 +237,7 @@ def rate_of(path: str, stated: object) -> float:
 
     Raises
     ------
-    LogError : it is no number.
+    LogError : `stated` is no number.
     """
     if not isinstance(stated, int | float | np.integer | np.floating):
         raise LogError(f"{path}: sample_rate_hz is no number, got {str(stated)[:40]!r}; mend it")
@@ -248,11 +245,11 @@ def rate_of(path: str, stated: object) -> float:
 
 
 def choose_group(path: str, wanted: str | None, groups: Sequence[str], *, has_signals: bool) -> str | None:
-    """Return the group (or struct) to read: the wanted one, None for the root, or the only one there is.
+    """Return the group (or struct) to read: the wanted group, None for the root, or the only group.
 
     Raises
     ------
-    LogError : the wanted one does not exist, or there are several and none is wanted.
+    LogError : the wanted group does not exist, or no group of several is wanted, or nothing holds signals.
     """
     listed = ", ".join(groups) or "none"
     if wanted is not None:

@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from ..channels import STANDARD, match_name, meant_channel
-from ..errors import ConfigError, LogError
+from ..errors import ConfigError, LogError, reason_of
+from ..files import HDF5
 from ..notes import Note
 from ..units import si_unit, to_si
 from .clocks import on_one_clock
@@ -37,7 +38,6 @@ from .tlog import is_tlog, read_tlog_topics
 from .topics import Recorder, Topic, log_of_topics, topics_of
 
 # How the first bytes of a file show its format, and its reader; of a format with groups the reader chooses one.
-HDF5 = b"\x89HDF\r\n\x1a\n"
 MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.0 MAT-file")
 Reader = Callable[[str, Asked], RawLog]
 WITH_GROUPS: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
@@ -145,8 +145,7 @@ def _read_file(path: str, asked: Asked) -> RawLog:
     except FileNotFoundError:
         raise LogError(f"{path or repr(path)}: no such file; give the path of a log") from None
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise LogError(f"{path!r}: cannot be read, {reason.lower()}; give the path of a log") from None
+        raise LogError(f"{path!r}: cannot be read, {reason_of(error)}; give the path of a log") from None
     if not head:
         raise LogError(f"{path}: the file is empty; copy or export it again")
     for is_one, reader in WITH_GROUPS:

@@ -11,7 +11,7 @@ from ..notes import unique
 from ..plausibility.finding import Implausible, in_words
 from ..provenance import Provenance
 from ..report.content import Drawing, Lane, Panel, ReportContent, Table, notes_of, shown_notes
-from ..report.text import with_unit
+from ..report.text import counted, with_unit
 from ..serialization import document_of, from_plain, mapping, member, to_plain
 from ..shapes import SHAPES
 from .defects import Defect, sentence_of_defect
@@ -63,7 +63,7 @@ def info_content(document: Plain, units: Units = SI, *, where: str = "result") -
     if log.uniform:
         step = "uniform"
     elif log.jitter <= UNEVEN:
-        step = f"uniform but for {len(gaps)} gap{'s' * (len(gaps) > 1)}"
+        step = f"uniform but for {counted(len(gaps), 'gap')}"
     else:
         step = f"not uniform, off by up to {100 * log.jitter:.3g} %"
     size = f"{log.n_samples} samples at {log.rate_hz:.4g} Hz, {log.start_s:g} s to {log.stop_s:g} s"

@@ -209,7 +209,7 @@ def require_one_trim(window: FlightLog, faults: Sequence[Fault], config: Config)
     ------
     LogError : naming windows to take.
     """
-    if (advice := advice_on_windows(window, whole=False)) is None:
+    if (advice := advice_on_windows(window)) is None:
         return
     start_s, stop_s = float(window.time_s[0]), float(window.time_s[-1])
     last_s = max((one.onset_s for one in faults if start_s <= one.onset_s <= stop_s), default=start_s)

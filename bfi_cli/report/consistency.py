@@ -8,11 +8,10 @@ from typing import Any, get_args
 
 from ..decision import KINDS
 from ..faults import Decision
+from ..serialization import DECLARED
 
 Plain = Mapping[str, Any]
 DECISIONS = get_args(Decision)
-# Lists of what was found, by the kind of document.
-FOUND = {"identify": "faults", "start-time": "faults", "detect": "alarms", "diagnose": "events"}
 # Relative to its width, by which an interval may miss what it is about: numbers are written to some digits only.
 ROUNDING = 1e-6
 
@@ -23,7 +22,7 @@ def contradiction_of(document: Plain) -> str | None:
     Intervals lie around their magnitudes and onsets, ends after onsets, standard deviations and probabilities are such;
     the decision is that of the verdicts, and there is a fault where there is said to be one and none where not.
     """
-    if document.get("kind") not in FOUND:
+    if document.get("kind") not in DECLARED:
         return None
     return next(_contradictions(document), None)
 
@@ -39,7 +38,7 @@ def _contradictions(document: Plain) -> Iterator[str]:
         yield f"decision is {decision!r}, but the verdicts are {', '.join(map(str, verdicts.values()))}"
     if decision == "no_fault" and "no_fault" not in verdicts.values():
         yield "decision is 'no_fault', but no verdict is"
-    key = FOUND[document["kind"]]
+    key = DECLARED[document["kind"]]
     found = _declared(document[key])
     if decision == "fault" and not found:
         yield f"decision is 'fault', but '{key}' holds none"

@@ -1,7 +1,7 @@
-"""ArduPilot DataFlash logs (.bin): messages whose formats stand in the file itself, in FMT messages.
+"""ArduPilot DataFlash logs (.bin): messages whose formats are described in the file itself, by FMT messages.
 
 The layout is that of ArduPilot's AP_Logger (LogStructure.h): two bytes that begin a message, its type, its values. A
-message is taken where the next one begins right after it; what is between is damaged, is skipped and counted.
+message is valid if the next message begins right after it; the bytes between valid messages are counted as damaged.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from .topics import Topic, fields_of, notes_on, table_of
 
 BEGIN = b"\xa3\x95"
 FMT, FMT_LENGTH = 0x80, 89  # type and bytes of the message that describes a format
-# Type and scale of the numbers by their letter, and the bytes of what is no number.
+# Numpy type and scale of numbers by their format letter, and the bytes of fields that are no numbers.
 _PLAIN = "b:<i1 B:<u1 M:<u1 h:<i2 H:<u2 i:<i4 I:<u4 q:<i8 Q:<u8 g:<f2 f:<f4 d:<f8"
 NUMBERS = {
     **{letter: (kind, 1.0) for letter, _, kind in (one.partition(":") for one in _PLAIN.split())},
@@ -32,13 +32,13 @@ NUMBERS = {
 }
 OTHERS = {"a": 64, "n": 4, "N": 16, "Z": 64}
 CLOCKS = {"TimeUS": 1e-6, "TimeMS": 1e-3}
-# Fields that say which of several sensors, or which core of the filter, sent a message.
+# Fields that state which of several sensors, or which core of the estimator, sent a message.
 INSTANCES = ("I", "Instance", "C")
 
 
 @dataclass(frozen=True, slots=True)
 class _Format:
-    """A kind of message: its name, bytes, and letter and offset of its numbers by their names."""
+    """A kind of message: its name, its length in bytes, and format letter and offset of its numbers by field name."""
 
     name: str
     length: int
@@ -46,19 +46,19 @@ class _Format:
 
 
 def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
-    """Return the messages of a DataFlash log that have channels, or are named in `more`, and sentences on the file."""
+    """Return the messages of a DataFlash log that have channels, or are named in `more`, and notes on the file."""
     names = {*fields_of("ardupilot"), *more}
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         formats, messages, damaged = _messages(data, names)
     topics: list[Topic] = []
     places: list[NDArray[np.intp]] = []
-    for kind, of_kind in messages.items():
+    for kind, found in messages.items():
         form = formats[kind]
         clock = next((name for name in CLOCKS if name in form.fields), None)
-        if clock is None or not of_kind:
+        if clock is None or not found:
             continue
         types = {name: (NUMBERS[letter][0], at) for name, (letter, at) in form.fields.items()}
-        table = table_of((body for _, body in of_kind), types, form.length)
+        table = table_of((body for _, body in found), types, form.length)
         fields = {
             name: NUMBERS[letter][1] * table[name].astype(np.float64)
             for name, (letter, _) in form.fields.items()
@@ -66,13 +66,13 @@ def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[T
         }
         time_s = CLOCKS[clock] * table[clock].astype(np.float64)
         every = Topic(name=form.name, instance=0, time_s=time_s, fields=fields)
-        at = np.array([place for place, _ in of_kind], dtype=np.intp)
+        at = np.array([place for place, _ in found], dtype=np.intp)
         sender = next((name for name in INSTANCES if form.fields.get(name, ("", 0))[0] == "B"), None)
         for which in [0] if sender is None else np.unique(table[sender]):
-            own = np.ones(at.size, dtype=bool) if sender is None else table[sender] == which
-            topics.append(replace(every.part(own), instance=int(which)))
-            places.append(at[own])
-    # Of each boot the place in the file of its first message.
+            sent = np.ones(at.size, dtype=bool) if sender is None else table[sender] == which
+            topics.append(replace(every.part(sent), instance=int(which)))
+            places.append(at[sent])
+    # Where in the file the first message of each boot begins.
     at = np.concatenate([np.zeros(0, dtype=np.intp), *places])
     order = np.argsort(at)
     time_s = np.concatenate([np.zeros(0), *(topic.time_s for topic in topics)])[order]
@@ -84,7 +84,7 @@ def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[T
 
 
 def _messages(data: mmap.mmap, names: set[str]) -> tuple[dict[int, _Format], dict[int, list[tuple[int, bytes]]], int]:
-    """Return the formats, place and bytes of the messages of the named ones by type, and how many bytes are damaged."""
+    """Return formats by message type, place and bytes of the messages in `names`, and the number of damaged bytes."""
     lengths, formats, messages = {FMT: FMT_LENGTH}, dict[int, _Format](), dict[int, list[tuple[int, bytes]]]()
     at, end, damaged = 0, len(data), 0
     while at < end:
@@ -108,9 +108,8 @@ def _messages(data: mmap.mmap, names: set[str]) -> tuple[dict[int, _Format], dic
 
 def _format(message: bytes) -> _Format | None:
     """Return the format that a FMT message describes, None where it contradicts itself."""
-    name, letters, labels = (
-        one.split(b"\0")[0].decode("latin-1") for one in struct.unpack_from("4s16s64s", message, 5)
-    )
+    texts = struct.unpack_from("4s16s64s", message, 5)
+    name, letters, labels = (text.split(b"\0")[0].decode("latin-1") for text in texts)
     columns = labels.split(",")
     at, fields = 3, {}
     if len(columns) != len(letters) or len(set(columns)) != len(columns):

@@ -1,9 +1,9 @@
-"""Short defects of one channel: readings that drop out, samples that stand out alone, a reading that stays still.
+"""Short defects of one channel: dropouts, spikes, and readings that freeze.
 
-What stands out is told by two comparisons. A sample is compared with the cubic through its neighbours on both sides,
-in units of what that differs by in the same half minute and of what other channels do in the same seconds, so that a
-manoeuvre or a gust, which moves several channels, is none. A reading that stays still is compared with what other
-channels say that it should have done, or, where none can, with what it did just before and just after.
+Dropouts and spikes are errors of the cubic through the neighbours of a sample, in units of the usual error in the same
+half minute and of the largest errors of other channels in the same seconds, so that a manoeuvre or a gust, which moves
+several channels, is no defect. A frozen reading is compared with its course as other channels tell it, or without such
+channels with its motion just before and just after.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ from .quality import hold_of
 from .rates import AS_FAST
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, frozen_array
 
-# The course of a channel as another tells it, the scatter about it, and where it is told, (n,) each.
+# The course of a channel as another channel tells it, the scatter about it, and where it is known, (n,) each.
 _Expected = tuple[FloatArray, FloatArray, BoolArray]
 DefectShape = Literal["dropout", "frozen", "spikes"]
 
-# Sensors that move in flight; switches and surfaces rest, and jump, by themselves.
+# Sensors that always move in flight, unlike switches and surfaces.
 WATCHED: tuple[str, ...] = ("tas", "cas", "ias", "mach", "q_impact", "p_total", "p_static", "altitude", "altitude_rate")
 WATCHED += ("tat", "sat", "aoa", "sideslip", "pitch", "roll", "normal_acc", "longitudinal_acc", "lateral_acc")
 WATCHED += ("pitch_rate", "roll_rate", "yaw_rate", "velocity_north", "velocity_east", "ground_speed")
 WATCHED += ("latitude", "longitude")
-# Samples of one value from which on a sensor may be frozen for good (`bfi_cli.parity.sensors`).
+# Samples of one value from which a sensor may be frozen for good (`bfi_cli.parity.sensors`).
 FEWEST_REPEATS = 20
-# Where airspeeds come and go by themselves, and so many seconds beside it.
+# Phases in which airspeeds come and go without a defect, and the margin on both sides, s.
 UNWATCHED, BESIDE_S = ("ground", "take-off", "landing", "stall", HOVER, TRANSITION), 2.0
-TURNING = ("roll", "longitude")  # which start again at pi
-# By channel those of which each alone tells how it moves over some seconds; "+" stands for the integral of a rate.
+TURNING = ("roll", "longitude")  # which wrap around at pi
+# By channel the channels that each predict its motion over some seconds; "+" stands for the integral of a rate.
 _AIRSPEEDS = ("tas", "cas", "ias", "mach", "q_impact")
 RELATIVES: Mapping[str, tuple[str, ...]] = {
     **{name: tuple(other for other in _AIRSPEEDS if other != name) for name in _AIRSPEEDS},
@@ -50,72 +50,73 @@ RELATIVES: Mapping[str, tuple[str, ...]] = {
 
 # Faster samples are averaged: no air-data sensor follows faster.
 FASTEST_HZ = 20.0
-# Halves of the gap that is bridged, s: an excursion is seen where it is shorter than twice that.
+# Half lengths, s, of the gap that the cubic bridges: an excursion is seen if it is shorter than twice that.
 HALVES_S = (0.8, 1.5, 2.5, 5.0)
-# Over which what a channel does is compared with itself, and with other channels, s.
+# Times, s, over which the usual error of a channel, and the errors of other channels, are taken.
 AROUND_S, TOGETHER_S = 30.0, 2.0
-# An error is never counted in less than this share of its usual size over the record.
+# Least usual error, as a share of the usual error over the record.
 CALMEST = 0.25
-# Times its usual size, from which an excursion is none of the motion: no less than LEAST, and where the errors of this
-# channel are wilder, the level of a Frechet law through the median and the upper quartile of the largest ratios of half
-# minutes, at a rate of 1e-3 of them: with ln(ln(4/3) / 1e-3) / ln(ln 2 / ln(4/3)) the power of their quotient. On 38
-# channels of two flights of a Citation and one of a Cessna 172, in flight, the largest ratio is 2 to 6 on airspeeds,
-# altitudes and temperatures of the former, 12 of the latter, and 23 on a longitudinal acceleration.
+# Level of an excursion in usual errors: no less than LEAST, and where the errors of the channel are wilder, the level
+# of a Frechet law through the median and the upper quartile of the largest ratios of half minutes, at a rate of 1e-3 of
+# them: with ln(ln(4/3) / 1e-3) / ln(ln 2 / ln(4/3)) the power of their quotient. On 38 channels of two flights of a
+# Citation and one of a Cessna 172, in flight, the largest ratio is 2 to 6 on airspeeds, altitudes and temperatures of
+# the former, 12 of the latter, and 23 on a longitudinal acceleration.
 LEAST, BEYOND, STEEPEST, FEWEST_BLOCKS = 24.0, 6.4, 10.0, 20
-# Other channels that move as much at once take it away; the second most counts, halved.
+# A ratio is divided by this share of the second largest ratio of other channels at the same time, where that exceeds 1.
 MOST_ALIKE = 0.5
 FEWEST_QUANTA = 3.0
 MOST_PASSES = 25
-ROUNDING = 1e-6  # of the largest value: of single precision, some digits
+ROUNDING = 1e-6  # of the largest value, some digits above single precision
 TINY = float(np.finfo(np.float64).tiny)
 FEWEST_TICKS, MOST_TICKS = 32, 10**7
-# Sensors that read nothing where they fail, and never in flight.
+# Sensors that may fail to 0, which they never read in flight.
 POSITIVE = ("tas", "cas", "ias", "mach", "q_impact", "p_total", "p_static", "tat", "sat")
-# An excursion returns: the other way it goes by less than this share of its height, and it ends within the gap.
+# An excursion returns: it swings back by less than the first share of its height, and falls below the second share
+# within the gap.
 RETURNED, FOOT = 0.35, 0.1
-# Samples of the sensor that stand out: up to 0.4 s of what was recorded, or three samples of a slow log.
+# Longest spike: so many seconds, or so many samples of a slow log.
 SPIKE_S, SPIKE_SAMPLES = 0.4, 3.0
-# A reading drops out to a level that it rests on, off by half of the reading or more, for as long as this.
+# A dropout is off by the first share of the reading, rests within the second share of that, and lasts so long, s.
 DROPS, RESTS, DROPOUT_S = 0.5, 0.05, 0.5
 FEWEST_RESTING = 3
-# Shares of the reading up to which it reads zero, through a recorder that leaves some of a second, and without one.
+# Shares of the reading up to which a reading is zero, through a recorder's low-pass and without one.
 ZERO, ZERO_SHARP = 0.1, 0.01
-# Where nothing is known of the recorder, the width of its response at half of its height, s: that of 0.75 Hz.
+# Width of an unknown recorder's response at half of its height, s: that of 0.75 Hz.
 UNKNOWN_WIDTH_S = 0.6
 
-# Others that a channel has to differ from, so that it is the one that errs.
+# Channels that a channel must contradict to be the faulty one.
 FEWEST_WITNESSES = 2
-# Lengths of stretches in which a reading may stay still, s, of five samples at least.
+# Lengths of the stretches in which frozen readings are sought, s, and their fewest samples.
 STILL_S, FEWEST_STILL = (2.0, 3.0, 4.5, 7.0, 10.0, 15.0, 22.0, 33.0), 5
-# A still reading travels by less than this share of what others say that it should, and agrees with them as well
-# before and after that, over so many seconds.
+# A frozen reading travels by less than this share of the travel that other channels predict, and agrees with them to
+# that amount over so many seconds before and after.
 STILL, AGREES_S = 0.35, 2.0
-# What it should travel over the scatter about that from which it is sure, by one other and by two and more that agree:
-# on the same three flights the largest of an airspeed that stays as still is 3.2 by one other and 2.5 by two, of an
-# altitude 4.8 by one.
+# Predicted travel over the scatter of the prediction from which a reading is frozen, by one other channel and by two or
+# more: on the same three flights the largest ratio of an airspeed that stays as still is 3.2 by one channel and 2.5 by
+# two, of an altitude 4.8 by one.
 MOVED, MOVED_BY_TWO = 5.5, 4.0
-# How many times as far it travels both before and after, where there are no others: on the same channels the largest
-# is 180 times, over 3 s, and 25 times over 7 s and more.
+# Without other channels, the travel both before and after over that in the stretch from which a reading is frozen: on
+# the same flights the largest ratio is 180 over 3 s, and 25 over 7 s and more.
 STILLER = 400.0
-# A channel that rests for half as long in more than this share of the rest of the record rests by itself.
-# Of less than this much more nothing is known, s: in 120 s of a healthy flight a rate of climb rests for 5 s.
+# A channel that rests half as long in more than this share of the remaining record does so without a defect. Less than
+# so many remaining seconds do not tell: in 120 s of a healthy flight a rate of climb rests for 5 s.
 RARELY, KNOWN_S = 0.005, 300.0
-# The relation between channels is taken for so long from so much on either side, from so many samples.
+# A channel is predicted in blocks of this length from so many samples within the second time on either side.
 BLOCK_S, OUTSIDE_S, MOST_ROWS = 10.0, 30.0, 300
-NOISE_S = 11  # over which its noise is taken, s
-# Of the quantum of the other channel, what the scatter is at least.
+NOISE_S = 11  # s of the running median of the prediction's noise
+# Least scatter of a prediction over the quantum of the other channel.
 COARSE = 0.7
-# Median errors, beyond which a sample is left out of it.
+# Samples with an error beyond so many median errors are left out of the prediction.
 OUTLYING = 6.0
-# A channel rests where it travels by less than this share of its quantum; without one, of what it travels by in the
-# calmest of its seconds, so many of them.
+# A channel rests where it travels by less than the first share of its quantum; without a quantum, of its travel in the
+# second share of its seconds, the calmest.
 STILL_QUANTUM, CALMEST_SECONDS = 0.3, 0.02
-# Of what it should travel, to which a stretch is grown; samples that one is begun at.
+# A frozen stretch is grown over samples within this share of the predicted travel.
 STILL_BESIDE = 0.1
 
 
 def is_told_by_physics(log: FlightLog, outputs: Sequence[str]) -> bool:
-    """Return whether physics may tell a fault of an output: other channels bound it, or it may be frozen."""
+    """Return whether physics may show a fault of an output: other channels bound it, or it may be frozen."""
     if not log.channels.keys().isdisjoint(INDEPENDENT):
         return True
     rests = (repeats(log.channels[name].values) for name in outputs if name in log.channels)
@@ -128,10 +129,10 @@ class Defect:
 
     Attributes
     ----------
-    times_s, durations_s : of each its first sample, on the log's axis, and how long it lasts.
+    times_s, durations_s : of each defect the time of its first sample, on the log's axis, and its duration.
     largest : the largest error, in `unit`.
-    statistic : by how many times its level the clearest of them stands out.
-    hidden : stretches, s, in which the reading is not to be used.
+    statistic : of the clearest defect, over the level from which it is one.
+    hidden : stretches, s, in which the reading must not be used.
     """
 
     channel: str
@@ -153,7 +154,7 @@ class Defect:
         return float(sum(self.durations_s))
 
     def between(self, from_s: float, to_s: float) -> Defect | None:
-        """Return those that begin in a window, None where none does; size and statistic are those of all."""
+        """Return the defects that begin in a window, None without any; `largest` and `statistic` stay those of all."""
         inside = [k for k, time_s in enumerate(self.times_s) if from_s <= time_s < to_s]
         kept: dict[str, Any] = {
             key: tuple(getattr(self, key)[k] for k in inside) for key in ("times_s", "durations_s", "hidden")
@@ -163,13 +164,13 @@ class Defect:
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class _Track:
-    """A channel on its own ticks.
+    """A channel at the times of its new values, its ticks.
 
     Attributes
     ----------
     time_s : (n,) of the ticks; step_s : between them.
-    values : (n,) straight lines where no value is known, or one was taken out; known : where it is a reading.
-    quantum : of the values, 0 where none is seen.
+    values : (n,) readings, interpolated where none is known or one was taken out; known : (n,) where it is a reading.
+    quantum : of the values, 0 where none is found.
     """
 
     channel: Channel
@@ -185,7 +186,7 @@ class _Track:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Flaw:
-    """A flaw: when, how long and how large, by how much it stands out, and what it hides."""
+    """One defect: time of its first sample, duration, error, statistic over its level, and the stretch to hide, s."""
 
     shape: DefectShape
     time_s: float
@@ -200,14 +201,14 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
 
     Parameters
     ----------
-    log : with the filters of its recorder, where they are known: see `recorder.with_seen_recorder`.
+    log : with the filters of its recorder, if known, see `recorder.with_seen_recorder`.
     """
     tracks = {name: one for name in WATCHED if name in log.channels and (one := _track(log, log.channels[name]))}
     width_s, reach_s = _recorder(log)
     loudness = {name: _loudness(track, log) for name, track in tracks.items()}
     flaws: dict[str, list[_Flaw]] = {}
     for name, track in tracks.items():
-        # Other channels that err at once take an error away; the second loudest counts.
+        # Errors of other channels at the same time count against an error; the second largest does.
         others = np.sort([values for other, values in loudness.items() if other != name] or [np.ones(1)], axis=0)
         alike = np.maximum(1.0, MOST_ALIKE * _at_seconds(others[max(0, len(others) - 2)], track, log))
         flaws[name] = _excursions(track, alike, width_s, reach_s, is_positive=name in POSITIVE)
@@ -228,12 +229,12 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
 
 
 def with_bridges(log: FlightLog, defects: Sequence[Defect]) -> FlightLog:
-    """Return the log with straight lines in place of what the defects hide, for analyses that take no gap."""
+    """Return the log with straight lines over the stretches that defects hide, for analyses that take no gap."""
     return _replaced(log, defects, with_lines=True)
 
 
 def without_defects(log: FlightLog, defects: Sequence[Defect]) -> FlightLog:
-    """Return the log with NaN in place of what the defects hide."""
+    """Return the log with NaN in the stretches that defects hide."""
     return _replaced(log, defects, with_lines=False)
 
 
@@ -260,7 +261,7 @@ def _replaced(log: FlightLog, defects: Sequence[Defect], *, with_lines: bool) ->
 
 
 def _track(log: FlightLog, channel: Channel) -> _Track | None:
-    """Return a channel on its own ticks, None where it says nothing or nothing new."""
+    """Return a channel at its ticks, None where it is constant, unknown, or has too few or too many ticks."""
     finite = np.abs(channel.values) < LARGEST_VALUE
     if not finite.any() or float(np.ptp(channel.values[finite])) == 0.0:
         return None
@@ -302,7 +303,7 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
 
 
 def _recorder(log: FlightLog) -> tuple[float, float]:
-    """Return the width at half height of what the recorder makes of a spike, and how far it reaches to a side, s."""
+    """Return the width at half height of the recorder's response to a spike, and its reach to either side, s."""
     if log.filters is None:
         return (UNKNOWN_WIDTH_S, 1.5 * UNKNOWN_WIDTH_S) if log.rate_hz > 2.0 / UNKNOWN_WIDTH_S else (0.0, 0.0)
     response = response_of(log.filters, log.rate_hz)
@@ -317,7 +318,7 @@ def _recorder(log: FlightLog) -> tuple[float, float]:
 
 
 def _errors(track: _Track) -> dict[int, tuple[FloatArray, FloatArray]]:
-    """Return by half of the gap, in ticks, the errors (n,) of the cubic, and what they are of their usual size."""
+    """Return by half length of the gap, in ticks, the errors (n,) of the cubic, and their ratios to the usual error."""
     errors = {}
     least = max(track.quantum, ROUNDING * float(np.abs(track.values).max()), TINY)
     for half in dict.fromkeys(track.size(seconds) for seconds in HALVES_S):
@@ -330,7 +331,7 @@ def _errors(track: _Track) -> dict[int, tuple[FloatArray, FloatArray]]:
 
 
 def _loudness(track: _Track, log: FlightLog) -> FloatArray:
-    """Return by second of the log the largest error of a channel, in its usual sizes, within `TOGETHER_S`."""
+    """Return by second of the log the largest ratio of an error to the usual error within `TOGETHER_S`."""
     from scipy.ndimage import maximum_filter1d
 
     seconds = np.zeros(int(log.time_s[-1] - log.time_s[0]) + 2)
@@ -340,7 +341,7 @@ def _loudness(track: _Track, log: FlightLog) -> FloatArray:
 
 
 def _at_seconds(seconds: FloatArray, track: _Track, log: FlightLog) -> FloatArray:
-    """Return (n,) on the ticks of a channel what is known by second of the log."""
+    """Return (n,) at the ticks of a channel the values that are given by second of the log."""
     at = (track.time_s - log.time_s[0]).astype(np.intp)
     return np.asarray(seconds[np.minimum(at, len(seconds) - 1)])
 
@@ -350,11 +351,11 @@ def _excursions(track: _Track, others: FloatArray, width_s: float, reach_s: floa
 
     Parameters
     ----------
-    is_positive : it reads nothing where it fails, and never in flight: no other channel then takes that away.
+    is_positive : it is one of `POSITIVE`: errors of other channels do not count against a reading of 0.
     """
     found: list[_Flaw] = []
     refused = np.zeros(len(track.values), dtype=bool)
-    level: dict[int, float] = {}  # of the ratio, from which on an excursion is none of the motion
+    level: dict[int, float] = {}  # of the ratio, from which it is an excursion
     block = track.size(AROUND_S)
     n_blocks = len(track.values) // block
     for _ in range(MOST_PASSES):
@@ -392,7 +393,7 @@ def _excursions(track: _Track, others: FloatArray, width_s: float, reach_s: floa
 
 
 def _described(track: _Track, k: int, half: int, width_s: float, least: float, share: float) -> _Flaw | None:
-    """Return what stands out about a tick within `half` ticks of it; None where that is none of the defects."""
+    """Return the defect around tick `k` within `half` ticks of it, None where the error is no defect."""
     low, high = k - half, k + half
     beside = max(1, half // 3)
     if low - beside < 0 or high + beside >= len(track.values):
@@ -447,7 +448,7 @@ def _described(track: _Track, k: int, half: int, width_s: float, least: float, s
 
 
 def _around(marked: BoolArray, at: int) -> tuple[int, int]:
-    """Return the run of marked entries about one of them: its first, and the one after its last."""
+    """Return the run of marked entries around `at`: its first entry, and the entry after its last."""
     gaps = np.flatnonzero(~marked)
     first = gaps[gaps < at]
     last = gaps[gaps > at]
@@ -460,9 +461,9 @@ def _take_out(track: _Track, hidden: tuple[float, float]) -> None:
 
 
 def _against(track: _Track, told: Sequence[_Expected], width_s: float, reach_s: float) -> list[_Flaw]:
-    """Return the spikes of a channel that stand out from what two others and more say, and take them out of its track.
+    """Return the spikes of a channel against the predictions of two or more others, and take them out of its track.
 
-    What one of the others does alone is none: the least of the differences counts, where all have one sign.
+    A spike of one of the others is none of this channel: the least difference counts, where all have the same sign.
     """
     if len(told) < FEWEST_WITNESSES:
         return []
@@ -485,7 +486,7 @@ def _against(track: _Track, told: Sequence[_Expected], width_s: float, reach_s: 
 
 
 def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_s: float) -> list[_Flaw]:
-    """Return where a channel stays still though others say that it moves, or though it moves before and after that.
+    """Return where a channel is frozen though others predict that it moves, or though it moves before and after.
 
     Of stretches that overlap the longest counts, grown over the samples that stay as still.
     """
@@ -545,7 +546,7 @@ def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_
 
 
 def _often_still(track: _Track, size: int, here: FloatArray, floor: float) -> BoolArray:
-    """Return by stretch whether half as long a rest is nothing rare for the channel, elsewhere in the record."""
+    """Return by stretch whether the channel often rests half as long elsewhere, or the record does not tell."""
     rests = travel(track.values, max(2, size // 2)) <= floor
     count = np.concatenate([[0], np.cumsum(rests)])
     first = np.arange(len(here))
@@ -558,9 +559,9 @@ def _often_still(track: _Track, size: int, here: FloatArray, floor: float) -> Bo
 def _error_of_rest(
     track: _Track, first: int, last: int, apart: int, relatives: Sequence[_Expected], alike: float
 ) -> float | None:
-    """Return the largest error of a reading that stays still; None where others do not agree with it beside that.
+    """Return the largest error of a frozen reading; None where other channels do not agree with it before and after.
 
-    Without others that is the step with which the reading moves on.
+    Without other channels it is the step with which the reading moves on.
     """
     if not relatives:
         after = min(last + 2 * apart, len(track.values) - 1)
@@ -577,19 +578,19 @@ def _error_of_rest(
 
 
 def _all_of(marked: BoolArray, size: int) -> BoolArray:
-    """Return (n - size + 1,) whether all entries of a stretch are marked, by its first."""
+    """Return (n - size + 1,) whether all `size` entries from each entry on are marked."""
     count = np.concatenate([[0], np.cumsum(marked)])
     return np.asarray(count[size:] - count[:-size] == size)
 
 
 def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
-    """Return how another channel says that this one moves, (n,), scatter and noise about it, and where it says so.
+    """Return the prediction of a channel from another, (n,), its scatter with noise, (n,), and where it is known, (n,).
 
-    In every `BLOCK_S` by the least-squares line, with a trend, through the samples of `OUTSIDE_S` more on either side.
+    In blocks of `BLOCK_S`, by least squares with a trend over the block and `OUTSIDE_S` on either side.
 
     Parameters
     ----------
-    is_calm : (n_other,) where nothing stands out in the other channel.
+    is_calm : (n_other,) where the other channel has no large error.
     """
     told = np.interp(track.time_s, other.time_s, other.values)
     known = np.interp(track.time_s, other.time_s, (other.known & is_calm).astype(np.float64)) > 0.99
@@ -614,14 +615,14 @@ def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
         course[at] = wanted @ factors
     known &= np.isfinite(course)
     course = np.where(known, course, 0.0)
-    # White noise travels by several of its standard deviations within seconds.
+    # White noise makes the prediction travel by several of its standard deviations within seconds.
     second = np.abs(np.diff(course, 2, prepend=course[:1], append=course[-1:]))
     noise = MAD / np.sqrt(6.0) * running_median(second, track.size(1.0), NOISE_S)
     return course, spread + noise, known
 
 
 def _defects(flaws: Mapping[str, Sequence[_Flaw]], tracks: Mapping[str, _Track]) -> tuple[Defect, ...]:
-    """Return the flaws joined by channel and shape, the first first."""
+    """Return the flaws joined by channel and shape, in order of their first time."""
     joined = []
     for name, every in flaws.items():
         for shape in ("dropout", "frozen", "spikes"):

@@ -1,7 +1,7 @@
-"""Channels that follow from recorded ones: pressures, and what lift, attitude and ground velocity say of the airspeed.
+"""Channels derived from recorded ones: pressures, and airspeeds from lift, attitude and ground velocity.
 
-Made when an analysis asks for them, from the whole log, so that an angle of zero lift or a wind may come from the
-flight before the window.
+They are derived from the whole log when an analysis needs them, so that the angle of zero lift or the wind may be
+estimated in the flight before the window.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from .record import Channel, FlightLog, FloatArray, frozen_array
 
 Group = tuple[tuple[str, ...], ...]  # alternatives, each of channels that are all needed
 
-# Seconds of flight before the window, from which the angle of zero lift is better taken than from the window itself.
+# From so much flight before the window, s, the angle of zero lift is better estimated than from the window.
 ENOUGH_S = 300.0
-# Of the window, what tells the rest: a fault mostly begins later.
+# First share of the window, from which scales and the wind are estimated: a fault mostly begins later.
 FIRST_PART = 0.25
-# Of the fastest, below which an aircraft is not in flight for good: a stall is flown at 0.35 to 0.5 of it.
+# Share of the highest airspeed below which an aircraft is not in flight: a stall is flown at 0.35 to 0.5 of it.
 SLOWEST_FLIGHT = 0.33
 
 
@@ -44,14 +44,14 @@ Values = Mapping[str, FloatArray]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sources:
-    """What a channel is made of.
+    """What a channel is derived from.
 
     Attributes
     ----------
     values : (n_samples,) of the recorded channels by name.
     time_s : (n_samples,) seconds.
-    reference : the samples that tell what the log does not state (scale, wind); earlier : those before the window, or
-        the same where there are too few.
+    reference : (n_samples,) the samples from which scale and wind are estimated; earlier : those of the flight before
+        the window, for the angle of zero lift, or `reference` where they are too few.
     """
 
     values: Values
@@ -62,13 +62,13 @@ class Sources:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Derivation:
-    """How a channel follows from others.
+    """How a channel is derived.
 
     Attributes
     ----------
     needs : groups of channels, each by its alternatives.
-    told_by : from the sources, the function that makes the channel of recorded ones, (n_samples,) by name, and what it
-        takes from the log that no channel states, as words for the reader; "" for nothing.
+    told_by : from the sources, the function from recorded channels, (n_samples,) by name, to the derived channel, and
+        in words the parameter that was estimated for it, "" for none.
     """
 
     needs: tuple[Group, ...]
@@ -76,7 +76,7 @@ class Derivation:
 
 
 def _lift(sources: Sources) -> tuple[Callable[[Values], FloatArray], str]:
-    """Return the airspeed that the lift shows, whose angle of zero lift and scale the flight tells."""
+    """Return the airspeed that the lift shows; its angle of zero lift and its scale are estimated from the flight."""
     recorded, earlier = sources.values, sources.earlier
     q_impact = air_data_of(recorded).q_impact
     zero_lift = zero_lift_angle(recorded["normal_acc"][earlier], recorded["aoa"][earlier], q_impact[earlier])
@@ -117,7 +117,7 @@ def _each(*names: str) -> tuple[Group, ...]:
 
 
 def _stated(needs: tuple[Group, ...], make: Callable[[Values], FloatArray]) -> Derivation:
-    """Return the derivation of a channel that recorded ones state in full."""
+    """Return the derivation of a channel without a parameter to estimate."""
     return Derivation(needs=needs, told_by=lambda _: (make, ""))
 
 
@@ -125,7 +125,7 @@ STATIC, IMPACT = (tuple((name,) for name in names) for names in (STATIC_SOURCES,
 GROUND: Group = (("velocity_north", "velocity_east"), ("latitude", "longitude"))
 ALONG = ("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll")
 DERIVED: Mapping[str, Derivation] = {
-    # The impact pressure has no part in it; without one the system is not whole.
+    # `air_data_of` needs an impact pressure, on which the static pressure does not depend.
     "p_static": _stated(
         (STATIC,),
         lambda values: (
@@ -145,7 +145,7 @@ DERIVED: Mapping[str, Derivation] = {
 
 
 def missing_for(name: str, has: Collection[str]) -> tuple[str, ...]:
-    """Return what a log with these channels lacks to derive another, alternatives joined by "or"."""
+    """Return the channels that a log with the channels `has` lacks to derive another, alternatives joined by "or"."""
     lacking = (group for group in DERIVED[name].needs if not any(set(one) <= set(has) for one in group))
     return tuple(" or ".join(" and ".join(one) for one in group) for group in lacking)
 
@@ -153,20 +153,20 @@ def missing_for(name: str, has: Collection[str]) -> tuple[str, ...]:
 def with_derived(
     log: FlightLog, names: Sequence[str], *, from_s: float | None = None, to_s: float | None = None
 ) -> FlightLog:
-    """Return the log with those of the channels that it lacks and that follow from others; `notes` says how.
+    """Return the log with the channels that it lacks and that can be derived; `notes` says from which.
 
-    What the log does not state (the angle of zero lift) comes from the flight before the window, where that is 300 s
-    long, else from the first quarter of the window; the scale of an airspeed and the wind from that quarter.
-    Samples outside the window that cannot be are NaN. A clean signal is made where the log carries the truth.
+    The angle of zero lift is estimated from the flight before the window, if that is 300 s long, else from the first
+    quarter of the window; the scale of an airspeed and the wind from that quarter. Impossible samples outside the
+    window become NaN. The clean signal is derived too where the log carries the truth.
 
     Parameters
     ----------
-    names : standard names, or names in the file; those that the log has, or that nothing derives, are passed over.
+    names : standard names, or names in the file; channels that the log has, or that cannot be derived, are ignored.
     from_s, to_s : the window that is analysed.
 
     Raises
     ------
-    LogError : a channel it is made of is missing, or holds in the window what no subsonic flight has.
+    LogError : a channel that is needed is missing, or has values in the window that no subsonic flight has.
     """
     wanted = [name for name in dict.fromkeys(names) if name in DERIVED and log.find(name) is None]
     for name in wanted:
@@ -194,7 +194,7 @@ def with_derived(
                 f"{log.path}: '{name}' cannot be derived: {error}; give a log with {ENOUGH_S:g} s of flight before "
                 "--from, or a longer window"
             ) from None
-        # Of every group of what it needs the first alternative that there is.
+        # The first alternative of each group that the log has.
         needs = DERIVED[name].needs
         used = {one for group in needs for one in next(names for names in group if set(names) <= set(recorded))}
         values = frozen_array(make(recorded))
@@ -231,7 +231,7 @@ def _check_gravity(log: FlightLog, flown: BoolArray) -> None:
 
 
 def _check_possible(log: FlightLog, recorded: Mapping[str, FloatArray], inside: BoolArray) -> None:
-    """Refuse values in the window that no subsonic flight has."""
+    """Refuse values in the window that no subsonic flight has; see `with_derived`."""
     standing_in = {"q_impact": np.zeros(log.n_samples)} if not set(IMPACT_SOURCES) & recorded.keys() else {}
     for fault in air_data_of({**standing_in, **recorded}).impossible:
         wrong = np.flatnonzero(fault.where & inside)

@@ -1,4 +1,4 @@
-"""Two logs of one flight: by how much their clocks differ, and their channels on common time."""
+"""Two logs of one flight: the shift between their clocks, and the difference of their channels at common times."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from ..errors import LogError
 from ..kernels import FloatArray
 from .record import FlightLog
 
-# Time steps, above which samples are missing for longer than a reader would take for jitter.
+# A step of more than so many typical steps is a gap, in which nothing is interpolated.
 GAP = 5.0
-# Of the search for the shift: its grid is no finer than this, of which a parabola tells a tenth and less.
+# Finest grid of the search for the shift; a parabola through three points of it resolves a tenth of a step and less.
 SEARCH_HZ = 5.0
-# Of the shorter log, what must lie within the other: two half flights that are alike are not two records of one.
+# Share of the shorter log that must lie within the other, so that two similar halves of flights are not matched.
 LEAST_OVERLAP = 0.5
-# Share of the variance of the first log that the best shift may leave in the median channel: more, and the logs show
-# different flights. Two flights of one Citation leave 0.47 and more, a flight beside itself, resampled, 1e-7, and an
-# airspeed that has drifted by 40 m/s 0.11.
+# Share of the variance of the first log that the best shift may leave in the median channel; with more the logs show
+# different flights. Two flights of one Citation leave 0.47 and more, a flight and itself resampled 1e-7, an airspeed
+# that has drifted by 40 m/s 0.11.
 MOST_LEFT = 0.25
-# Of the same share what rounding leaves: no channel counts for more than one that agrees to this.
+# Least such share, that of rounding, so that no channel that agrees exactly outweighs all others.
 LEAST_LEFT = 1e-9
 
 
@@ -37,7 +37,7 @@ def values_at(log: FlightLog, name: str, time_s: FloatArray) -> FloatArray:
 
 
 def difference(first: FlightLog, second: FlightLog, name: str) -> tuple[FloatArray, FloatArray]:
-    """Return the times of the log with the lower rate within both, (n,), and there the second channel less the first.
+    """Return the common times, (n,), of the log with the lower rate, and the second channel less the first at these.
 
     Raises
     ------
@@ -55,11 +55,11 @@ def difference(first: FlightLog, second: FlightLog, name: str) -> tuple[FloatArr
 
 
 def time_shift(first: FlightLog, second: FlightLog, names: Sequence[str]) -> float:
-    """Return the seconds to add to the times of the second log for its channels to be those of the first.
+    """Return the seconds to add to the times of the second log, so that its channels match those of the first.
 
-    The likeliest shift where what differs beside a constant is noise of an unknown size in each channel: the sum of the
-    logarithms of the variances of the differences over the overlap is least, so that a channel that errs in one of the
-    logs counts for little beside those that agree.
+    This is the maximum likelihood estimate for differences that are a constant and noise of unknown variance in each
+    channel: it minimises the sum of the logarithms of the variances of the differences over the overlap, in which a
+    channel that errs in one of the logs has little weight beside channels that agree.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""HDF5 logs, and MATLAB v7.3 files, which are HDF5 with arrays on their side and structs as groups.
+"""HDF5 logs, and MATLAB v7.3 files, which are HDF5 with transposed arrays and structs as groups.
 
-h5py's own look-ups (`in`, `get`, `[]`) follow every link, also into other files; here links are read as links first,
-and storage, kind and size of a dataset before its values.
+The look-ups of h5py (`in`, `get`, `[]`) follow every link, also into other files. Therefore the kind of each link is
+checked before it is followed, and storage, kind and size of a dataset before its values are read.
 """
 
 from __future__ import annotations
@@ -26,31 +26,31 @@ if TYPE_CHECKING:
 
 TRUTH = "truth"
 LONGEST_UNIT = 80  # characters of MATLAB's text, which is an array of numbers like any other
-# Bytes up to which a log is read whole although a window would do: filters and clocks of held channels then see what
-# lies around it. A day at 100 Hz in 14 channels.
+# Bytes up to which a log is read whole even if a window is wanted, so that filters and the clocks of held channels use
+# the samples around it. A day at 100 Hz in 14 channels.
 WHOLE = 10**9
-# Bytes up to which all channels are read at once; of a larger log each is read when an analysis names it.
+# Bytes up to which all channels are read at once; a channel of a larger log is read when an analysis needs it.
 READ_AT_ONCE = 2 * 10**8
 MOST_LINKS = 100  # followed for one name; a log needs one or two, a loop never ends
 MOST_PACKED = 1032  # deflate, the tightest of HDF5's usual filters, packs at most as many bytes into one
 LARGEST_CHUNK = 2**28  # bytes; a chunk is unpacked whole, and is below 1 MiB where h5py or MATLAB choose its size
 LARGEST_ATTRIBUTE = 2**24  # bytes; a unit takes ten, a list of a thousand segments 100 000
 DAMAGED = ("HDF5 file", "copy or export it again")
-# Attributes of a parameter of FlightDataAccessor, and what it calls the computed airspeed.
+# Attributes of a parameter of FlightDataAccessor, and its name of the calibrated airspeed.
 FREQUENCY, OFFSET, COMPUTED = "frequency", "supf_offset", "Airspeed"
 OWN_DATA = "a log must hold its own data, copy it into the file"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Signal:
-    """A dataset that holds one signal, not read yet."""
+    """A dataset with the values of a signal, which are not read yet."""
 
     name: str
     data: h5py.Dataset
     unit: str | None
 
     def values(self, rows: slice) -> FloatArray:
-        """Return the samples of these rows, whichever axis they lie along."""
+        """Return the samples of these rows, along the only axis that is longer than 1."""
         place = tuple(rows if n > 1 else 0 for n in self.data.shape)
         return np.ravel(self.data[place]).astype(np.float64, copy=False)
 
@@ -58,7 +58,7 @@ class _Signal:
         return Track(source=self.name, values=self.values(rows), unit=self.unit)
 
     def track_in_file(self, path: str, rows: slice) -> Track:
-        """Return the signal of these rows, not read before they are asked for."""
+        """Return the signal of these rows, which is read when its values are asked for."""
         place, signal = self.data.name, self
 
         def read(rows: slice) -> FloatArray:
@@ -72,11 +72,11 @@ class _Signal:
 
 
 def read_hdf5(path: str, asked: Asked) -> RawLog:
-    """Read an HDF5 or MATLAB v7.3 log; a large one only between the times of the window that is asked for.
+    """Read an HDF5 or MATLAB v7.3 log; of a large log only the samples in and beside the wanted window.
 
     Raises
     ------
-    LogError : truncated or damaged, no signals, no such group, data in other files, more than memory should take.
+    LogError : truncated or damaged, no signals, no such group, data in other files, more than memory holds.
     """
     import h5py
 
@@ -145,10 +145,10 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
 
 
 def _of_parameters(path: str, signals: Mapping[str, _Signal], unlike: Mapping[str, str]) -> RawLog:
-    """Return the log of parameters that have each a rate and an offset of their own, as FlightDataAccessor stores them.
+    """Return the log of parameters with separate rates and offsets, as FlightDataAccessor stores them (`hdf_file`).
 
-    Each is a group with the samples in `data`, what is invalid of them in `mask`, and the attributes `frequency`, Hz,
-    `supf_offset`, s, and `units` (FlightDataAccessor, `hdf_file`).
+    Each parameter is a group with the samples in `data`, marks of the invalid samples in `mask`, and the attributes
+    `frequency`, Hz, `supf_offset`, s, and `units`.
     """
     raw.require_memory(path, 16 * sum(one.data.size for one in signals.values()), "its parameters", "export fewer")
     tracks = []
@@ -212,9 +212,10 @@ def _signals(path: str, children: Mapping[str, Any]) -> tuple[dict[str, _Signal]
 def _rows(
     path: str, signals: Mapping[str, _Signal], clean: list[_Signal], rate: float | None, asked: Asked
 ) -> tuple[slice, int | None, tuple[Note, ...]]:
-    """Return the rows to read, of how many samples, and the note: all, or where all are too many those of the window.
+    """Return the rows to read, the length of the time axis if these are a part of it, else None, and a note on that.
 
-    The rows of the window and one more to either side are found by bisection of the time axis.
+    All rows are read up to `LARGEST` bytes, or `WHOLE` bytes if a window is wanted; of a larger log those of the window
+    and one more on either side, found by bisection of the time axis.
     """
     every = [*signals.values(), *clean]
     for signal in every:
@@ -260,11 +261,11 @@ def _rows(
 
 
 def _members(path: str, node: h5py.Group, inside: tuple[h5py.Group, ...] = ()) -> Iterator[tuple[str, Any]]:
-    """Yield name and object of every member of a group; `inside` are the groups around it.
+    """Yield name and object of every member of a group; `inside` are the groups that hold it.
 
     Raises
     ------
-    LogError : a member lies in another file or nowhere, or is one of the groups around it.
+    LogError : a link leads into another file or to nothing, or a member is a group that holds this one.
     """
     raw.require_few(path, len(node), "members of a group")
     for name in node:
@@ -272,7 +273,7 @@ def _members(path: str, node: h5py.Group, inside: tuple[h5py.Group, ...] = ()) -
 
 
 def _member(path: str, node: h5py.Group, name: str, inside: tuple[h5py.Group, ...] = ()) -> Any:
-    """Return what stands under a name of a group, None where there is nothing.
+    """Return the member of a group by its name, None where there is none.
 
     Raises
     ------
@@ -287,7 +288,7 @@ def _member(path: str, node: h5py.Group, name: str, inside: tuple[h5py.Group, ..
 
 
 def _followed(path: str, node: h5py.Group, name: str, trail: list[str]) -> Any:
-    """Return what stands under a name; `trail` is the names of the soft links on the way to it."""
+    """Return the member of a group; `trail` is the names of the soft links that lead to it, to which more are added."""
     import h5py
 
     key, links = name.encode("utf-8", "surrogateescape"), node.id.links
@@ -351,7 +352,7 @@ def _unfit(child: h5py.Dataset) -> str | None:
 
 
 def _is_text(data: h5py.Dataset) -> bool:
-    """Say whether a dataset holds text, also that of MATLAB, which is numbers."""
+    """Say whether a dataset holds text; MATLAB stores text as numbers."""
     import h5py
 
     is_string = h5py.check_string_dtype(data.dtype) is not None or data.dtype.kind == "S"
@@ -359,11 +360,11 @@ def _is_text(data: h5py.Dataset) -> bool:
 
 
 def _require_readable(path: str, name: str, data: h5py.Dataset) -> None:
-    """Check that a dataset can hold what it claims, and that a part of it can be read without the whole.
+    """Check that the stored bytes of a dataset can hold its samples, and that its chunks are small enough to read.
 
     Raises
     ------
-    LogError : it cannot.
+    LogError : chunks above `LARGEST_CHUNK`, or more samples than the stored bytes can hold.
     """
     chunk = int(np.prod(data.chunks or (0,), dtype=object)) * data.dtype.itemsize
     if chunk > LARGEST_CHUNK:

@@ -1,6 +1,6 @@
 """MATLAB v5 logs: one variable per channel, or a struct of structs with `data` and `units`.
 
-The layout of a file is checked before scipy parses it: the parser trusts sizes and crashes on wrong ones. Names follow
+The layout of a file is checked before scipy parses it, because scipy's parser crashes on wrong sizes. Names follow
 "MAT-File Format" by The MathWorks: a file is a sequence of data elements, each a tag (type, size) and data padded to
 eight bytes; an array is an element made of elements.
 """
@@ -23,7 +23,7 @@ from ..notes import Note
 from . import raw
 from .raw import Asked, RawLog, Track
 
-# Types of elements, the bytes of their numbers and characters, and classes of arrays.
+# Types of elements, the sizes of their numbers and characters in bytes, and classes of arrays.
 MATRIX, COMPRESSED = 14, 15
 INT8, INT32, UINT32, UTF8 = 1, 5, 6, 16
 SIZES = {1: 1, 2: 1, 3: 2, 4: 2, 5: 4, 6: 4, 7: 4, 9: 8, 12: 8, 13: 8}
@@ -32,8 +32,8 @@ CELL, STRUCT, CHAR = 1, 2, 4
 UNLIKE = {3: "is an object", 5: "is a sparse matrix", 16: "is a function", 17: "is an object"}
 NUMERIC = range(6, 16)
 COMPLEX = 0x0800
-# Structs and cells inside each other, of which a log has two or three. Chosen without tuning record: the limit
-# only has to stop a file that nests them without end.
+# Limit of nested structs and cells, of which a log has two or three levels. Not tuned: it only has to stop a file that
+# nests them without end.
 DEEPEST = 20
 
 
@@ -48,7 +48,6 @@ def read_matlab(path: str, asked: Asked) -> RawLog:
 
     with raw.parsing(path, "MATLAB file"), warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        # Why each variable is no signal, None where it can be one, if all of them fit into memory.
         what = ("its variables", "save fewer of them, or a part of the flight")
         raw.require_memory(path, Path(path).stat().st_size, *what)
         file = Path(path).read_bytes()
@@ -79,7 +78,7 @@ def read_matlab(path: str, asked: Asked) -> RawLog:
 
 
 def _signals(node: Mapping[str, Any]) -> tuple[list[Track], dict[str, str]]:
-    """Return the signals of a struct, or of the file, and why what else it holds, but for structs, is none, by name."""
+    """Return the signals of a struct, or of the file, and by name why its other members, structs aside, are none."""
     columns, refused = [], {}
     for name, value in node.items():
         is_struct = isinstance(value, Mapping)
@@ -107,7 +106,7 @@ class _Element:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Variable:
-    """An array: `count` numbers, its fields and cells included; `unlike` says why it holds no signals, or None."""
+    """A variable of `count` numbers, those in its fields and cells included; `unlike` says why it is no signal."""
 
     name: str
     count: int
@@ -115,7 +114,7 @@ class Variable:
 
 
 def unpacked_size(file: bytes) -> int:
-    """Return the bytes that the variables of a file claim to take unpacked; nothing is unpacked for it.
+    """Return the size of all variables in bytes as their tags state it, without unpacking them.
 
     Raises
     ------
@@ -128,7 +127,7 @@ def unpacked_size(file: bytes) -> int:
 
 
 def variables(file: bytes) -> list[Variable]:
-    """Return the variables of a file; what is compressed is unpacked no further than it claims.
+    """Return the variables of a file; a compressed one is unpacked up to the size that its tag states.
 
     Raises
     ------

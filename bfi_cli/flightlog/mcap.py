@@ -1,6 +1,6 @@
-"""MCAP logs of robots and ground stations: messages of JSON, their numbers the channels, each topic with its own clock.
+"""MCAP logs of robots and ground stations: the numbers of JSON messages are the channels, each topic has its clock.
 
-The parsing is that of the package mcap (extra `mcap`). Times are those of the log, not of the publisher.
+The package mcap parses the file (extra `mcap`). Times are those at which messages were logged, not published.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from .raw import (
     time_column,
 )
 
-# Bytes of a message: a flight log's have some hundred, images a million.
+# Limit of a message, bytes: those of a flight log have some hundred, images a million.
 LARGEST_MESSAGE = 10**6
-# Levels of objects in objects that are opened, of which the names are joined by dots.
+# Limit of nested objects, whose names are joined by dots.
 DEEPEST = 4
 
 
@@ -44,7 +44,7 @@ def is_mcap(head: bytes) -> bool:
 
 
 def read_mcap(path: str, asked: Asked) -> RawLog:
-    """Read the numbers in the JSON messages of all topics, or of the one that is asked for as group.
+    """Read the numbers in the JSON messages of all topics, or of the topic that `asked.group` names.
 
     Raises
     ------
@@ -59,7 +59,7 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
     units: dict[str, str] = {}
     n_values = 0
     with parsing(path, "MCAP file"), open(path, "rb") as file:
-        # No record is longer than the file; by a damaged length the package would take that much memory.
+        # No record is longer than the file: without the limit the package allocates whatever a damaged length states.
         reader = NonSeekingReader(file, record_size_limit=os.path.getsize(path))
         for schema, channel, message in reader.iter_messages(log_time_order=True):
             name = channel.topic.strip("/")

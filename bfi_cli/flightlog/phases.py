@@ -40,30 +40,30 @@ from .signs import (
     speed_values,
 )
 
-# s, beyond the longest flight there was (of a solar aircraft in 2022, 64 days): the clock has an error.
+# s, longer than any flight (64 days of a solar aircraft in 2022): a longer log has a wrong clock.
 LONGEST_S = 6e6
-# A part in flight in which no airspeed says so: none is recorded there, or all fail.
+# A part in flight in which every airspeed is missing or has failed.
 NO_AIRSPEED = "no airspeed"
-# Parts in which the rotors of a VTOL carry it, and by them and its wing: an airspeed below flying speed is none wrong.
+# Parts in which rotors carry a VTOL, wholly or with its wing: an airspeed below flying speed is no fault there.
 HOVER, TRANSITION = "hover", "transition"
 ON_WING = ("take-off", "climb", "cruise", "descent", "approach", "landing", "flight")
 PARTS = ("ground", *ON_WING, HOVER, TRANSITION, NO_AIRSPEED)
 MANOEUVRES = ("turn", "stall", "parabola")
 
-# Means over this share of V / g are looked at: ten to a manoeuvre's shortest stroke.
+# Length of the blocks whose means are used, in V / g: ten blocks for the shortest stroke of a manoeuvre.
 BLOCK = 0.1
 # Take-off ends, and landing begins, at the 35 ft of a runway's end, or at this share of V^2 / g.
 SCREEN_M, SCREEN = 10.7, 0.05
-# An approach is what is left of the last descent below 1000 ft above the field, or below V^2 / g.
+# An approach is the last descent below 1000 ft above the field, or below V^2 / g.
 APPROACH_M, APPROACH = 305.0, 1.0
-# Flaps or gear out for the landing begin the approach where they are moved below this many of those heights.
+# The approach begins earlier where flaps or gear are extended for the landing below this multiple of that height.
 EXTENDED_BELOW = 3.0
-# A pattern that never gets so high is left at this share of its greatest height.
+# In a traffic pattern below that height the approach begins at this share of its greatest height.
 PATTERN = 0.9
-# The period of a phugoid, in V / g (Lanchester: pi sqrt 2): over that long an exchange of height for speed and back
-# is no climb. A steady climb or descent goes by more than this sine of its angle (1.5 degrees) over it ...
+# Period of a phugoid in V / g (Lanchester: pi sqrt 2): over one period an exchange of height and speed is no climb. A
+# climb or descent exceeds this sine of its angle (1.5 degrees) over a period ...
 PHUGOID, STEADY = 4.44, 0.026
-# ... and by more than this share of V^2 / g in all, what giving up a fifth of the speed would lift.
+# ... and this share of V^2 / g in all, the height that a fifth of the speed is worth.
 ENOUGH = 0.18
 # A turn: bank begun and ended at these angles, rad, and a change of heading by 30 degrees in all. Two to the same
 # side are one turn where they lie less than this many V / g apart.
@@ -122,15 +122,15 @@ class Disagreement:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Flight:
-    """The signals on a grid of block means, NaN where a block holds none; None for a channel that the log lacks.
+    """The signals as block means on a grid, NaN for a block without samples; None for a channel that the log lacks.
 
     Attributes
     ----------
     start_s, step_s : of the grid.
     cruise, scale_s, scale_m : V, V / g and V^2 / g.
-    speed : of what bears the aircraft, of another airspeed where that is overruled.
-    on_ground : where the signs tell so; lost : where no airspeed is known or right though the aircraft flies.
-    disagreements : of an airspeed with the other signs, on the log's own time.
+    speed : the first airspeed, or another airspeed where the first is overruled.
+    on_ground : (n,) by the majority of the signs; lost : (n,) in flight without a usable airspeed.
+    disagreements : of an airspeed with the other signs, times on the log's axis.
     height : pressure altitude, or an integral of its rate.
     bank : roll, rad; load : in weights, 1 in level flight.
     configured : more than 0 where flaps or gear are out.
@@ -160,7 +160,7 @@ class _Flight:
         return self.cruise**2 / GRAVITY
 
     def samples(self, scales: float) -> int:
-        """Return how many steps of the grid, at least one, so many V / g are."""
+        """Return the number of steps of the grid, at least one, in `scales` times V / g."""
         return max(1, round(scales * self.scale_s / self.step_s))
 
     def phase(self, name: str, run: Run) -> Phase:
@@ -192,7 +192,7 @@ def spans_of(phases: Sequence[Phase], kinds: Collection[str]) -> list[tuple[floa
 
 
 def note_on_rotors(phases: Sequence[Phase]) -> tuple[Note, ...]:
-    """Return the note on where a VTOL is carried by its rotors, none where it never is."""
+    """Return a note on the parts in which its rotors carry a VTOL, () without such parts."""
     parts = [one for one in phases if one.phase in (HOVER, TRANSITION)]
     if not parts:
         return ()
@@ -216,15 +216,15 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     """Return the phases of a flight in order of time, each part before the manoeuvres that begin with it.
 
     An airspeed (or a ground speed) is needed to set the scale; a log without one has no phases. Whether the aircraft
-    flies is what the majority of independent signs says (`bfi_cli.flightlog.signs`): no airspeed alone does. The
-    altitude or its rate tells climb, cruise and descent, and where take-off ends and approach and
-    landing begin; without both, a flight is "flight" between take-off and landing. Roll gives turns, pitch and normal
-    acceleration parabolas. A stall needs a pitch and the angle of attack, which without its channel is pitch less
-    flight path angle.
+    flies is decided by the majority of independent signs (`bfi_cli.flightlog.signs`), never by one airspeed alone. The
+    altitude or its rate tells climb, cruise and descent, the end of the take-off and the beginnings of approach and
+    landing; without both, all between take-off and landing is "flight". Roll gives turns, pitch and normal acceleration
+    give parabolas. A stall needs pitch and the angle of attack, which without its channel is pitch less flight path
+    angle.
 
     Parameters
     ----------
-    suspects : channels that may be faulty: they are not used, an airspeed only where it is the only one.
+    suspects : channels that may be faulty, which are not used; an airspeed is, if there is no other.
     """
     nothing = FlightPhases(phases=(), disagreements=())
     if log.n_samples < 2 or log.time_s[-1] - log.time_s[0] > LONGEST_S:
@@ -243,7 +243,7 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     hovering = _hovering(log)
     rotors = within(log.time_s, spans_of(hovering, (HOVER, TRANSITION)))
     speeds = {name: np.where(rotors, np.nan, smoothed_speed(values, log.rate_hz)) for name, values in speeds.items()}
-    # The first that moves is the one that is used: a tube that was left covered tells no scale.
+    # The first airspeed that moves sets the scale: a tube that was left covered does not move.
     cruises = {name: cruise_of(speed) for name, speed in speeds.items()}
     first = next((name for name, cruise in cruises.items() if cruise > WALK), None)
     if first is None:
@@ -271,7 +271,7 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
 
 
 def _hovering(log: FlightLog) -> tuple[Phase, ...]:
-    """Return where a VTOL is carried by its rotors, wholly or in part, as its autopilot says."""
+    """Return the parts in which its rotors carry a VTOL, wholly or in part, by the channel `hover`."""
     if (state := log.find("hover")) is None:
         return ()
     step_s = 1.0 / log.rate_hz
@@ -284,11 +284,11 @@ def _hovering(log: FlightLog) -> tuple[Phase, ...]:
 
 
 def _around(phases: Sequence[Phase], hovering: Sequence[Phase], low: Sequence[tuple[float, float]]) -> list[Phase]:
-    """Return the phases with what is flown on rotors in their place, on the ground where it is as low as that.
+    """Return the phases with the parts of flight on rotors in place of what they overlap.
 
     Parameters
     ----------
-    low : stretches in which the aircraft is as low as on the ground.
+    low : stretches, (from_s, to_s), in which the aircraft is as low as on the ground; flight on rotors there is ground.
     """
     rotors = spans_of(hovering, (HOVER, TRANSITION))
     found = [
@@ -310,7 +310,7 @@ def _around(phases: Sequence[Phase], hovering: Sequence[Phase], low: Sequence[tu
 
 
 def _sensors(log: FlightLog, suspects: Collection[str]) -> dict[str, str]:
-    """Return the sensor that stands for each quantity without a plain name: its first one, of those not suspected."""
+    """Return the first sensor (`tas_1`) of each quantity without a channel of its name, suspected sensors last."""
     sensors: dict[str, str] = {}
     for name in sorted(log.channels, key=lambda one: (one in suspects, one)):
         if (quantity := quantity_of(name)) not in log.channels:
@@ -329,7 +329,7 @@ def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> lis
 
 
 def airborne(log: FlightLog, time_s: FloatArray) -> BoolArray:
-    """Mark the times, (n,), at which the aircraft flies."""
+    """Return (n,) whether the aircraft flies at the times `time_s`."""
     flies = np.zeros(time_s.shape, dtype=bool)
     for from_s, to_s in airborne_stretches(log):
         flies |= (time_s >= from_s) & (time_s <= to_s)
@@ -343,7 +343,7 @@ def flight_stretches(phases: Sequence[Phase]) -> list[tuple[float, float]]:
 
 
 def _stretches(phases: Sequence[Phase], parts: Collection[str]) -> list[tuple[float, float]]:
-    """Return the stretches that parts of a flight make, those that follow each other as one."""
+    """Return the stretches covered by the phases of some kinds, successive phases joined."""
     return joined(sorted(spans_of(phases, parts)), APART_S)
 
 
@@ -416,7 +416,7 @@ def _on_grid(
 
 
 def _block_means(time_s: FloatArray, step_s: float) -> Callable[[FloatArray], FloatArray]:
-    """Return what makes of (n_samples,) values their means over blocks of time, NaN where one holds none."""
+    """Return a function from (n_samples,) values to the means of blocks of `step_s`, NaN for a block without values."""
     block = np.floor((time_s - float(time_s[0])) / step_s + 1e-6).astype(np.intp)
     n, firsts = int(block[-1]) + 1, np.flatnonzero(np.diff(block, prepend=-1))
     filled = block[firsts]  # blocks with samples, which lie side by side since time increases
@@ -433,9 +433,9 @@ def _block_means(time_s: FloatArray, step_s: float) -> Callable[[FloatArray], Fl
 
 
 def _right_speed(means: Mapping[str, FloatArray], verdict: Verdict) -> tuple[FloatArray, BoolArray]:
-    """Return the first speed, another one where that is missing or has been overruled, and where none is right.
+    """Return the first speed, replaced by another where it is missing or overruled, and where no speed is usable.
 
-    An airspeed that was overruled may err further where it no longer contradicts the others.
+    After an airspeed was overruled it is not used again: it may err on without contradicting the others.
     """
     first, *others = means
     speed = means[first].copy()
@@ -456,7 +456,7 @@ def _right_speed(means: Mapping[str, FloatArray], verdict: Verdict) -> tuple[Flo
 
 
 def _ratio(means: Mapping[str, FloatArray], verdict: Verdict, name: str, other: str) -> float | None:
-    """Return the median of one speed over another in flight where neither is overruled, None where there is none."""
+    """Return the median ratio of two speeds in flight where neither is overruled; None where that is nowhere."""
     used = ~verdict.on_ground & ~verdict.unknown & np.isfinite(means[name]) & (means[other] > WALK)
     for one in verdict.against:
         if one.channel in (name, other):
@@ -467,7 +467,7 @@ def _ratio(means: Mapping[str, FloatArray], verdict: Verdict, name: str, other: 
 def _disagreements(
     means: Mapping[str, FloatArray], verdict: Verdict, start_s: float, step_s: float, stop_s: float, *, least_s: float
 ) -> Iterator[Disagreement]:
-    """Yield the runs in which an airspeed is overruled, with its error by the first other that is right there."""
+    """Yield the runs in which an airspeed is overruled, with its error against the first speed that is not."""
     for one in verdict.against:
         name, part, error = one.channel, slice(*one.run), None
         for other in means:
@@ -491,13 +491,13 @@ def _disagreements(
 
 
 def _is_out(values: FloatArray) -> FloatArray:
-    """Return 1 where flaps or gear are beyond the middle of their travel; 0 of what never moves."""
+    """Return 1 where flaps or gear are beyond the middle of their travel, else 0; 0 throughout if they never move."""
     low, high = np.nanmin(values), np.nanmax(values)
     return np.asarray((values > 0.5 * (low + high)) & (high > low), dtype=np.float64)
 
 
 def _weights(normal_acc: FloatArray, flying: BoolArray) -> FloatArray | None:
-    """Return the load factor, 1 in level flight, whichever way up the recorder counts and with gravity or without."""
+    """Return the load factor, 1 in level flight, whether the recorder counts up or down, with gravity or without."""
     used = normal_acc[flying & np.isfinite(normal_acc)]
     if not used.size:
         return None
@@ -507,7 +507,7 @@ def _weights(normal_acc: FloatArray, flying: BoolArray) -> FloatArray | None:
 
 
 def _parts(flight: _Flight) -> Iterator[tuple[str, Run]]:
-    """Yield the parts of the flight; where nothing tells whether the aircraft flies there is none."""
+    """Yield the parts of the flight; none where it is unknown whether the aircraft flies."""
     yield from ((NO_AIRSPEED, run) for run in runs(flight.lost))
     for first, end in runs((np.isfinite(flight.speed) | flight.on_ground) & ~flight.lost):
         last = first
@@ -525,10 +525,10 @@ def _parts(flight: _Flight) -> Iterator[tuple[str, Run]]:
 
 
 def _to_screen(flight: _Flight, run: Run, first: int, end: int) -> Run:
-    """Return the run widened by the time below screen height, without an altitude by twice V / g, where there is more.
+    """Return the run on the ground widened by the time below screen height, or by 2 V / g without an altitude.
 
-    The altitude may jump when the aircraft rotates, so the first height that is kept to counts. That of the field is
-    the median while the aircraft is slow, next to the end or beginning of the run.
+    The altitude may jump when the aircraft rotates, so the time ends where the aircraft stays above screen height. The
+    height of the field is the median while the aircraft is slow next to that end of the run.
     """
     low, high = run
     reach, near = flight.samples(10.0), flight.samples(5.0)
@@ -584,7 +584,7 @@ def _aloft(flight: _Flight, first: int, end: int, *, lands: bool) -> Iterator[tu
 
 
 def _approach_start(flight: _Flight, height: FloatArray, first: int) -> int:
-    """Return where the last descent to the landing comes below the height of an approach, or flaps or gear come out."""
+    """Return where the last descent passes the height of an approach, or where flaps or gear are extended before it."""
     above = height - height[-1]
     limit = min(APPROACH_M, APPROACH * flight.scale_m)
     high = np.flatnonzero(above > min(limit, PATTERN * float(above.max())))
@@ -599,7 +599,7 @@ def _approach_start(flight: _Flight, height: FloatArray, first: int) -> int:
 
 
 def _ways(flight: _Flight, height: FloatArray) -> NDArray[np.int8]:
-    """Return 1 where a height climbs for good, -1 where it descends, 0 where it keeps or swings."""
+    """Return 1 where a height climbs, -1 where it descends, 0 where it is level or oscillates."""
     n = height.size
     way = np.zeros(n, dtype=np.int8)
     if n < 2:
@@ -611,7 +611,7 @@ def _ways(flight: _Flight, height: FloatArray) -> NDArray[np.int8]:
     steady, least = STEADY * flight.cruise, 2 * half
     for sign in (1, -1):
         for first, end in runs_with(sign * rate > steady, sign * rate > 0.5 * steady):
-            # A mean over a period is at half of its rate where the climb begins and where it ends.
+            # The mean rate over a period is half of the climb's where the climb begins and where it ends.
             strong = first + np.flatnonzero(sign * rate[first:end] > 0.5 * np.median(sign * rate[first:end]))
             way[strong[0] : strong[-1] + 1] = sign
     # Short level flight between two climbs belongs to them; short climbs, and low ones, belong to level flight.
@@ -622,7 +622,7 @@ def _ways(flight: _Flight, height: FloatArray) -> NDArray[np.int8]:
         for first, end in runs(way == sign):
             if abs(height[end - 1] - height[first]) < ENOUGH * flight.scale_m:
                 way[first:end] = 0
-    # What level flight is left between a climb and a descent, or at an end, is no cruise either.
+    # Short level flight between a climb and a descent, or at an end, is no cruise either.
     for first, end in runs(way == 0):
         if end - first < least and end - first < n:
             beside = way[end] if end < n and (first == 0 or way[first - 1] == 0) else way[first - 1]

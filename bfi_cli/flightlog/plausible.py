@@ -1,4 +1,4 @@
-"""Values that no aircraft shows, which mostly have another unit than the log says: asked about, not refused."""
+"""Values that no aircraft reaches, mostly for a wrong unit: the user is asked, the log is not refused."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ..notes import Note
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray
 
 SURFACES = ("elevator", "aileron", "rudder", "stabiliser", "elevator_trim", "flaps")
-# What nothing but a rocket exceeds, in the unit of `channels.STANDARD`, and the unit that the values may rather have.
+# Largest value of an aircraft, in the unit of `channels.STANDARD`, and the unit that larger values probably have.
 # Surfaces stop at half a radian, fully extended flaps at 0.8 rad; the fastest jets reach 700 m/s, those with the
 # recorders that are read here no 400; no wing flies at 1 rad, and a pitch attitude ends at pi / 2 by definition.
 LIMITS = {
@@ -25,25 +25,26 @@ LIMITS = {
     "p_static": (110_000.0, "another unit"),
     "altitude": (30_000.0, "ft"),
 }
-# Temperatures of the air below it are none in kelvin.
+# A temperature of the air below it is not in kelvin.
 COLDEST_K = 150.0
-# Channels whose rate is recorded beside them, which together tell how long a second of the time axis is. Of three
-# recorded flights altitude and roll have correlations of 0.93 to 0.999 with the integrals of their rates and ratios of
-# 0.91 to 1.1, over one of these numbers of samples; the pitch, which turns change, 0.45 to 0.78.
+# Channels and their rates, which tell the length of a second of the time axis. In three recorded flights altitude and
+# roll have correlations of 0.93 to 0.999 with the integrals of their rates, and ratios of 0.91 to 1.1, over one of
+# these numbers of samples; the pitch, which turns change, 0.45 to 0.78.
 WITH_RATES = (("altitude", "altitude_rate"), ("roll", "roll_rate"))
 STRIDES, LEAST_CORRELATION, LOOKED_AT = (1, 10, 100), 0.9, 500_000
-# Ratios further apart than this speak of the channels, nearer to 1 than that of nothing.
+# Ratios of two channels that differ by more than the first factor contradict each other; a ratio within the second
+# factor of 1 is no error of the unit of time.
 ALIKE, RIGHT = 1.15, 1.5
-# Of the samples: single spikes are no unit.
+# Quantile that is compared with the limits, so that single spikes do not count.
 USUAL = 0.99
 
 
 def doubts_about(log: FlightLog, names: Sequence[str]) -> tuple[Note, ...]:
-    """Return a question for each of the channels whose values cannot be, or whose unit nobody has stated.
+    """Return a question about each channel with values beyond the limits, and one about units that are not stated.
 
     Parameters
     ----------
-    names : standard names, or names in the file; those that the log lacks are passed over.
+    names : standard names, or names in the file; names that the log lacks are ignored.
     """
     here = [channel for name in dict.fromkeys(names) if (channel := log.find(name)) is not None]
     questions = [doubt for channel in here if (doubt := doubt_about(channel)) is not None]
@@ -55,13 +56,13 @@ def doubts_about(log: FlightLog, names: Sequence[str]) -> tuple[Note, ...]:
 
 
 def assumed_units(channels: Iterable[Channel]) -> str:
-    """Return the channels whose unit nobody has stated, each with the one that it is taken to have; "" for none."""
+    """Return the channels without a stated unit, each with the unit that is assumed; "" for none."""
     bare = [one.name for one in channels if one.source_unit is None and one.name in STANDARD]
     return ", ".join(f"{name} ({STANDARD[name].unit})" for name in bare if STANDARD[name].unit != "1")
 
 
 def doubt_about(channel: Channel) -> Note | None:
-    """Return a question about a channel whose usual values no aircraft shows, None where they can be."""
+    """Return a question about a channel with values beyond its limit, None where there is no doubt."""
     name = channel.name
     if name not in LIMITS or channel.unit not in (STANDARD[name].unit, ""):
         return None
@@ -80,10 +81,10 @@ def doubt_about(channel: Channel) -> Note | None:
 
 
 def time_scale(log: FlightLog) -> float | None:
-    """Return how many seconds a second of the time axis is, less than 0 where the record runs backwards.
+    """Return how many seconds a second of the time axis lasts, negative where the record runs backwards.
 
-    None where it is one, or where fewer than two channels with their rates tell it, or these differ: one alone may be
-    in another unit.
+    None where that is about 1, or where it is not confirmed by two channels with their rates: a single channel may have
+    another unit.
     """
     middle = max(0, (log.n_samples - LOOKED_AT) // 2)
     rows = slice(middle, middle + LOOKED_AT)
@@ -99,14 +100,15 @@ def time_scale(log: FlightLog) -> float | None:
 
 
 def _ratio(values: FloatArray, rate: FloatArray, time_s: FloatArray) -> float | None:
-    """Return what a channel changes by over what its rate says; None where they do not follow each other."""
+    """Return the ratio of a channel's changes to the integrals of its rate; None where they do not correlate."""
     travelled = np.concatenate([[0.0], np.cumsum(np.nan_to_num(0.5 * (rate[1:] + rate[:-1]) * np.diff(time_s)))])
     best, found = LEAST_CORRELATION, None
     for stride in STRIDES:
-        changed, said = values[stride:] - values[:-stride], travelled[stride:] - travelled[:-stride]
-        good = np.isfinite(changed) & (np.abs(changed) < LARGEST_VALUE) & (np.abs(said) < LARGEST_VALUE)
-        changed, said = changed[good], said[good]
-        spread = np.sqrt(float(changed @ changed) * float(said @ said)) if changed.size >= stride else 0.0
-        if spread > 0.0 and abs(float(changed @ said)) > best * spread:
-            best, found = abs(float(changed @ said)) / spread, float(changed @ said) / float(said @ said)
+        changed, integral = values[stride:] - values[:-stride], travelled[stride:] - travelled[:-stride]
+        good = np.isfinite(changed) & (np.abs(changed) < LARGEST_VALUE) & (np.abs(integral) < LARGEST_VALUE)
+        changed, integral = changed[good], integral[good]
+        spread = np.sqrt(float(changed @ changed) * float(integral @ integral)) if changed.size >= stride else 0.0
+        if spread > 0.0 and abs(float(changed @ integral)) > best * spread:
+            best = abs(float(changed @ integral)) / spread
+            found = float(changed @ integral) / float(integral @ integral)
     return found

@@ -1,4 +1,4 @@
-"""The JSON document of `bfi plot`, and what its pictures hold: channels over time with phases, windows and events."""
+"""The JSON document and the figures of `bfi plot`: channels over time with phases, windows and events."""
 
 from __future__ import annotations
 
@@ -27,18 +27,18 @@ from .timeline import Happening, bands_of, lanes_of, lines_at, phase_columns, ph
 
 Plain = Mapping[str, Any]
 
-# What is drawn where no channel is named: of each group the first that the log has. What an investigator looks at
-# first, in the order of a page: speed, height, attitude, lift, and what the pilot did.
+# Channels drawn by default, of each group the first that the log has, in the order in which an investigator looks at a
+# flight: speed, height, attitude, lift, and the pilot's inputs.
 GROUPS = (
     *(("tas", "cas", "ias", "ground_speed"), ("altitude", "altitude_rate"), ("pitch",), ("roll",), ("aoa",)),
     *(("normal_acc",), ("elevator", "elevator_inner_left", "column_force"), ("throttle", "thrust", "n1_left")),
 )
 # Panels on a page of A4; more channels go on further figures.
 MOST_PANELS = 8
-# A page of panels is this high, in heights of a panel of curves; a panel is at least and at most so high.
+# Height of a page of panels, and least and greatest height of a panel, in heights of a panel of curves.
 PAGE, LEAST, MOST = 3.7, 0.44, 0.9
-# Points of a curve on the page that can be zoomed, four screens wide, and on one of paper: a least and a greatest value
-# for each pixel.
+# Points of a curve, a least and a greatest value per pixel, on the page that can be zoomed, four screens wide, and on
+# paper.
 ZOOM_POINTS, PAGE_POINTS = 8000, 2000
 DIFFERENCES = (
     "Channels of the second log less those of the first, at the times of the one with the lower rate; between samples "
@@ -96,7 +96,7 @@ class DrawnChannel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Difference:
-    """A channel of the second log less that of the first, in numbers; None where it is known nowhere."""
+    """Statistics of a channel of the second log less that of the first; None where the two share no samples."""
 
     channel: str
     unit: str
@@ -108,7 +108,7 @@ class Difference:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Series:
-    """A channel of the log of this index, of None the difference of the second to the first: (n,) points."""
+    """Curve of a channel, (n,) points: of the log number `log`, or of the second log less the first if that is None."""
 
     log: int | None
     channel: str
@@ -153,10 +153,10 @@ def read_events(path: str) -> tuple[tuple[Event, ...], str]:
         suspected = (one for one in document.get("candidates", ()) if one.get("state") == "suspected")
         entries = (*member(document, DECLARED[kind], where=path), *suspected)
         events = [_event(one, kind) for one in entries if one.get("state", "declared") in STANDING_OUT]
-        found = [one for one in events if one is not None]
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ConfigError(f"{path}: damaged, {error!r}; run bfi {kind} again") from None
-    return tuple(sorted(found, key=lambda one: one.onset_s)), sha256 if isinstance(sha256, str) else ""
+    timed = sorted((one for one in events if one is not None), key=lambda one: one.onset_s)
+    return tuple(timed), sha256 if isinstance(sha256, str) else ""
 
 
 def _event(entry: Plain, kind: str) -> Event | None:
@@ -179,24 +179,24 @@ def _event(entry: Plain, kind: str) -> Event | None:
 
 
 def moved(event: Event, shift_s: float) -> Event:
-    """Return an event on an axis of time that is moved."""
+    """Return an event whose times are later by `shift_s`."""
     offset_s = None if event.offset_s is None else event.offset_s + shift_s
     return replace(event, onset_s=event.onset_s + shift_s, offset_s=offset_s)
 
 
 def channels_to_plot(log: FlightLog, names: Sequence[str], events: Sequence[Event]) -> tuple[str, ...]:
-    """Return the channels to draw: those named, else the usual ones and those of the events.
+    """Return the channels to draw: those in `names`, by default those of the events and the first of each of `GROUPS`.
 
     Raises
     ------
-    LogError : the log lacks a channel that is named, and it follows from no others.
+    LogError : the log lacks a channel in `names` that cannot be derived either.
     """
     if names:
-        found = [name if name in DERIVED and name not in log.channels else log.channel(name).name for name in names]
-        return tuple(dict.fromkeys(found))
+        named = [name if name in DERIVED and name not in log.channels else log.channel(name).name for name in names]
+        return tuple(dict.fromkeys(named))
     usual = [next((name for name in group if name in log.channels), None) for group in GROUPS]
-    told = [name for event in events for name in event.channels if name in log.channels]
-    chosen = tuple(dict.fromkeys(name for name in (*told, *usual) if name is not None))
+    of_events = [name for event in events for name in event.channels if name in log.channels]
+    chosen = tuple(dict.fromkeys(name for name in (*of_events, *usual) if name is not None))
     return chosen or tuple(log.channels)[:MOST_PANELS]
 
 
@@ -210,21 +210,21 @@ def plot_logs(
     shift_s: float = 0.0,
     notes: Sequence[Note] = (),
 ) -> PlotResult:
-    """Return what is drawn of logs, with the phases and windows of the first.
+    """Return the curves of logs, with the phases and windows of the first.
 
     Parameters
     ----------
-    logs : whole, so that phases and derived channels are those of the flight, also in a part of it.
-    names : channels to draw; () for the usual ones.
+    logs : whole, since phases and derived channels follow from the whole flight.
+    names : channels to draw; () for the default, see `channels_to_plot`.
     events : of analyses of these logs.
-    part_s : first and last time to draw, None for that of the whole.
+    part_s : first and last time to draw, None for an end of the logs.
     diff : subtract the channels of the first of two logs from those of the second.
-    shift_s : that the times of the second have been moved by.
+    shift_s : seconds that have been added to the times of the second log.
     notes : put before those of the logs.
 
     Raises
     ------
-    LogError : a log lacks a channel that is named, or has no samples in the part.
+    LogError : a log lacks a channel in `names`, or has no samples in the part.
     """
     first, (from_s, to_s) = logs[0], part_s
     chosen = channels_to_plot(first, names, events)
@@ -238,16 +238,16 @@ def plot_logs(
     low = min(float(part.time_s[0]) for part in parts) if from_s is None else from_s
     high = max(float(part.time_s[-1]) for part in parts) if to_s is None else to_s
     phases = phases_of(first)
-    said = [*notes, *(note for log in whole for note in log.notes)]
+    notes = [*notes, *(note for log in whole for note in log.notes)]
     if len(logs) > 1:
-        said.append(Note.method(f"phases and windows are those of {first.path}"))
+        notes.append(Note.method(f"phases and windows are those of {first.path}"))
     outside = [event for event in events if event.onset_s > high or (event.offset_s or high) < low]
     if outside:
-        said.append(
+        notes.append(
             Note.method(f"{len(outside)} of {len(events)} events lie outside {instant(low)} to {instant(high)} s")
         )
     if shift_s:
-        said.append(Note.method(f"times of {logs[1].path} are moved by {shift_s:.4g} s, to those of {first.path}"))
+        notes.append(Note.method(f"times of {logs[1].path} are moved by {shift_s:.4g} s, to those of {first.path}"))
     changes = [(name, *difference(parts[0], parts[1], name)) for name in chosen] if diff else []
     units = {name: whole[0].channels[name].unit for name in chosen}
     return PlotResult(
@@ -278,7 +278,7 @@ def plot_logs(
             ),
             *(_series(None, whole[0].channels[name], time_s, values) for name, time_s, values in changes),
         ),
-        notes=tuple(said),
+        notes=tuple(notes),
     )
 
 
@@ -288,11 +288,11 @@ def plot_document(result: PlotResult, provenance: Provenance) -> dict[str, Any]:
 
 
 def shared_channels(first: FlightLog, second: FlightLog, chosen: Sequence[str]) -> tuple[str, ...]:
-    """Return those of the chosen channels of the first log that the second has.
+    """Return the chosen channels of the first log that the second has too.
 
     Raises
     ------
-    LogError : there are none.
+    LogError : the second log has none of them.
     """
     shared = tuple(name for name in chosen if name in second.channels)
     if not shared:
@@ -303,7 +303,7 @@ def shared_channels(first: FlightLog, second: FlightLog, chosen: Sequence[str]) 
 
 
 def _difference(name: str, unit: str, time_s: FloatArray, values: FloatArray) -> Difference:
-    """Return what a difference is in numbers."""
+    """Return the statistics of a difference, (n,) at the times `time_s`."""
     known = np.isfinite(values)
     if not known.any():
         return Difference(channel=name, unit=unit)
@@ -319,9 +319,9 @@ def _difference(name: str, unit: str, time_s: FloatArray, values: FloatArray) ->
 
 
 def _series(log: int | None, channel: Channel, time_s: FloatArray, values: FloatArray) -> Series:
-    """Return the curve of a channel, of a long one the least and the greatest value of each stretch."""
+    """Return the curve of a channel; a long curve is the least and the greatest value of each stretch."""
     kept = thinned(values, max_points=ZOOM_POINTS)
-    # No line is drawn over a gap: a point without a value stands in its middle.
+    # A NaN in the middle of each gap breaks the line there.
     before = np.flatnonzero(np.diff(time_s) > GAP * float(np.median(np.diff(time_s))))
     at = np.searchsorted(kept, before, side="right")
     return Series(
@@ -344,14 +344,14 @@ def plot_content(document: Plain, units: Units = SI, *, where: str = "result") -
     logs, names, limits = result.logs, [one.name for one in result.channels], result.limits
     paths = ", ".join(log.path for log in logs)
     n_samples = sum(log.n_samples for log in logs)
-    said = ["Channels over time"]
+    parts = ["Channels over time"]
     if result.phases:
-        said.append("shaded by the phases of the flight, whose names and whose manoeuvres stand in the rows above")
+        parts.append("shaded by the phases of the flight, whose names and whose manoeuvres stand in the rows above")
     if result.windows:
-        said.append("frames are windows to analyse, numbered by rank, 1 the best")
+        parts.append("frames are windows to analyse, numbered by rank, 1 the best")
     if result.events:
-        said.append("dashed lines are onsets of declared (red) and suspected (orange) faults")
-    caption = f"{'; '.join(said)}. Long records are drawn as the least and the greatest value of each stretch of time."
+        parts.append("dashed lines are onsets of declared (red) and suspected (orange) faults")
+    caption = f"{'; '.join(parts)}. Long records are drawn as the least and the greatest value of each stretch of time."
 
     pages = [names[i : i + MOST_PANELS] for i in range(0, len(names), MOST_PANELS)]
     figures = (("channels", caption, _panels), ("differences", DIFFERENCES, _changes))
@@ -388,9 +388,9 @@ def plot_content(document: Plain, units: Units = SI, *, where: str = "result") -
 def _panels(
     result: PlotResult, names: Sequence[str], units: Units, points: int, *, named: bool = False
 ) -> tuple[Panel, ...]:
-    """Return a panel of lanes and one for each channel; the names of several logs stand over the first of them.
+    """Return a panel of lanes and a panel for each channel.
 
-    Where the curves are `named` they have the names of their logs in every panel.
+    The curves of several logs are labelled by their log in the first panel, or in every panel if `named`.
     """
     logs, limits = result.logs, result.limits
     labels = [Path(log.path).name for log in logs]
@@ -427,14 +427,14 @@ def _changes(result: PlotResult, names: Sequence[str], units: Units, points: int
 
 
 def _bands(result: PlotResult) -> tuple[Block, ...]:
-    """Return the parts of the flight and the onsets and ends of events, as far as they are drawn."""
+    """Return the parts of the flight and the onsets and ends of events within the time that is drawn."""
     onsets = [line for one in result.events for line in lines_at(one.state, (one.onset_s, one.offset_s))]
     every = (*bands_of(result.phases), *onsets)
     return tuple(one for one in every if one.high >= result.from_s and one.low <= result.to_s)
 
 
 def _curve(label: str, time_s: FloatArray, values: FloatArray, points: int) -> Curve:
-    """Return a curve of so many points, and of the places where the line breaks."""
+    """Return a curve thinned to `points` points, and those at which the line breaks."""
     missing = np.isnan(values)
     breaks = np.flatnonzero(missing & ~np.append(False, missing[:-1]))
     kept = np.union1d(thinned(values, max_points=points), breaks)
@@ -457,7 +457,7 @@ def _channel_panel(
 
 
 def _difference_table(differences: Sequence[Difference], units: Units) -> list[Table]:
-    """Return the differences of two logs in numbers; [] where none are asked for."""
+    """Return the table of the differences of two logs; [] without differences."""
     rows = []
     for one in differences:
         shown = units.of(one.unit, channel=one.channel)

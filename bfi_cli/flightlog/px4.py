@@ -1,12 +1,12 @@
-"""PX4 logs: ULog, whose messages' formats stand in the file itself, and the CSV files that `ulog2csv` makes of one.
+"""PX4 logs: ULog, whose message formats are described in the file itself, and the CSV files of `ulog2csv`.
 
 The layout of a ULog is that of the PX4 User Guide, "ULog File Format": a header, then messages of a size, a type and a
-body. A reader of our own, because a stranger's file may claim anything: sizes are checked before memory is taken, and
-what is damaged is skipped to the next synchronisation message.
+body. We read it ourselves, because a stranger's file may claim anything: sizes are checked before memory is taken, and
+after damage reading goes on at the next synchronisation message.
 
-`ulog2csv` writes a file per topic, LOG_TOPIC_INSTANCE.csv, whose first column is `timestamp`. The topic stands in the
-name of a file only (two topics can have the same columns); that it is such a file, its header says. Times are
-microseconds since the autopilot started.
+`ulog2csv` writes a file per topic, LOG_TOPIC_INSTANCE.csv. Its first column, `timestamp`, identifies such a file; only
+the file's name tells the topic, since two topics can have the same columns. Times are microseconds since the autopilot
+started.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ HEADERS = ("timestamp,", "timestamp;")  # of a file of `ulog2csv`
 
 @dataclass(frozen=True, slots=True)
 class _Layout:
-    """Type and offset of each number of a topic by its name, and the fewest and most bytes of a message."""
+    """Numpy type and offset of each number of a topic by its name, and the fewest and most bytes of a message."""
 
     fields: dict[str, tuple[str, int]]
     least: int
@@ -60,7 +60,9 @@ class _Stream:
 
     Attributes
     ----------
-    formats : type, count (0 for no array) and name of each field, by name; the others by the number of a topic.
+    formats : by the name of the format, type, count (0 for no array) and name of each field.
+    topics, layouts, messages : by the number of a topic, its name and instance, its layout, its message bodies.
+    dropouts, dropped_ms, damaged : number and duration of dropouts that the log states, and of damaged bytes.
     """
 
     formats: dict[str, list[tuple[str, int, str]]] = field(default_factory=dict)
@@ -73,11 +75,11 @@ class _Stream:
 
 
 def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
-    """Return the topics of a ULog that have channels, or that are named in `more`, and sentences on the file.
+    """Return the topics of a ULog that have channels, or that are named in `more`, and notes on the file.
 
     Raises
     ------
-    LogError : no ULog, or of a later kind.
+    LogError : the header is cut off, or its flags are those of a later kind of ULog.
     """
     names, stream = {*fields_of("px4"), *more}, _Stream()
     with open(path, "rb") as file:
@@ -104,7 +106,7 @@ def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic]
 
 
 def _parts(path: str, data: mmap.mmap) -> list[tuple[int, int]]:
-    """Return where the messages begin and end: the file, or its part before appended data and the appended ones."""
+    """Return where each part with messages begins and ends: the whole file, or its original and its appended parts."""
     size, kind = struct.unpack_from("<HB", data, HEADER) if len(data) >= HEADER + 3 else (0, 0)
     if kind != FLAGS or size < 40 or len(data) < HEADER + 3 + 40:
         return [(HEADER, len(data))]
@@ -168,7 +170,7 @@ def _read_one(data: mmap.mmap, at: int, size: int, kind: int, stream: _Stream, n
 
 
 def _layout(name: str, formats: dict[str, list[tuple[str, int, str]]]) -> _Layout | None:
-    """Return the layout of a topic's messages, None of one that cannot be read: no format, no time, too long.
+    """Return the layout of a topic's messages, None without a format, without a time, or beyond `LONGEST` bytes.
 
     Padding at the end need not be in the file.
     """
@@ -208,7 +210,7 @@ def _topic_files(folder: str) -> list[Path]:
 
 
 def folder_digest(folder: str) -> str:
-    """Return one SHA-256 of the names and contents of the files of `ulog2csv` in a folder."""
+    """Return the SHA-256 of the names and contents of the files of `ulog2csv` in a folder."""
     whole = hashlib.sha256()
     for path in _topic_files(folder):
         with open(path, "rb") as file:
@@ -217,11 +219,11 @@ def folder_digest(folder: str) -> str:
 
 
 def read_folder(folder: str, asked: Asked) -> RawLog:
-    """Read the topics of one log in a folder; a field that is no channel by itself is named `topic.field` in the maps.
+    """Read the topics of one log in a folder; `asked` names a field that is no standard channel as `topic.field`.
 
     Parameters
     ----------
-    asked : `group` is the log, LOG in the names of the files; may be left out where there is just one.
+    asked : `group` is the log, LOG in the names of the files; may be left out where the folder has a single log.
 
     Raises
     ------
@@ -258,13 +260,13 @@ def read_folder(folder: str, asked: Asked) -> RawLog:
 
 
 def read_topic_file(path: str, asked: Asked) -> RawLog | None:
-    """Read one file of `ulog2csv`; fields that are no channel keep the name `topic.field`.
+    """Read one file of `ulog2csv`; fields that are no standard channel keep the name `topic.field`.
 
-    None of another file, or of a topic that has no channels.
+    None for any other file, and for a topic without channels.
 
     Raises
     ------
-    LogError : it cannot be read, or holds no signals.
+    LogError : the file cannot be read, or holds no signals.
     """
     parts = _told_by(Path(path).name)
     if parts is None or not _is_by_ulog2csv(Path(path)):
@@ -283,7 +285,7 @@ def _is_by_ulog2csv(path: Path) -> bool:
 
 def _told_by(name: str, wanted: Iterable[str] = ()) -> tuple[str, str, int] | None:
     """Return log, topic and instance of a file's name, None where it is no topic with channels or a wanted field."""
-    # The longest first: actuator_controls_0 has a number of its own, wind is the end of airspeed_wind.
+    # The longest first: actuator_controls_0 ends in a number too, and wind is the end of airspeed_wind.
     for topic in sorted({*fields_of("px4"), *topics_of(wanted)}, key=len, reverse=True):
         match = re.fullmatch(rf"(?:(.*)_)?{re.escape(topic)}_(\d{{1,3}})\.csv", name, re.IGNORECASE)
         if match:

@@ -1,4 +1,4 @@
-"""What a log is good for: rate, gaps, NaN, held samples, quantisation, excitation and the windows worth analysing."""
+"""Quality of a log: rate, gaps, NaN, held samples, quantisation, excitation and the windows worth analysing."""
 
 from __future__ import annotations
 
@@ -23,22 +23,22 @@ from .plausible import doubt_about
 from .rates import AS_FAST, GAP
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, Segment
 
-UNEVEN = 0.02  # of the median time step, by which a recorder's clock may wander
-PIECE = 1_000_000  # samples whose steps are looked at together, for memory
-MOSTLY = 0.5  # of a window
-# Seconds. In a longer record the dynamics change and a scan takes minutes, so windows are suggested, this many.
+UNEVEN = 0.02  # share of the median time step by which a uniform clock may wander
+PIECE = 1_000_000  # samples whose steps are computed at once, for memory
+MOSTLY = 0.5  # share of a window on the ground from which the user is told
+# In a longer record, s, the dynamics change and a scan takes minutes, so that so many windows are suggested.
 LONG_S, MOST_NAMED = 600.0, 3
-# Means of this long are compared: shorter than a pilot's stroke, longer than the noise of a position sensor.
+# Length of the means in which moves are counted, s: shorter than a pilot's stroke, longer than the sensor's noise.
 BLOCK_S = 0.25
-ODD = 3.0  # times as far from the others as these from each other, where one of three sensors is named as the odd one
-MOVE = 0.05  # of the range of an input, what counts as a move
-POWER = 0.95  # of the variance of an input, what the bandwidth holds
+ODD = 3.0  # a sensor is named as the odd one of three at so many times the distance between the other two
+MOVE = 0.05  # share of an input's range that counts as a move
+POWER = 0.95  # share of an input's variance below its bandwidth
 SEGMENT_S = 60.0  # slower changes are those of the trim
-# Kept before the first and after the last move; two moves further apart than both belong to two windows.
+# Time kept before the first and after the last move; moves further apart than both together belong to two windows.
 BEFORE_S, AFTER_S = 5.0, 15.0
 FEWEST_MOVES = 3  # a window with fewer holds a single correction, no manoeuvre
 MOST_WINDOWS = 10  # suggested in all
-# A window of which more than this lies on the ground or in what no linear model follows comes after the others.
+# A window with more than this share on the ground, or in phases that no linear model follows, ranks after the others.
 UNFIT, UNFIT_SHARE = ("ground", "take-off", "landing", "stall", "parabola", HOVER, TRANSITION, NO_AIRSPEED), 0.05
 
 
@@ -53,8 +53,8 @@ class ChannelReport:
     hold_period_s : time between two values of a held channel, None where it is not held.
     quantum : quantisation step in `unit`, None where there is none.
     min, max : over the finite samples, None where there are none.
-    own_rate_hz : of the signal in the file, None where it is that of the log.
-    pressures : the air-data pressures that it follows from, so that a fault of their lines shows in it.
+    own_rate_hz : rate of the signal in the file, None where it is that of the log.
+    pressures : the air-data pressures that the channel follows from: a fault of their lines shows in it.
     """
 
     name: str
@@ -72,7 +72,7 @@ class ChannelReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DerivableChannel:
-    """A channel that can be made of others: what the log `lacks` for that, alternatives joined by "or"."""
+    """A channel that follows from others; `lacks` are those of them that the log lacks, alternatives joined by "or"."""
 
     name: str
     unit: str
@@ -87,8 +87,8 @@ class Excitation:
     Attributes
     ----------
     range : between its 0.5 % and 99.5 % quantiles, in `unit`.
-    moves : how often it travels by more than 5 % of that range in one direction.
-    bandwidth_hz : 95 % of its variance about its mean over a minute lies below; None where it does not move.
+    moves : number of travels in one direction by more than 5 % of that range.
+    bandwidth_hz : 95 % of the variance about the mean of each minute lies below it; None for an input at rest.
     """
 
     channel: str
@@ -140,12 +140,12 @@ class LogReport:
 
 
 def median_step(time_s: FloatArray) -> float:
-    """Return the median time step; of a long record no array is made but that of the steps."""
+    """Return the median time step, s, in the memory of one array of the steps."""
     return float(np.median(np.diff(time_s), overwrite_input=True))
 
 
 def gap_starts(time_s: FloatArray) -> NDArray[np.intp]:
-    """Return the samples after which at least one is missing."""
+    """Return the samples after which a gap begins: at least one sample is missing."""
     return np.flatnonzero(np.diff(time_s) > GAP * median_step(time_s))
 
 
@@ -156,7 +156,7 @@ def time_jitter(time_s: FloatArray) -> float:
 
 
 def _uneven_step(time_s: FloatArray) -> int | None:
-    """Return the first sample k whose step t[k] - t[k-1] is off by more than 2 % and float32 rounding, else None."""
+    """Return the first k whose step t[k] - t[k-1] is off by more than 2 % and single-precision rounding, else None."""
     median, starts = median_step(time_s), range(0, len(time_s) - 1, PIECE)
     parts = (time_s[k : k + PIECE + 1] for k in starts)
     is_single = all(np.array_equal(part.astype(np.float32), part) for part in parts)
@@ -176,7 +176,7 @@ def is_uniform(time_s: FloatArray) -> bool:
 
 
 def inspect_log(log: FlightLog) -> LogReport:
-    """Return what there is to know about a log before it is analysed."""
+    """Return the report on a log before it is analysed."""
     channels, questions, phases = [], [], phases_of(log)
     flying = _flying(log, phases)
     for channel in log.channels.values():
@@ -232,7 +232,7 @@ def inspect_log(log: FlightLog) -> LogReport:
 
 
 def _sensors_of_one_quantity(log: FlightLog) -> Iterator[Note]:
-    """Yield how far each further sensor of a quantity reads from its first one, and which of three is the odd one."""
+    """Yield notes on the differences between sensors of one quantity, and on the odd sensor of three."""
     sensors: dict[str, list[Channel]] = {}
     for name, channel in log.channels.items():
         sensors.setdefault(quantity_of(name), []).append(channel)
@@ -256,14 +256,15 @@ def _sensors_of_one_quantity(log: FlightLog) -> Iterator[Note]:
             size = np.abs(pair[0].values - pair[1].values)
             between[pair] = float(np.quantile(size[np.isfinite(size)], 0.95)) if np.isfinite(size).any() else np.nan
         for odd in several:
-            own = min(size for pair, size in between.items() if odd in pair)
+            nearest = min(size for pair, size in between.items() if odd in pair)
             rest = max(size for pair, size in between.items() if odd not in pair)
-            if own > ODD * rest:
+            if nearest > ODD * rest:
                 *before, last = [one.name for one in several if one is not odd]
                 unit = "" if odd.unit == "1" else odd.unit
                 yield Note.method(
-                    f"{odd.name} agrees with neither {', '.join(before)} nor {last}: it is up to {quantity(own, unit)} "
-                    f"from the nearest, these up to {quantity(rest, unit)} from each other in 95 % of the samples"
+                    f"{odd.name} agrees with neither {', '.join(before)} nor {last}: it is up to "
+                    f"{quantity(nearest, unit)} from the nearest, these up to {quantity(rest, unit)} from each other "
+                    "in 95 % of the samples"
                 )
 
 
@@ -280,7 +281,7 @@ def advice_on_windows(log: FlightLog) -> str | None:
 def advice_on_the_ground(
     log: FlightLog, from_s: float | None, to_s: float | None, *, suspects: Collection[str] = ()
 ) -> str | None:
-    """Return a sentence where most of the window is on the ground, as the phases of the log have it; else None.
+    """Return a sentence where most of the window is on the ground, None elsewhere.
 
     Parameters
     ----------
@@ -312,9 +313,9 @@ def hold_of(log: FlightLog, values: FloatArray) -> Hold | None:
 
 
 def held_hz(log: FlightLog, channel: Channel) -> float | None:
-    """Return the rate of a channel that is held between values of its own, None for one that is not.
+    """Return the rate at which a held channel has new values, None for a channel that is not held.
 
-    The file tells it where its signals have clocks of their own, else the values do.
+    The rate of a signal with a separate clock is that of the file; otherwise the repeated values tell it.
     """
     if channel.own_rate_hz is not None and channel.own_rate_hz < AS_FAST * log.rate_hz:
         return channel.own_rate_hz
@@ -368,12 +369,12 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
 
 
 def _flying(log: FlightLog, phases: Sequence[Phase]) -> BoolArray:
-    """Mark the samples that are on no ground."""
+    """Return (n_samples,) which samples are not on the ground."""
     return ~within(log.time_s, spans_of(phases, ("ground",)))
 
 
 def _excitation(log: FlightLog, name: str, flying: BoolArray) -> Excitation:
-    """Return how the channel `name` moves in flight (a parked elevator would dwarf it); NaN are left out."""
+    """Return how an input moves in flight, NaN left out; a parked elevator, at its stop, would widen the range."""
     channel = log.channels[name]
     x = channel.values[flying & np.isfinite(channel.values)]
     extent = _extent(x)
@@ -393,7 +394,7 @@ def _extent(x: FloatArray) -> float:
 
 
 def _move_times(log: FlightLog, name: str, flying: BoolArray) -> FloatArray:
-    """Return the times at which moves begin: runs of block means that travel one way by more than the threshold."""
+    """Return the times at which moves begin: runs of block means that change one way by more than the threshold."""
     good = flying & np.isfinite(log.channels[name].values)
     x, t = log.channels[name].values[good], log.time_s[good]
     size = max(1, round(BLOCK_S * log.rate_hz))
@@ -408,7 +409,7 @@ def _move_times(log: FlightLog, name: str, flying: BoolArray) -> FloatArray:
 
 
 def ranked_windows(log: FlightLog, phases: Sequence[Phase]) -> tuple[ExcitedWindow, ...]:
-    """Return the windows to suggest in order of time: those in flight rank first, of these the ones with most moves."""
+    """Return the suggested windows in order of time, ranked by flight first, then by the number of moves."""
     unfit = spans_of(phases, UNFIT)
 
     def worth(window: ExcitedWindow) -> tuple[bool, int, float]:
@@ -421,9 +422,9 @@ def ranked_windows(log: FlightLog, phases: Sequence[Phase]) -> tuple[ExcitedWind
 
 
 def _suggested_windows(log: FlightLog, phases: Sequence[Phase], *, at_most: int) -> tuple[ExcitedWindow, ...]:
-    """Return the stretches without gaps in which the first input that moves at all does so, in order of time.
+    """Return the stretches without gaps in which the first input with moves has them, in order of time.
 
-    In a log without inputs the pitch attitude, which they move, takes their place.
+    In a log without inputs the pitch attitude is used instead.
 
     Parameters
     ----------
@@ -433,7 +434,7 @@ def _suggested_windows(log: FlightLog, phases: Sequence[Phase], *, at_most: int)
     inputs = [name for name in INPUTS if name in log.channels]
     for name in inputs or [name for name in ("pitch",) if name in log.channels]:
         times = _move_times(log, name, flying)
-        # Moves are apart where the input rests for longer than the margins, or the log has a gap.
+        # Two windows where the input rests for longer than the margins, or the log has a gap.
         rests, windows = np.diff(times) > BEFORE_S + AFTER_S, []
         for start_s in log.time_s[before]:
             rests |= (times[:-1] <= start_s) & (times[1:] > start_s)

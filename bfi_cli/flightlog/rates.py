@@ -1,8 +1,8 @@
 """Signals of many rates on one time base.
 
-The base is the clock of the airspeed, made uniform: its own mean rate, for it is the sensor in question and must not be
-filtered. Faster signals are low-passed to it, slower ones are held, and nothing is bridged: where the base has a gap
-there are no samples, where another signal has one it is NaN.
+The base is a uniform grid at the mean rate of the airspeed, so that the sensor under test is not filtered. Faster
+signals are low-passed to that rate, slower signals are held. Gaps stay: a gap of the airspeed is one of the log, and
+any other signal is NaN in its gaps.
 """
 
 from __future__ import annotations
@@ -19,31 +19,32 @@ from ..kernels.decimation import WHITE, lowpass_taps
 from ..notes import Note
 from .raw import FLAGS, FloatArray, RawLog, Track, require_memory
 
-# Whose rate is that of the log, and what takes its place in a log without an airspeed.
+# The first of these channels in the log gives the time base.
 BASES = ("tas", "cas", "ias", "pitch", "pitch_rate", "longitudinal_acc")
-# Of a signal's typical step, between one and two: a sample is missing from here on.
+# A step of more than so many typical steps is a gap: one missing sample makes it two.
 GAP = 1.75
-# Steps of a regular clock: this part of them within this part of their median; their mean is the rate, and not that of
-# the two half steps, or the gaps, that the log has besides.
+# A clock is regular if this share of its steps lies within this share of their median; the mean of those steps gives
+# the rate, free of gaps and of half steps.
 NEARLY_ALL, ALIKE = 0.9, 0.1
-# Of an irregular clock: steps of so many means are gaps if they are few, this part of all; messages that come in bursts
-# have many.
+# Steps of an irregular clock beyond so many means are gaps if they are at most this share of all steps; messages that
+# arrive in bursts have more of them.
 LONG, FEW = 4.0, 0.02
-# The longest steps of a clock that jitters are not gaps: its typical step is the larger of the mean and this quantile.
+# The typical step of a clock that jitters is the larger of the mean and this quantile, so that its longest steps are no
+# gaps.
 TYPICAL = 0.95
-# A signal of this part of the base's rate is as fast as it: clocks of one nominal rate differ by less.
+# A signal with this share of the base's rate or more is as fast as the base: clocks of one nominal rate differ by less.
 AS_FAST = 0.9
-# A signal that starts or ends so much later or earlier than the base shortens the log, one more than that is missing
-# there: seconds, and part of the base's length. Topics of a recorder start within a second or two.
+# A signal that starts late or ends early by up to so many seconds, and this share of the base's length, shortens the
+# log; beyond that it is NaN there. Topics of a recorder start within a second or two.
 EDGE_S, EDGE_PART = 5.0, 0.05
-# Of a step, by which a recorder's clock may wander before it is said, and by which the first sample of the base may
-# lie beside its grid.
+# Shares of a step: jitter of the clock that a note reports, and distance of a sample from a point of the grid that
+# counts as its time.
 JITTER, BESIDE = 0.02, 0.05
-# Steps backwards, of all, that are mended by leaving a sample out; more are a broken clock.
+# Share of backward steps up to which single samples are left out; with more the clock is broken.
 MENDED = 0.01
-# A clock starts again where it jumps back by more than so many seconds and typical steps, from samples that are all in
-# order to others that are: the medians of so many on both sides tell it from single times that are wrong. A clock that
-# is set by a satellite jumps back by less. With more jumps than so many the times are in no order at all.
+# A clock has restarted where it jumps back by more than so many seconds and typical steps, and the medians of so many
+# samples before and after confirm it (single wrong times do not). A clock set by a satellite jumps back by less. With
+# more restarts than so many the times are in no order at all.
 RESTART_S, RESTART_STEPS, BESIDE_RESTART, MOST_BOOTS = 2.0, 10.0, 5, 100
 # Rows filtered at once, for memory.
 BLOCK = 50_000
@@ -54,13 +55,13 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
 
     Parameters
     ----------
-    tracks : of several for one channel the earlier ones are the better source.
-    output : the source of the airspeed that gives the base; by default that of the fastest.
-    notes : sentences on the file.
+    tracks : signals; of several sources of a channel the preferred comes first.
+    output : the source of the airspeed that gives the base; by default the fastest airspeed.
+    notes : on the file, put before those on the time base.
 
     Raises
     ------
-    LogError : no signal has two samples in order of time, or none of the base's.
+    LogError : no signal has two samples in order of time, or the base has none without a gap.
     """
     mended = [in_order(track) for track in tracks]
     usable = [track for track, _ in mended if track is not None]
@@ -105,12 +106,12 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
         "faster ones through a low-pass",
         *_about(base, ranked, slow, grid),
     )
-    # No filters, stated as such: one-quantum jumps between interpolated samples would look like those of a low-pass.
+    # `filters=()`, not None: jumps of one quantum between interpolated samples would be taken for those of a low-pass.
     return RawLog(columns=columns, filters=(), notes=(*notes, *map(Note.method, sentences)))
 
 
 def boot_starts(time_s: FloatArray) -> list[int]:
-    """Return the samples at which a clock starts again, the first sample of all among them."""
+    """Return the first sample of each part between restarts of the clock, 0 first."""
     step = np.diff(time_s)
     forward = step[step > 0.0]
     least = max(RESTART_S, RESTART_STEPS * float(np.median(forward))) if forward.size else RESTART_S
@@ -125,7 +126,7 @@ def boot_starts(time_s: FloatArray) -> list[int]:
 
 
 def mean_rate(time_s: FloatArray) -> float:
-    """Return samples per second, without the gaps, and without odd steps where nearly all are alike."""
+    """Return samples per second, gaps left out, and of a regular clock all odd steps too."""
     step = np.diff(time_s)
     median = float(np.median(step))
     alike = step[np.abs(step - median) <= ALIKE * median]
@@ -141,9 +142,9 @@ def mean_rate(time_s: FloatArray) -> float:
 
 
 def in_order(track: Track) -> tuple[Track | None, str | None]:
-    """Return a signal without samples that are no number or out of order, None where less than two are left.
+    """Return a signal without samples that are no number or out of order of time, None where fewer than two are left.
 
-    The second value is why a signal is left out, or how it is mended.
+    The second value says why the signal is left out or how it was mended, None where nothing was.
     """
     good = np.isfinite(track.values) & np.isfinite(track.time_s)
     time_s, values = track.time_s[good], track.values[good]
@@ -162,8 +163,8 @@ def in_order(track: Track) -> tuple[Track | None, str | None]:
 
 
 def _longest_in_order(time_s: FloatArray) -> NDArray[np.intp]:
-    """Return the most samples whose times increase: the longest increasing subsequence, by patience sorting."""
-    tops: list[float] = []  # the least time with which so many samples can end
+    """Return the samples of the longest increasing subsequence of times, by patience sorting."""
+    tops: list[float] = []  # entry n - 1: the least time with which an increasing run of n samples can end
     at: list[int] = []
     before = np.empty(time_s.size, dtype=np.intp)
     for k, time in enumerate(time_s.tolist()):
@@ -183,12 +184,12 @@ def _longest_in_order(time_s: FloatArray) -> NDArray[np.intp]:
 
 
 def _patience(track: Track) -> float:
-    """Return the longest step of a signal, s, that is no gap."""
+    """Return the longest step, s, that is not yet a gap of a signal."""
     return GAP * max(1.0 / mean_rate(track.time_s), float(np.quantile(np.diff(track.time_s), TYPICAL)))
 
 
 def _grid(path: str, base: Track, rate_hz: float) -> FloatArray:
-    """Return the times of the base: a uniform grid through its samples, without those in its gaps."""
+    """Return a uniform grid through the samples of the base, without the points in its gaps."""
     time_s = base.time_s
     step = np.diff(time_s)
     ends = np.flatnonzero(step > _patience(base))
@@ -210,9 +211,9 @@ def _grid(path: str, base: Track, rate_hz: float) -> FloatArray:
 
 
 def _filtered(track: Track, grid: FloatArray, rate_hz: float) -> FloatArray:
-    """Return a signal on the grid through the low-pass of a decimation to its rate, NaN in gaps.
+    """Return a signal on the grid, through the low-pass of a decimation to the rate of the grid; NaN in gaps.
 
-    Between its samples the signal is interpolated linearly; at its ends and beside gaps the filter takes what it has.
+    The signal is interpolated linearly. At its ends and beside gaps the weights of the known samples are scaled to 1.
     """
     turn = track.turn
     time_s, values = track.time_s, track.values if turn is None else np.unwrap(track.values, period=turn)
@@ -232,7 +233,7 @@ def _filtered(track: Track, grid: FloatArray, rate_hz: float) -> FloatArray:
         at = np.where(is_gap[interval] & (at >= after - beside), after, at)
         inside = (at >= time_s[0] - beside) & (at <= time_s[-1] + beside)
         known = inside & (~is_gap[interval] | (at == before) | (at == after))
-        for side in (slice(half, None), slice(half, None, -1)):  # what lies beyond a gap does not count
+        for side in (slice(half, None), slice(half, None, -1)):  # samples beyond a gap have no weight
             known[:, side] = np.logical_and.accumulate(known[:, side], axis=1)
         weights = np.where(known, taps, 0.0)
         with np.errstate(invalid="ignore"):
@@ -245,7 +246,7 @@ def _about(base: Track, ranked: Sequence[Track], slow: Sequence[Track], grid: Fl
     """Yield sentences on held signals, start offsets and jitter."""
 
     def named(tracks: Sequence[Track], what: Callable[[Track], str]) -> str:
-        """List signals by the name that each will have in the log: its channel's where no better source claims it."""
+        """List signals by their names in the log: the channel's, or the file's where another source is the channel."""
         best = {next(one for one in ranked if one.channel == t.channel) for t in ranked if t.channel is not None}
         return ", ".join(f"{t.channel if t in best else t.source} ({what(t)})" for t in tracks)
 

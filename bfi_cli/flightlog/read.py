@@ -37,7 +37,7 @@ from .text import read_csv, wide_encoding
 from .tlog import is_tlog, read_tlog_topics
 from .topics import Recorder, Topic, log_of_topics, topics_of
 
-# How the first bytes of a file show its format, and its reader; of a format with groups the reader chooses one.
+# By the first bytes of a file, its reader; these formats may have groups, of which the reader chooses one.
 MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.0 MAT-file")
 Reader = Callable[[str, Asked], RawLog]
 WITH_GROUPS: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
@@ -46,7 +46,7 @@ WITH_GROUPS: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
     (lambda head: head.startswith(b"TDSm"), read_tdms),
     (is_mcap, read_mcap),
 )
-# Recorders of messages: what reads those of their topics that are named.
+# By the first bytes of a file with messages, its recorder, and the function that reads the topics of given names.
 Topics = Callable[[str, Collection[str]], tuple[list[Topic], list[Note]]]
 OF_MESSAGES: tuple[tuple[Callable[[bytes], bool], Recorder, Topics], ...] = (
     (lambda head: head.startswith(b"ULog\x01\x12\x35"), "px4", read_ulog_topics),
@@ -54,17 +54,17 @@ OF_MESSAGES: tuple[tuple[Callable[[bytes], bool], Recorder, Topics], ...] = (
     (is_tlog, "mavlink", lambda path, _: read_tlog_topics(path)),
 )
 FOREIGN = {b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data", b"TDSh": "the index of a TDMS file"}
-# Seconds. The largest honest times count from 1904 or 1970, 4e9 s; in ms or us without their unit they are beyond this.
+# Largest time, s. Times since 1904 or 1970 are up to 4e9 s; in ms or us without a stated unit they are beyond this.
 LATEST = 1e12
-# Of a time axis without a unit: s, and Hz of a flight log, and what its steps may be counted in beside seconds.
+# Longest step, s, and highest rate, Hz, of a time axis without a unit, and its units beside seconds.
 LONGEST_STEP, FASTEST_LOG = 5.0, 1000.0
 TIME_UNITS = {"ms": 1e-3, "us": 1e-6}
-# s between samples. In more an aircraft turns around and climbs or sinks by its approach: nothing follows from that.
+# Longest step of a usable log, s: in more an aircraft turns around, or flies its whole approach.
 SLOWEST_S = 30.0
-# Decimals of a rounded time axis, s, and how large they may be beside its step: a missing sample is then a larger jump
-# than rounding makes. With fewer times a line tells nothing.
+# Decimals of a rounded time axis, s, their largest share of a step (a missing sample is then a larger jump than
+# rounding makes), and the fewest times for a line through them.
 DECIMALS, MOST_ROUNDED, FEWEST_TIMES = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6), 0.65, 20
-# Hz. Above every flight recorder; audio is at 2e5.
+# Limit of sample_rate_hz, Hz; audio has 2e5.
 FASTEST = 1e9
 
 
@@ -84,8 +84,8 @@ def read_log(
 ) -> FlightLog:
     """Read a flight log; the content of the file, not its name, decides the format.
 
-    Two columns for one standard name: a mapped one wins, then one of exactly that name, then the first; the other
-    keeps its own name.
+    Of two columns for one standard name a mapped column wins, then a column of exactly that name, then the first; the
+    other keeps its name in the file.
 
     Parameters
     ----------
@@ -100,7 +100,7 @@ def read_log(
     sample_rate_hz : from which time is counted in a log without a time axis, in place of the rate that its file states.
     columns : names of the columns of a table of numbers without a header line.
     keep : channels of another number of samples than the time axis, which count as even over the same time.
-    fill_s : stretches of NaN of up to this length are interpolated; by default none is.
+    fill_s : stretches of NaN of up to this length, s, are interpolated; by default none.
     boot : which part of a log whose clock starts again, counted from 1; by default the one with the longest flight.
 
     Returns
@@ -177,7 +177,7 @@ def _require_no_columns(path: str, asked: Asked) -> None:
 
 
 def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None) -> FlightLog:
-    """Return the log of a file; of one whose clock starts again the boot that is asked for, or that flies longest."""
+    """Return the log of a file, or of one of its boots where the clock starts again: number `boot`, or the longest."""
     boots = _boots(path, raw, asked)
     if boot is not None and not 1 <= boot <= len(boots):
         raise LogError(f"{path}: --boot {boot}: the log has {len(boots)}; give one of them, or leave it out")
@@ -201,7 +201,7 @@ def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None
 
 
 def _boots(path: str, raw: RawLog, asked: Asked) -> Sequence[RawLog]:
-    """Return the columns, on one time axis, between the restarts of the clock; those of less than two samples left out.
+    """Return the parts of a log between restarts of the clock, each on one time axis, those of one sample left out.
 
     Raises
     ------
@@ -210,7 +210,7 @@ def _boots(path: str, raw: RawLog, asked: Asked) -> Sequence[RawLog]:
     if raw.boots:
         boots = []
         for boot in raw.boots:
-            # One of too few messages is no log; that it was there the numbers of the others tell.
+            # A boot of too few messages is no log.
             with contextlib.suppress(LogError):
                 boots.append(on_one_clock(path, boot, asked))
         if not boots:
@@ -240,7 +240,7 @@ def _boots(path: str, raw: RawLog, asked: Asked) -> Sequence[RawLog]:
 
 
 def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
-    """Name the columns, convert them to SI and check the time axis, or count it from the rate that is given."""
+    """Return the log of columns: named, in SI, with a checked time axis, or one counted from the rate."""
     _check_maps(path, raw.columns, asked)
     taken, notes = _named(path, raw, asked)
     if not taken.keys() - {"time"}:
@@ -303,7 +303,7 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
 def _with_spread(
     path: str, channels: dict[str, Channel], time_s: FloatArray, asked: Asked
 ) -> tuple[dict[str, Channel], list[Note]]:
-    """Return the channels, those to keep as even samples from the first time of the log on, and notes on these.
+    """Return the channels, those of `asked.keep` interpolated as even samples over the log, and notes on these.
 
     Raises
     ------
@@ -318,9 +318,9 @@ def _with_spread(
         n, n_times = channels[name].n_samples, time_s.size
         if n == n_times:
             continue
-        # Each of the n samples stands for as long as n_times / n of the others.
-        own_s = time_s[0] + np.arange(n) * (time_s[-1] - time_s[0]) / max(n_times - 1, 1) * (n_times / n)
-        values = np.interp(time_s, own_s, channels[name].values)
+        # Each of the n samples stands for the time of n_times / n samples of the log.
+        even_s = time_s[0] + np.arange(n) * (time_s[-1] - time_s[0]) / max(n_times - 1, 1) * (n_times / n)
+        values = np.interp(time_s, even_s, channels[name].values)
         made[name] = replace(channels[name], values=frozen_array(values))
         notes.append(
             Note.method(
@@ -332,7 +332,7 @@ def _with_spread(
 
 
 def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[Note]]:
-    """Return the columns as channels by their names in the log, the time axis among them, and sentences on it."""
+    """Return the columns as channels by their names in the log, the time axis among them, and notes."""
     taken, notes = dict[str, Channel](), list(raw.notes)
     for column, match in by_precedence(raw.columns, asked):
         name, stated, in_file = column.source, unit_of(column, match, asked), column.unit
@@ -365,11 +365,11 @@ def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], li
 
 
 def _check_clock(log: FlightLog, source: str) -> None:
-    """Check that the seconds of a time axis are seconds, by what an aircraft does in them.
+    """Check the unit of a time axis by its step, and by altitude and roll against their rates.
 
     Raises
     ------
-    LogError : they are not.
+    LogError : the step is no recorder's, the record runs backwards, or a second of the axis is no second.
     """
     step = float(np.median(np.diff(log.time_s)))
     if step > SLOWEST_S and log.n_samples >= FEWEST_TIMES:
@@ -393,7 +393,7 @@ def _check_clock(log: FlightLog, source: str) -> None:
 
 
 def _channel(path: str, name: str, column: Track, unit: str | None, stated: str | None) -> Channel:
-    """Return a column as a channel in SI units, read-only; one that is left in its file stays there."""
+    """Return a column as a channel in SI units, read-only; a column still in its file is not read."""
     where, read = f"{path}: '{column.source}'", column.read
     values, si = to_si(column.values, unit or "", where=where)
     values.setflags(write=False)
@@ -412,7 +412,7 @@ def _channel(path: str, name: str, column: Track, unit: str | None, stated: str 
 
 
 def _check_maps(path: str, columns: Sequence[Track], asked: Asked) -> None:
-    """Check that the columns the user names exist, and that the units fit them."""
+    """Check that the columns of `--channel` and `--unit` exist, and that the units fit them."""
     sources = [column.source for column in columns]
     has = ", ".join(sorted(sources))
     for name, source in asked.channel_map.items():
@@ -436,12 +436,12 @@ def _check_maps(path: str, columns: Sequence[Track], asked: Asked) -> None:
 
 
 def _units_of(step: float) -> list[str]:
-    """Return the units, other than seconds, in which a time step can be that of a flight log."""
+    """Return the units other than seconds in which `step` can be the time step of a flight log."""
     return [unit for unit, one in TIME_UNITS.items() if 1.0 / FASTEST_LOG <= one * step <= LONGEST_STEP]
 
 
 def _unit_of_time(path: str, time: Track) -> tuple[str | None, tuple[Note, ...]]:
-    """Return the unit of a time axis that states none, as its step tells it, and a note where that is not seconds.
+    """Return the unit of a time axis without a stated unit, by its step, and a note where that is not seconds.
 
     Raises
     ------
@@ -493,10 +493,9 @@ def _checked_time(path: str, channel: Channel) -> FloatArray:
 
 
 def _without_rounding(time_s: FloatArray, source: str) -> tuple[FloatArray, tuple[Note, ...]]:
-    """Return the even times that a time axis of few decimals stands for, and a note; others as they are.
+    """Return the times, replaced by a straight line, and a note, if they are even times rounded to few decimals.
 
-    The straight line through the times is taken where no time is further from it than rounding to their decimals
-    explains.
+    They are where no time lies further from the line than rounding explains.
     """
     if time_s.size < FEWEST_TIMES or is_uniform(time_s):
         return time_s, ()

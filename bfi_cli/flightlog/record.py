@@ -19,9 +19,9 @@ from ..notes import Note
 
 FloatArray = NDArray[np.float64]
 
-# Ends the name, in a file, of the clean signal of a channel with an injected fault.
+# Suffix of the dataset or column with a channel's signal before a fault was injected.
 CLEAN = "_clean"
-LARGEST_VALUE = 1e30  # in SI units; above it nothing is a measurement, below it squares still are numbers
+LARGEST_VALUE = 1e30  # in SI units: nothing beyond it is a measurement, and its square is a finite number
 
 
 def frozen_array(values: object) -> FloatArray:
@@ -45,12 +45,12 @@ class Channel:
 
     Attributes
     ----------
-    name : standard name ("tas"), or the file's own where no alias is known.
+    name : standard name ("tas"), or the name in the file where no alias is known.
     values : (n_samples,) read-only, in `unit`.
     unit : SI or radians ("m/s"), "" where the file states none.
     source : the name in the file.
     source_unit : the unit stated in the file (or by the user), None where none was.
-    own_rate_hz : of the signal in the file, where it has a clock of its own; None where it has that of the log.
+    own_rate_hz : rate of a signal with a separate clock in the file, None where the clock is that of the log.
     """
 
     name: str
@@ -75,13 +75,13 @@ class Channel:
 
 
 class StoredChannel(Channel):
-    """A channel of a large file, read when its values are asked for and kept in memory no longer than they are in use.
+    """A channel of a large file, read when its values are needed and kept in memory only while they are in use.
 
     Parameters
     ----------
     read : returns the values of rows of the file, in `unit`, read-only.
-    rows : of the file that are the channel.
-    values : in place of both, for a channel that was made of one.
+    rows : the rows of the file that are the channel.
+    values : in place of `read` and `rows`, where they were computed from a stored channel.
     """
 
     __slots__ = ("_held", "_in_use", "_read", "_rows")
@@ -104,7 +104,7 @@ class StoredChannel(Channel):
 
     @property
     def values(self) -> FloatArray:
-        """(n_samples,) read from the file unless somebody still has them."""
+        """(n_samples,) read from the file unless they are still in use."""
         values = self._in_use() if self._held is None else self._held
         if values is None:
             values = self._read(self._rows)
@@ -144,7 +144,7 @@ class Segment:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Truth:
-    """Injected faults (their onsets on the log's own time axis) and the clean signal of every faulty channel."""
+    """Injected faults, their onsets on the log's time axis, and the signal of each faulty channel without them."""
 
     faults: tuple[Fault, ...]
     clean: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -161,12 +161,12 @@ class FlightLog:
     channels : by standard name.
     truth : injected faults, None where the file carries none.
     segments : labelled parts of the flight.
-    filters : the low-pass filters it went through, recorder first; None where nothing is known of them.
+    filters : the low-pass filters that the log went through, recorder first; None where nothing is known of them.
     sha256 : of the file, "" for a log made in memory.
     notes : what the reader, or resampling, decided, as sentences for the user.
     left_out : by name in the file why an array is no channel; see `raw.RawLog`.
-    earlier : other records of this aircraft without a fault, whose motion follows the same model; earlier_weights : how
-        many times as quiet as this one each is, none for 1.
+    earlier : fault-free logs of this aircraft, whose motion follows the same model; earlier_weights : the standard
+        deviation of this log's prediction error over that of each earlier log; () for 1.
     """
 
     path: str
@@ -180,7 +180,7 @@ class FlightLog:
     left_out: Mapping[str, str] = field(default_factory=dict)
     earlier: tuple[FlightLog, ...] = ()
     earlier_weights: tuple[float, ...] = ()
-    _rate_hz: list[float] = field(init=False, repr=False, default_factory=list)  # once it is known
+    _rate_hz: list[float] = field(init=False, repr=False, default_factory=list)  # `rate_hz`, after its first use
 
     @property
     def n_samples(self) -> int:
@@ -198,7 +198,7 @@ class FlightLog:
 
         Raises
         ------
-        LogError : there is none.
+        LogError : the log has no such channel.
         """
         if (channel := self.find(name)) is not None:
             return channel
@@ -216,11 +216,11 @@ class FlightLog:
         return self.channels.get(name) or next(by_source, None)
 
     def signals(self, names: Sequence[str]) -> FloatArray:
-        """Return (n_samples, len(names)) of channel values, of one channel those themselves."""
+        """Return (n_samples, len(names)) of channel values; a view for a single channel."""
         if len(names) == 1:
             return self.channel(names[0]).values[:, None]
         signals = np.empty((self.n_samples, len(names)))
-        for i, name in enumerate(names):  # of a large log one is in memory at a time
+        for i, name in enumerate(names):  # a large log has one channel at a time in memory
             signals[:, i] = self.channel(name).values
         return signals
 
@@ -248,7 +248,7 @@ class FlightLog:
         return replace(self, time_s=frozen_array(self.time_s[rows]), channels=channels, truth=truth)
 
     def changed(self, change: Callable[[str, FloatArray], FloatArray], **more: Any) -> FlightLog:
-        """Return the log with every channel and every clean signal changed, (n_samples,) by its name."""
+        """Return the log with `change(name, values)` in place of the values of every channel and every clean signal."""
 
         def of(channel: Channel) -> Channel:
             values = channel.values
@@ -270,7 +270,7 @@ def segments_from_json(text: str, *, where: str) -> tuple[Segment, ...]:
 
     Raises
     ------
-    LogError : it is not such a list.
+    LogError : the text is not such a list.
     """
     segments = []
     for entry in _objects(text, where):
@@ -296,7 +296,7 @@ def faults_from_json(text: str, *, where: str) -> tuple[Fault, ...]:
 
     Raises
     ------
-    LogError : it is not such a list, or one of them is no fault.
+    LogError : the text is not such a list, or an entry is no fault.
     """
     try:
         return tuple(fault_from_dict(entry, where=where) for entry in _objects(text, where))

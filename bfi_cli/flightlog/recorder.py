@@ -1,4 +1,4 @@
-"""What is known of the recorder's low-pass: stated by the file or the user, or seen in the log itself."""
+"""The recorder's low-pass, as stated by the file or the user, or as identified from the log."""
 
 from __future__ import annotations
 
@@ -12,18 +12,18 @@ from ..kernels.recorder_spectrum import recorder_from_spectra
 from .quality import is_uniform
 from .record import FlightLog
 
-# Samples that are enough to see hundreds of jumps: three hours at 10 Hz.
+# Samples that are looked at: three hours at 10 Hz hold hundreds of jumps.
 MOST_SAMPLES = 108_000
-# Relative difference of two edges beyond which they contradict each other: that of spectra with the right kind.
+# Relative difference of two edges beyond which they contradict each other: the accuracy of the spectra.
 SAME_EDGE = 0.2
 UNKNOWN = "it is unknown whether the recorder low-passed the log; no low-pass is assumed (--recorder HZ states one)"
 
 
 def with_seen_recorder(log: FlightLog) -> FlightLog:
-    """Return the log with the recorder's filter where its channels show it, unless its file states filters.
+    """Return the log with the recorder's filter as its channels show it, unless the file states filters.
 
-    Jumps of one quantum show kind and edge; those that are as sharp as the samples say that there is none. Without
-    jumps a cliff that the spectra of most channels have in common shows a filter, with an uncertain kind and edge.
+    Jumps of one quantum show kind and edge; if they are as sharp as the samples there is no filter. Without jumps, a
+    common cut-off in the spectra of most channels shows a filter, whose kind and edge are then uncertain.
     """
     if log.filters is not None or not is_uniform(log.time_s):
         return log
@@ -49,7 +49,7 @@ def recorder_filters(
 ) -> tuple[tuple[Filter, ...], str]:
     """Return the filters that a fault of the aircraft went through, recorder first, and a sentence on the recorder.
 
-    What is stated counts; the sentence says where the log itself shows another.
+    A stated filter is used even where the log shows another, which the sentence then mentions.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""The JSON documents of the commands about logs, and what their reports hold."""
+"""The JSON documents and the reports of the commands about logs."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .timeline import lanes_of, phase_columns, phase_table, window_table
 
 Plain = Mapping[str, Any]
 
-# Of a short defect in the document of `bfi info`.
+# Keys of a short defect in the document of `bfi info`.
 DEFECT_KEYS = ("channel", "shape", "count", "times_s", "durations_s", "duration_s", "largest", "unit")
 # Heights of a panel of lanes and of each of them, relative to that of a panel of curves.
 LANES_HEIGHT, LANE_HEIGHT = 0.08, 0.085
@@ -51,7 +51,7 @@ def info_document(
 
 
 def info_content(document: Plain, units: Units = SI, *, where: str = "result") -> ReportContent:
-    """Return what the report of a document of `bfi info` holds, in `units`; in SI angles are in rad, as in a file.
+    """Return the report of a document of `bfi info`, in `units`; in SI angles are in rad, as in a file.
 
     Raises
     ------
@@ -99,7 +99,7 @@ def info_content(document: Plain, units: Units = SI, *, where: str = "result") -
 
 
 def _report_of(document: Plain, where: str) -> LogReport:
-    """Return what a document of `bfi info` was made from; of the filters the recorder's."""
+    """Return the report that a document of `bfi info` was made from; its filters are the recorder's alone."""
     recorder, gaps = document.get("recorder"), member(document, "gaps", where=where)
     flat = {
         "derived": [],
@@ -169,7 +169,7 @@ def _tables(log: LogReport, units: Units) -> Iterator[Table]:
 
 
 def _table(name: str, title: str, rows: Sequence[Plain]) -> Iterator[Table]:
-    """Yield a table of rows by column title, columns that are empty throughout left out; nothing without rows."""
+    """Yield a table of rows by column title, without its empty columns; nothing without rows."""
 
     def cell(value: str | float | None) -> str:
         return value or "" if value is None or isinstance(value, str) else f"{value:.5g}"
@@ -195,32 +195,32 @@ def log_document(log: FlightLog, provenance: Provenance, *, kind: str) -> dict[s
 
 
 def log_content(document: Plain, units: Units = SI, *, where: str = "result") -> ReportContent:
-    """Return what the report of a document of `bfi convert`, `bfi simulate` or `bfi inject` holds.
+    """Return the report of a document of `bfi convert`, `bfi simulate` or `bfi inject`.
 
     The units of channels are those of the file that was written, whatever `units` are.
     """
-    own = {one["name"]: one["unit"] for one in document["channels"]}
+    written = {one["name"]: one["unit"] for one in document["channels"]}
     truth = member(document, "truth", where=where) or {"faults": ()}
     faults = [fault_from_dict(fault, where=f"{where}: truth") for fault in truth["faults"]]
-    rows = tuple((name, unit or "not stated") for name, unit in own.items())
+    rows = tuple((name, unit or "not stated") for name, unit in written.items())
     return ReportContent(
         category="Flight log",
         title=str(document["path"]),
         heading="A log was written",
         verdict=f"{document['path']}: {document['n_samples']} samples at {document['rate_hz']:.6g} Hz",
-        facts=tuple(("Injected", describe_injected(fault, own.get(fault.channel, ""), units)) for fault in faults),
+        facts=tuple(("Injected", describe_injected(fault, written.get(fault.channel, ""), units)) for fault in faults),
         tables=(Table(name="channels", title="Channels", heads=("name", "unit"), rows=rows),),
         notes=notes_of(document),
     )
 
 
 def log_lines(log: FlightLog, units: Units = SI) -> list[str]:
-    """Return what the log holds: a summary, then one line per fault, in `units`, and note."""
+    """Return the lines that a command prints about a log: a summary, a line per fault, in `units`, and per note."""
     names = ", ".join(f"{channel.name} [{channel.unit or '?'}]" for channel in log.channels.values())
-    faults, own = log.truth.faults if log.truth else (), {one.name: one.unit for one in log.channels.values()}
+    faults, unit_of = log.truth.faults if log.truth else (), {one.name: one.unit for one in log.channels.values()}
     return [
         f"{log.path}: {log.n_samples} samples at {log.rate_hz:.6g} Hz: {names}",
-        *(f"fault: {describe_injected(fault, own.get(fault.channel, ''), units)}" for fault in faults),
+        *(f"fault: {describe_injected(fault, unit_of.get(fault.channel, ''), units)}" for fault in faults),
         *(f"note: {units.sentence(note.text)}" for note in unique(log.notes)),
     ]
 
@@ -228,7 +228,7 @@ def log_lines(log: FlightLog, units: Units = SI) -> list[str]:
 def describe_injected(fault: Fault, unit: str, units: Units = SI) -> str:
     """Return an injected fault in words: "bias on tas, magnitude 4 m/s, from 13.8 s".
 
-    In SI its numbers are those that were typed; what a magnitude means that multiplies a slope is said in brackets.
+    In SI the numbers are those that were typed. A magnitude that multiplies a slope is followed by its meaning.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Samples that a log does not have: missing ones interpolated, and those of another rate through a low-pass.
+"""Missing samples interpolated, and logs resampled to another rate through a low-pass.
 
-Single missing samples of an even clock are interpolated, and longer stretches where the user asks for it. Another rate
-is a uniform grid, low-passed and decimated, every channel alike.
+Single missing samples of an even clock are interpolated, longer stretches only where the user asks for it. A log at
+another rate is laid on a uniform grid, low-passed and decimated, every channel alike.
 """
 
 from __future__ import annotations
@@ -32,11 +32,11 @@ LARGEST_DENOMINATOR = 1000  # of the ratio of two rates: within 1e-6 of any rati
 SINC_LOBES = 10  # half the length of the sinc in its own periods
 CUTOFF = 0.8  # of the sinc, over the new Nyquist frequency
 KAISER_BETA = 8.0  # of the sinc's window: a stop band 80 dB down
-# Of a step, by which a clock may wander: a stretch of just the length that is asked for is filled.
+# Share of a step by which a clock may wander: a stretch of just the length asked for is filled.
 BESIDE = 0.02
-# Of all steps: with more double ones a clock is not even. A Garmin G1000 at 1 Hz leaves out one second in 45.
+# Share of double steps up to which a clock is even with samples missing. A Garmin G1000 at 1 Hz misses one in 45.
 MOST_DOUBLE = 0.05
-# With more double steps in a row the clock goes at half its rate.
+# With more double steps in a row the clock runs at half its rate.
 MOST_IN_A_ROW = 3
 
 
@@ -111,13 +111,13 @@ def resample_with(
 
 
 def with_reach(rate_hz: float | None, from_s: float | None, to_s: float | None) -> tuple[float | None, float | None]:
-    """Return a window widened by what the filter of a resampling to this rate reaches beyond it."""
+    """Return a window widened by the support of the filter that resamples to this rate."""
     margin = MARGIN_PERIODS / rate_hz if rate_hz else 0.0
     return None if from_s is None else from_s - margin, None if to_s is None else to_s + margin
 
 
 def _grid(log: FlightLog, rate_hz: float) -> FloatArray:
-    """Return the log's own time axis if it is uniform, else a uniform one at a multiple of the new rate."""
+    """Return the log's time axis if it is uniform, else a uniform axis at a multiple of the new rate."""
     span = float(log.time_s[-1] - log.time_s[0])
     if is_uniform(log.time_s):
         return np.asarray(log.time_s[0] + np.linspace(0.0, span, log.n_samples))
@@ -220,8 +220,8 @@ def _polyphase(x: FloatArray, up: int, down: int) -> FloatArray:
 def with_filled(log: FlightLog, longest_s: float) -> FlightLog:
     """Return the log with stretches of NaN of up to `longest_s` interpolated linearly, and a note on each channel.
 
-    A stretch at an end of the log is left as it is, for there is nothing beyond. Angles take the shorter way round;
-    flags keep their last value. The clean signal of a channel with an injected fault is filled alike.
+    A stretch at an end of the log stays NaN. Angles take the shorter way round; flags keep their last value. The clean
+    signal of a channel with an injected fault is filled alike.
     """
     stretches: dict[str, list[float]] = {}
 
@@ -233,7 +233,7 @@ def with_filled(log: FlightLog, longest_s: float) -> FlightLog:
     changed, notes = log.changed(filled), list(log.notes)
     for name, lengths_s in stretches.items():
         if lengths_s:
-            count = f"{len(lengths_s)} stretch{'es' * (len(lengths_s) > 1)}"
+            count = "1 stretch" if len(lengths_s) == 1 else f"{len(lengths_s)} stretches"
             notes.append(
                 Note.method(f"'{name}': {count} of up to {max(lengths_s):.3g} s without samples interpolated (--fill)")
             )
@@ -241,10 +241,10 @@ def with_filled(log: FlightLog, longest_s: float) -> FlightLog:
 
 
 def with_single_samples(log: FlightLog) -> FlightLog:
-    """Return the log with the samples that an even clock left out one at a time interpolated, and a note.
+    """Return the log with single missing samples of an even clock interpolated, and a note.
 
-    A sample is missing alone where the step is twice the median one.
-    Longer gaps, and clocks that are not even otherwise, are left as they are.
+    A single sample is missing where a step is twice the median step. Longer gaps stay, and so do logs whose clock is
+    uneven apart from that.
     """
     if log.n_samples < 4:
         return log
@@ -263,7 +263,7 @@ def with_single_samples(log: FlightLog) -> FlightLog:
     def with_holes(name: str, values: FloatArray) -> FloatArray:
         inserted = np.insert(values, at, np.nan)
         filled, _ = _filled(name, inserted, longer, 1.0 / log.rate_hz)
-        # What is missing in the file beside them stays so.
+        # Samples that are NaN in the file stay NaN.
         return frozen_array(np.where(missing, filled, inserted))
 
     first_s = log.time_s[at[0] - 1]
@@ -277,7 +277,7 @@ def _filled(name: str, values: FloatArray, log: FlightLog, longest_s: float) -> 
     for start, stop in runs(np.isnan(values)):
         if start == 0 or stop == values.size:
             continue
-        # From the last sample before to the first after, less the step that is no stretch: a gap of the clock counts.
+        # From the last sample before to the first after, less one step, so that a gap of the clock within counts.
         at = log.time_s[start - 1 : stop + 1]
         length_s = float(at[-1] - at[0]) - 1.0 / log.rate_hz
         if not length_s <= longest_s + BESIDE / log.rate_hz:
@@ -290,6 +290,6 @@ def _filled(name: str, values: FloatArray, log: FlightLog, longest_s: float) -> 
         turns = 2.0 * np.pi * float(np.round((after - before) / (2.0 * np.pi))) if name in ANGLES else 0.0
         part = (at[1:-1] - at[0]) / (at[-1] - at[0])
         between = before + (after - turns - before) * part
-        # Back into the turn of the value before or of that after, whichever is nearer in time.
+        # The first half in the turn of the value before, the second half in that of the value after.
         out[start:stop] = np.where(part < 0.5, between, between + turns)
     return (frozen_array(out) if lengths_s else values), lengths_s

@@ -1,8 +1,8 @@
-"""Whether the aircraft flies: what the independent signs of a log say, and which airspeed contradicts the others.
+"""Whether the aircraft flies: a vote of the independent signs of a log, and the airspeeds that contradict it.
 
-An airspeed may be the faulty channel, so that no single one decides. Signs are the airspeeds (all of one air-data
-system, so that together they have one voice), the ground speed, the altitude, how much the attitude moves, how much the
-load does, and the thrust. Of motion and thrust the log itself says what is usual in flight and what on the ground.
+An airspeed may be the faulty channel, so that no single airspeed decides. Signs are the airspeeds (one vote together,
+since they belong to one air-data system), the ground speed, the altitude, the motion of the attitude, that of the load,
+and the thrust. What is usual in flight and on the ground for motion and thrust, the log itself tells.
 """
 
 from __future__ import annotations
@@ -20,31 +20,32 @@ from .record import LARGEST_VALUE, FlightLog
 
 Says = Literal["ground", "flight"]
 
-# The ones that bear the aircraft first: true airspeed and Mach number grow with altitude at the same lift.
+# Airspeeds that determine the lift first: true airspeed and Mach number grow with altitude at the same lift.
 AIRSPEEDS = ("cas", "ias", "tas", "mach")
 METRES_PER_SECOND = {"mach": 340.0}
 GRAVITY = 9.8  # m/s^2
-# A gust, or noise of a pitot tube at rest, is no flight: the median over this time counts.
+# Time of a running median, against gusts and the noise of a pitot tube at rest.
 SMOOTHING_S = 5.0
-# What is slower than a quarter of the fastest sample is no flight either: an aircraft at a quarter of a speed has a
-# sixteenth of its lift. The fastest is a quantile, since a single sample may be wrong.
+# Below a quarter of the fastest speed, a quantile since single samples may be wrong, the aircraft does not fly: it has
+# at most a sixteenth of the lift.
 FASTEST, MOVING = 0.99, 0.25
-# Of the median speed of what is left, down to which an aircraft is borne: lift-off and touch-down lie at half to two
-# thirds of the cruising speed, of a jet (55 of 95 m/s) as of a drone (6 of 10 m/s), slow flight at two thirds.
+# Shares of the cruising speed, the median above that: the lowest at which the wing bears the aircraft (lift-off and
+# touch-down lie at half to two thirds for a jet, 55 of 95 m/s, as for a drone, 6 of 10 m/s; slow flight at two
+# thirds) ...
 BORNE = 0.6
-# Of the cruising speed, below which an aircraft taxies; in a stall it flies at a third or a half of it.
+# ... and the highest of taxiing; in a stall an aircraft flies at a third or a half.
 TAXI = 0.3
 # Below a walk nothing flies, whatever the quantiles of a log on the ground say, m/s.
 WALK = 3.0
-# V / g for which an aircraft without airspeed stays in the air at most: falling freely it has its speed back after one,
-# with the pull-out and the smoothing of the airspeed after three. So a longer stretch without airspeed is the sensor's.
+# V / g that an aircraft in flight can be without airspeed: in free fall it regains its speed after one, with the
+# pull-out and the smoothing of the airspeed after three. A longer stretch without airspeed is a fault of the sensor.
 LONG = 5.0
-# A ground has a flight on at least one side that rises above it by this share of V^2 / g; a stall high up has not.
+# A flight before or after a stay on the ground rises above it by this share of V^2 / g; one around a stall does not.
 ABOVE_GROUND = 0.1
-# An aircraft that rests changes its altitude by less than this share of V^2 / g: the weather of a day does not.
+# On the ground the pressure altitude changes by less than this share of V^2 / g, also with the weather of a day.
 LOST = 0.25
-# Motion and thrust speak only where flight and ground differ: this quantile in flight above that one on the ground,
-# each of at least so many pieces of LONG. By definition of no overlap but for a fifth; no tuning record.
+# Motion and thrust vote only where flight and ground differ: the first quantile in flight exceeds the second on the
+# ground, each from at least so many pieces of LONG. Not tuned: the distributions may overlap by a fifth.
 LEAST_IN_FLIGHT, MOST_ON_GROUND, FEWEST_PIECES = 0.2, 0.8, 2
 
 
@@ -62,12 +63,12 @@ class Overruled:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Verdict:
-    """Where the aircraft is on the ground; what is neither that nor `unknown` is in flight.
+    """Where the aircraft is on the ground; elsewhere it is in flight, but for what is `unknown`.
 
     Attributes
     ----------
-    on_ground, unknown : (n,); nothing tells of what is unknown.
-    claims : by airspeed, (n,) where it says ground, and `known` where it says something.
+    on_ground, unknown : (n,); no sign tells where it is unknown.
+    claims : by airspeed, (n,) where it says ground.
     against : runs in which an airspeed is overruled.
     """
 
@@ -78,7 +79,7 @@ class Verdict:
 
 
 def speed_values(log: FlightLog, name: str) -> FloatArray | None:
-    """Return (n_samples,) a speed of the log, m/s, NaN where it is none; None where the log does not have it."""
+    """Return (n_samples,) a speed of the log, m/s, NaN where it is no measurement; None where the log lacks it."""
     if name == "ground_speed" and name not in log.channels:
         if not {"velocity_north", "velocity_east"} <= log.channels.keys():
             return None
@@ -106,7 +107,7 @@ def smoothed_speed(values: FloatArray, rate_hz: float) -> FloatArray:
 
 
 def cruise_of(speed: FloatArray) -> float:
-    """Return the median of what is not slow, m/s; at walking speed or below it the log is one of the ground."""
+    """Return the cruising speed, m/s: the median of what is not slow. At `WALK` or below the log is of the ground."""
     known = speed[np.isfinite(speed)]
     if not known.size:
         return 0.0
@@ -116,9 +117,9 @@ def cruise_of(speed: FloatArray) -> float:
 
 
 def equivalent(name: str, speed: FloatArray, height: FloatArray | None) -> FloatArray:
-    """Return the equivalent airspeed, which bears an aircraft alike at any altitude, in the standard atmosphere.
+    """Return the equivalent airspeed, at which the lift is the same at any altitude, in the standard atmosphere.
 
-    Without an altitude a true airspeed and a Mach number are taken as they are.
+    Without an altitude, true airspeed and Mach number are returned as they are.
     """
     if name not in ("tas", "mach") or height is None:
         return speed
@@ -176,7 +177,7 @@ def decide(
             continue
         run, here = slice(low, high), {name: bool(claims[name][low]) for name in airspeeds if known[name][low]}
         n_ground = sum(here.values())
-        # A slow approach is of the same run as the landing: whether that is one, the part tells in which a speed rests.
+        # A slow approach lies in one run with the landing: the altitude of the part in which a speed is at rest counts.
         still = np.flatnonzero(rests[run]) if n_ground else np.empty(0, dtype=int)
         core = (low + int(still[0]), low + int(still[-1]) + 1) if still.size >= long else (low, high)
         others: list[int] = []
@@ -195,7 +196,7 @@ def decide(
         unknown[run] = total == 0
         for name, says_ground in here.items() if high - low >= long else ():
             at_rest = low + np.flatnonzero(airspeeds[name][run] < TAXI * cruises[name])
-            # An airspeed in flight, without another at rest, may be wind: a drone on the ground flies as well in that.
+            # An airspeed that says flight while none is at rest may be wind, which a drone on the ground measures too.
             alone = n_ground < len(here)
             is_wrong_on_ground = says_ground and total < 0 and (alone or at_rest.size >= long)
             if is_wrong_on_ground or (not says_ground and total > 0 and n_ground):
@@ -209,7 +210,7 @@ def decide(
                         latest=low if alone else int(at_rest[0]),
                     )
                 )
-    # What nothing tells of is as what is on both of its sides.
+    # An unknown run between two of the same kind is of that kind.
     for low, high in runs(unknown):
         if low > 0 and high < n and on_ground[low - 1] == on_ground[high]:
             on_ground[low:high], unknown[low:high] = on_ground[low - 1], False
@@ -219,9 +220,9 @@ def decide(
 def _claims(
     airspeeds: Collection[str], speeds: Mapping[str, FloatArray], cruises: Mapping[str, float], long: int
 ) -> tuple[dict[str, BoolArray], BoolArray]:
-    """Return where each speed says ground, and what most airspeeds say; see steps 1 and 2 of `decide`.
+    """Return where each speed says ground, and where most airspeeds do; see steps 1 and 2 of `decide`.
 
-    Where as many airspeeds claim the contrary, what the first that is known does counts.
+    In a tie of the airspeeds the first that is known decides.
     """
     claims = {name: np.zeros(speed.size, dtype=bool) for name, speed in speeds.items()}
     for name, speed in speeds.items():
@@ -262,11 +263,11 @@ def _altitude_says(
         return 0
     heights = heights[np.isfinite(heights)]
     low, high = run
-    # Not the extremes: an altimeter may begin at 0, and a sample may be wrong.
+    # Quantiles, since an altimeter may begin at 0 and single samples may be wrong.
     lowest, highest = np.percentile(heights, (20.0, 80.0))
     if highest - lowest > LOST * scale_m:
         return -1
-    # An aircraft that is slow on high has come up there, or goes down from there: on that side nothing is higher.
+    # An aircraft that is slow high up has climbed to there, or descends from there: on that side nothing is higher.
     before = np.flatnonzero(claimed[:low])  # the flight right before the run, and right after it
     after = np.append(np.flatnonzero(claimed[high:]), claimed.size - high)
     sides = [height[(int(before[-1]) + 1 if before.size else 0) : low], height[high : high + int(after[0])]]
@@ -308,7 +309,7 @@ def _variance(values: FloatArray, long: int) -> FloatArray:
 
 
 def _joined(found: Sequence[Overruled]) -> list[Overruled]:
-    """Return the runs of each channel with those that touch made one."""
+    """Return the runs in which each channel is overruled, adjacent runs joined."""
     whole: list[Overruled] = []
     last: dict[tuple[str, Says], int] = {}
     for one in found:

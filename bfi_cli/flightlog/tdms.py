@@ -1,7 +1,7 @@
-"""TDMS logs of LabVIEW: channels in groups, each with its own waveform clock, or a group with a channel of time.
+"""TDMS logs of LabVIEW: channels in groups, each with a waveform clock, or a group with a channel of time.
 
-The parsing is that of npTDMS (extra `tdms`). The names of channels are those of the rig, so the table that knows them
-is that of `bfi_cli.channels`, as for HDF5 and CSV; units and clocks are properties of the channels.
+The package npTDMS parses the file (extra `tdms`). Channel names are matched by `bfi_cli.channels`, as for HDF5 and CSV;
+units and clocks are properties of the channels.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from .raw import (
     require_memory,
 )
 
-# What LabVIEW and DIAdem call a unit, the more usual first.
+# Properties in which LabVIEW and DIAdem state a unit, the more usual first.
 UNITS = ("unit_string", "NI_UnitDescription", "units", "unit")
-# Hz and s. A clock beyond these is none of a flight, but a damaged or an empty property.
+# Hz and s: a clock beyond these limits is a damaged or an empty property.
 FASTEST, SLOWEST_S = 1e6, 1e4
 
 
 @dataclass(frozen=True, slots=True)
 class _Clock:
-    """Time of a waveform: its first sample, seconds from midnight where `day` is one, and its step."""
+    """Time of a waveform: its first sample, seconds from midnight of `day` if that is known, and its step."""
 
     start_s: float
     step_s: float
@@ -49,7 +49,7 @@ class _Clock:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Signal:
-    """A channel of numbers: `source` is its name in the log, `clock` that of its waveform if it is one."""
+    """A channel of numbers: `source` is its name in the log, `clock` None without a waveform, `is_moment` of dates."""
 
     source: str
     group: str
@@ -68,8 +68,8 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
     """Read a TDMS file.
 
     A group with a channel of time has that time axis. Otherwise channels have the clocks of their waveforms
-    (`wf_increment`, `wf_start_time`, `wf_start_offset`), and those of several groups are one log; where clocks differ
-    all are brought to one base.
+    (`wf_increment`, `wf_start_time`, `wf_start_offset`), and several groups are one log; channels of different clocks
+    are resampled to one time base.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
         raise LogError(f"{path}: a TDMS file, and npTDMS is not installed; pip install 'bfi-cli[tdms]'") from None
     for name in ("nptdms", *nptdms.log.log_manager.loggers):
         logging.getLogger(name).setLevel(logging.ERROR)
-    # From an open file, because beside a name the index file of a stranger would be read.
+    # An open file, since with a path npTDMS also reads the index file beside it, which may be a stranger's.
     quiet = np.errstate(all="ignore")
     with parsing(path, "TDMS file"), open(path, "rb") as file, quiet, nptdms.TdmsFile.open(file) as tdms:
         signals, stated_rate, left_out = _signals(path, tdms, asked.group)
@@ -94,7 +94,7 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
     if is_cut:
         notes.append(Note.limit("the file is cut off before its end: samples are missing there; copy it again"))
     if is_cut and len({one.group if has_time or one.clock is None else one.clock for one in signals}) == 1:
-        # Of one clock, without what the end of the file has of some channels only.
+        # Channels of one clock end where the shortest does.
         shortest, longest = (which(one.values.size for one in signals) for which in (min, max))
         if shortest < longest:
             signals = [replace(one, values=one.values[:shortest]) for one in signals]
@@ -117,7 +117,7 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
 
 
 def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], float | None, dict[str, str]]:
-    """Return the numbers of the wanted group, or of all that can be one log, their rate, and what is left out."""
+    """Return the signals of the wanted group, or of all groups of one log, the rate stated, and what is left out."""
     channels = [channel for group in tdms.groups() for channel in group.channels()]
     require_few(path, len(channels), "channels")
     why = {"V": "is empty", "O": "holds text", "U": "holds text", "S": "holds text", "c": "holds complex numbers"}
@@ -164,12 +164,12 @@ def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], f
 
 
 def _clock(properties: Mapping[str, Any]) -> _Clock | None:
-    """Return the clock of a waveform, None of a channel that is none."""
+    """Return the clock of a channel, None where it is no waveform."""
     step_s, offset_s = _number(properties.get("wf_increment")), _number(properties.get("wf_start_offset", 0.0))
     if step_s is None or offset_s is None or not 1.0 / FASTEST <= step_s <= SLOWEST_S or abs(offset_s) > 1e12:
         return None
     start = properties.get("wf_start_time")
-    # LabVIEW's own epoch, 1904, is a start that nobody set.
+    # A start at LabVIEW's epoch, 1904, was never set.
     if not isinstance(start, np.datetime64) or np.isnat(start) or start < np.datetime64("1970-01-02"):
         return _Clock(offset_s, step_s, None)
     day = start.astype("datetime64[D]")
@@ -184,7 +184,7 @@ def _number(stated: object) -> float | None:
 
 
 def _times(signal: _Signal, day: np.datetime64 | None) -> FloatArray:
-    """Return the times of a waveform, from midnight of `day` where the log has days."""
+    """Return the times of a waveform, counted from midnight of `day` where that is given."""
     clock = signal.clock
     assert clock is not None
     days = 0.0 if day is None or clock.day is None else float((clock.day - day) / np.timedelta64(1, "D"))
@@ -192,7 +192,7 @@ def _times(signal: _Signal, day: np.datetime64 | None) -> FloatArray:
 
 
 def _with_time(signals: Sequence[_Signal]) -> RawLog:
-    """Return the log with moments made a time axis from midnight of their first day."""
+    """Return the log; a channel of dates becomes the time axis, from midnight of its first day, unless there is one."""
     has_axis = any(one.is_time and not one.is_moment for one in signals)
     kept, notes, left_out = [], [], {}
     for signal in signals:

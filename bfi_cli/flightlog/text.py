@@ -39,7 +39,7 @@ EPOCH = date(1970, 1, 1).toordinal()
 FAULTS = "# faults: "
 SEGMENTS = "# segments: "
 FILTERS = "# filters: "
-# Bytes; a cell of two characters becomes a number of eight bytes, and a log is held twice while it is put together.
+# Limit of a text, bytes: a cell of two characters becomes a number of eight bytes, and assembling holds a log twice.
 LARGEST_TEXT = 10**9
 # Garmin's first line, and the line of units below it.
 AIRFRAME, UNITS = "#airframe_info", "# units"
@@ -49,7 +49,7 @@ LONGEST_LINE = 10**6
 
 
 def wide_encoding(head: bytes) -> str | None:
-    """Return the encoding of a text of two bytes a character from its first bytes; None where it is no such text."""
+    """Return the encoding of a text of two bytes per character from its first bytes; None for any other text."""
     if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return "utf-16"
     even, odd = head[: len(head) // 2 * 2 : 2], head[1::2]
@@ -65,8 +65,8 @@ def read_csv(path: str, asked: Asked, encoding: str | None = None) -> RawLog:
 
     Parameters
     ----------
-    asked : its columns, where the text has no header.
-    encoding : of the text; None for UTF-8, or Latin-1 where it is no UTF-8.
+    asked : its `columns` name the columns of a text without a header.
+    encoding : of the text; None for UTF-8, or Latin-1 if that fails.
 
     Raises
     ------
@@ -152,7 +152,7 @@ def _with_commas(row: tuple[int, str]) -> tuple[int, str]:
 
 
 def _named(path: str, first: tuple[int, str], named: Sequence[str], delimiter: str) -> str:
-    """Return the header that a table does not have."""
+    """Return a header line of the names that `--columns` gives to a table without one."""
     cells = _cells(first[1], delimiter)
     if not all(_is_number(cell) or cell.strip().lower() in ABSENT for cell in cells):
         raise LogError(f"{path}: line {first[0]} is a header; leave out --columns, or map its names with --channel")
@@ -162,7 +162,7 @@ def _named(path: str, first: tuple[int, str], named: Sequence[str], delimiter: s
 
 
 def _two_headers(upper: str, lower: str, delimiter: str) -> str | None:
-    """Return one header of the two of a Garmin G3X: short names below, the units of the long names above."""
+    """Return the header of a Garmin G3X: the short names of the lower line with the units of the upper line."""
     long, short = (_cells(line, delimiter) for line in (upper, lower))
     if len(long) != len(short) or any(map(_is_number, short)):
         return None
@@ -171,7 +171,7 @@ def _two_headers(upper: str, lower: str, delimiter: str) -> str | None:
 
 
 def _units(line: str, delimiter: str, count: int) -> list[str | None] | None:
-    """Return the units of a line of them, None where a line holds something else; those that are unknown are left."""
+    """Return the units of a line of units, None for any other line; a unit that is not known is None."""
     cells = [cell.strip().strip("[]()").strip() for cell in _cells(line, delimiter)]
     stated = [cell for cell in cells[:count] if cell]
     known = {cell for cell in stated if cell != "-" and si_unit(cell) is not None}
@@ -188,11 +188,13 @@ def _is_number(cell: str) -> bool:
 
 
 def _rows(path: str, file: TextIO, comments: dict[str, str]) -> Iterator[tuple[int, str]]:
-    """Yield number and text of the lines that are neither empty nor comments; keep those on faults, segments, filters.
+    """Yield number and text of the lines that are neither empty nor comments.
+
+    The comments on faults, segments, filters and the airframe are added to `comments`.
 
     Raises
     ------
-    LogError : a line that is longer than any log's.
+    LogError : a line of more than `LONGEST_LINE` characters.
     """
     line = 0
     while text := file.readline(LONGEST_LINE + 1):
@@ -244,11 +246,12 @@ def _header(path: str, line: int, text: str, *, delimiter: str) -> list[str]:
 
 @dataclass(slots=True)
 class Cells:
-    """What the columns of a text hold, each told by its first cell that is not empty; None until there is one.
+    """Reader of the cells of a table.
 
     Attributes
     ----------
     comma : whether a comma in a number is a decimal comma.
+    kinds : of each column, by its first cell that is not empty; None before that.
     plain : whether all columns hold numbers so far.
     """
 
@@ -260,7 +263,7 @@ class Cells:
     def table(
         self, path: str, rows: Iterator[tuple[int, str]], delimiter: str, *, may_be_cut: bool
     ) -> tuple[FloatArray, list[Note]]:
-        """Return the numbers of all rows, (n_rows, n_columns), and a note where the last one is cut off.
+        """Return the numbers of all rows, (n_rows, n_columns), and a note where the last row is cut off.
 
         Raises
         ------
@@ -332,11 +335,11 @@ class Cells:
 
 
 def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog:
-    """Return the columns with a time axis made of clock and date where no number is one.
+    """Return the columns; without a column of seconds the time axis is made of clock and date.
 
-    Time counts from midnight of the first day (UTC where an offset is stated), through later ones. Rows without a time
-    are left out, those that repeat the second before too; where most seconds have several rows, these are spread over
-    their second.
+    Time counts from midnight of the first day (UTC where an offset is stated) and goes on through later days. Rows
+    without a time are left out. Of a clock in whole seconds, rows that repeat the second of the row before are left
+    out, unless most seconds have several rows, which are then spread evenly over their second.
     """
     by_kind: dict[Kind | None, list[Track]] = {}
     for column, kind in zip(columns, kinds, strict=True):
@@ -392,7 +395,7 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
 
 
 def _spread(time_s: np.ndarray) -> np.ndarray:
-    """Return whole seconds with the rows of each laid evenly over it, the first and last as dense as is usual."""
+    """Return whole seconds with the rows of each spread evenly over it; first and last second at the usual rate."""
     starts = np.flatnonzero(np.diff(time_s, prepend=time_s[0] - 1.0))
     counts = np.diff(np.append(starts, time_s.size))
     usual = max(int(np.median(counts)), int(counts[-1]))

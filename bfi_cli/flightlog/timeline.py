@@ -1,9 +1,9 @@
-"""What happens when in a flight, as lanes of a figure and rows of a table: phases, windows, segments and events."""
+"""The timeline of a flight as lanes of a figure and rows of tables: phases, windows, segments and events."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from ..report.content import Block, Lane, Shade, Table
@@ -26,7 +26,7 @@ SHADES: Mapping[str, Shade] = {
     NO_AIRSPEED: "grey",
 }
 STATES: Mapping[str, Shade] = {"declared": "fault", "suspected": "suspect"}
-# Of the width of the axes, what a letter takes.
+# Width of a letter over the width of the axes.
 LETTER = 0.0096
 # Lanes of segments that overlap; a table has all of them.
 MOST_LANES = 6
@@ -36,7 +36,7 @@ MOST_EVENTS = 8
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Happening:
-    """What has a lane of its own: a fault from its onset to its end, or short ones that begin at `times_s`."""
+    """An event with a lane: a fault from its onset to its end, or short faults that begin at `times_s`."""
 
     label: str
     state: str
@@ -46,11 +46,11 @@ class Happening:
 
     @property
     def blocks(self) -> list[Block]:
-        """Its stretch of time, or an instant for each of the short ones."""
+        """Its stretch of time, or an instant for each short fault, of which the first has the label."""
         shade = STATES.get(self.state, "suspect")
         if self.times_s:
-            one, *others = (Block(label=self.label, low=t, high=t, shade=shade) for t in self.times_s)
-            return [one, *(replace(other, label="") for other in others)]
+            labels = [self.label, *[""] * (len(self.times_s) - 1)]
+            return [Block(label=name, low=t, high=t, shade=shade) for name, t in zip(labels, self.times_s, strict=True)]
         end_s = self.onset_s if self.offset_s is None else self.offset_s
         return [Block(label=self.label, low=self.onset_s, high=end_s, shade=shade)]
 
@@ -67,7 +67,7 @@ def lanes_of(
 
     Parameters
     ----------
-    limits : of the time that is shown, s; what lies outside takes no room.
+    limits : first and last time shown, s; nothing outside takes up a lane.
     """
     phases = [one for one in phases if shows(one, limits)]
     events = [one for one in events if one.onset_s <= limits[1] and (one.offset_s or limits[1]) >= limits[0]]
@@ -80,7 +80,7 @@ def lanes_of(
     rows += [("segment", blocks) for blocks in _apart(named, letter_s)[:MOST_LANES]]
     rows += [("event", one.blocks) for one in events[:MOST_EVENTS]]
     filled = [(label, blocks) for label, blocks in rows if blocks]
-    # Of the lanes of one kind the first is named.
+    # Only the first lane of a kind has a label.
     named_once = [label if i == 0 or filled[i - 1][0] != label else "" for i, (label, _) in enumerate(filled)]
     return tuple(Lane(label=label, blocks=tuple(one)) for label, (_, one) in zip(named_once, filled, strict=True))
 
@@ -115,7 +115,7 @@ def _block(label: str, one: Phase | ExcitedWindow | Segment, shade: Shade) -> Bl
 
 
 def _apart(blocks: Iterable[Block], letter_s: float) -> list[list[Block]]:
-    """Return lanes of the blocks, each on the first on which it and the label within or beside it find room."""
+    """Return lanes of the blocks: each block on the first lane with room for it and the label in or beside it."""
     lanes: list[list[Block]] = []
     free: list[float] = []  # where the last block of each lane and its label end
     for block in sorted(blocks, key=lambda one: (one.low, one.high)):
@@ -131,7 +131,7 @@ def _apart(blocks: Iterable[Block], letter_s: float) -> list[list[Block]]:
 
 
 def phase_table(phases: Sequence[Phase]) -> list[Table]:
-    """Return the table of the kinds of phases that there are: how often, how long in all; [] without phases."""
+    """Return the table of the kinds of phases, how often and how long in all; [] without phases."""
     rows = []
     for kind in (*PARTS, *MANOEUVRES):
         found = [one for one in phases if one.phase == kind]

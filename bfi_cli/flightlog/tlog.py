@@ -1,8 +1,8 @@
-"""MAVLink telemetry logs (.tlog): packets as a ground station received them, each behind the time of its arrival.
+"""MAVLink telemetry logs (.tlog): packets as a ground station received them, each after the time of its arrival.
 
 Framing and check sum are those of the MAVLink guide ("Packet Serialization"), versions 1 and 2; payloads are those of
 the messages below in common.xml and ardupilotmega.xml, fields in their order on the wire. Packets arrive in bursts, so
-a message counts at the autopilot's own clock (`time_boot_ms`), one without at that of the message before it.
+the time of a message is that of the autopilot's clock (`time_boot_ms`), or without one that of the message before it.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def checksum(data: bytes) -> int:
 
 
 def read_tlog_topics(path: str) -> tuple[list[Topic], list[Note]]:
-    """Return the messages of `MESSAGES` that the vehicle with most of them sent, and sentences on the file."""
+    """Return the messages of `MESSAGES` of the sender with the most of them, and notes on the file."""
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         packets, damaged = _packets(data)
     notes = notes_on(damaged)
@@ -86,7 +86,7 @@ def read_tlog_topics(path: str) -> tuple[list[Topic], list[Note]]:
         if number in clocked:
             now = clock[ticks]
             ticks += 1
-        # Without a clock of its own, two messages between those of others are one instant: the first counts.
+        # Messages without a clock that follow the same clocked message have one time: only the first is kept.
         several = rows.setdefault(number, [])
         if now is not None and (number in clocked or not several or several[-1][0] != now):
             several.append((now, bisect_right(starts, ticks - 1) - 1, *values))
@@ -102,7 +102,7 @@ def read_tlog_topics(path: str) -> tuple[list[Topic], list[Note]]:
 
 
 def _packets(data: mmap.mmap) -> tuple[list[tuple[tuple[int, int], int, bytes]], int]:
-    """Return sender, number and payload of the sound packets that are wanted, and how many bytes are damaged."""
+    """Return sender, number and payload of the valid packets of `MESSAGES`, and the number of damaged bytes."""
     packets, at, damaged, magic = [], 0, 0, re.compile(b"[\xfd\xfe]")
     while at < len(data):
         length = _length(data, at)
@@ -129,7 +129,7 @@ def _packets(data: mmap.mmap) -> tuple[list[tuple[tuple[int, int], int, bytes]],
 
 
 def _length(data: bytes | mmap.mmap, at: int) -> int | None:
-    """Return the bytes of time and packet from `at` on, None where there is none."""
+    """Return the number of bytes of arrival time and packet at `at`, None where no packet begins there."""
     head = data[at : at + ARRIVAL + 10]
     if len(head) < ARRIVAL + 10 or not YEARS[0] < int.from_bytes(head[:ARRIVAL], "big") < YEARS[1]:
         return None

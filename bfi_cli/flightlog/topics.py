@@ -1,7 +1,7 @@
-"""Logs of many messages, each with its own clock: which of their fields are channels, and under which names.
+"""Logs of many messages, each with a separate clock: which of their fields are channels, and under which names.
 
-One table serves every such recorder. A field is `scale * value + offset` in the unit of the table, which turns the
-recorder's signs and conventions into those of `bfi_cli.channels`.
+One table serves every such recorder. `scale * value + offset` of a field is the channel in the unit of the table, with
+the signs and conventions of `bfi_cli.channels`.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ class Topic:
 
     Attributes
     ----------
-    name : of the kind; instance : which of several sensors of the kind sent them, 0 for the first.
-    boot : (n_messages,) how often the recorder's clock had started again before each, None where it never does.
+    name : of the kind; instance : number of the sensor that sent the messages, 0 for the first.
+    boot : (n_messages,) number of restarts of the recorder's clock before each message, None where there is none.
     """
 
     name: str
@@ -40,15 +40,15 @@ class Topic:
     fields: Mapping[str, NDArray[np.number]]
     boot: NDArray[np.intp] | None = None
 
-    def part(self, own: NDArray[np.bool_]) -> Topic:
-        """Return some of the messages."""
-        fields = {name: values[own] for name, values in self.fields.items()}
-        boot = None if self.boot is None else self.boot[own]
-        return replace(self, time_s=self.time_s[own], fields=fields, boot=boot)
+    def part(self, keep: NDArray[np.bool_]) -> Topic:
+        """Return the messages where `keep` is true."""
+        fields = {name: values[keep] for name, values in self.fields.items()}
+        boot = None if self.boot is None else self.boot[keep]
+        return replace(self, time_s=self.time_s[keep], fields=fields, boot=boot)
 
     @property
     def label(self) -> str:
-        """What stands before a field's name: "airspeed", "airspeed_1" for the second sensor."""
+        """The prefix of a field's name: "airspeed", "airspeed_1" for the second sensor."""
         return self.name if self.instance == 0 else f"{self.name}_{self.instance}"
 
 
@@ -64,8 +64,8 @@ class ChannelMap:
     offset: float = 0.0
 
 
-# Recorder, then topic.field, channel, unit, and where they are not 1 and 0 scale and offset.
-# Of several sources of a channel the first that is as fast as the log's base is taken, see `rates.one_base`.
+# A line with the recorder, then lines of topic.field, channel, unit, and scale and offset if they are not 1 and 0.
+# Of several sources of a channel the first as fast as the log's time base is used, see `rates.one_base`.
 # PX4: message definitions of PX4-Autopilot (msg/*.msg), 1.9 to 1.15. Body axes are forward, right, down. The control of
 # pitch is positive nose up, an elevator positive trailing edge down.
 # ArduPilot: messages of ArduPlane 3.9 to 4.5 (LogStructure.h). Angles of ATT are degrees, their scale makes them rad.
@@ -209,7 +209,7 @@ csv.Longitude  longitude      deg
 """
 
 
-# Quantities of which the instances of a topic are sensors; those of an attitude or a climb are cores of one filter.
+# Quantities whose topics have an instance for each sensor; instances of attitude and climb are cores of one estimator.
 SENSED = frozenset(REPEATED) - {"pitch", "roll", "yaw", "altitude_rate"}
 _MAPS: dict[str, list[ChannelMap]] = {}
 for _line in _TABLE.strip().splitlines():
@@ -242,26 +242,31 @@ def topics_of(sources: Iterable[str]) -> set[str]:
 
 
 def table_of(messages: Iterable[bytes], fields: Mapping[str, tuple[str, int]], size: int) -> NDArray[np.void]:
-    """Return messages as a table of their numbers, whose numpy types and offsets the fields are; cut ones end in 0."""
+    """Return the numbers of messages as a structured array; messages shorter than `size` bytes are padded with zeros.
+
+    Parameters
+    ----------
+    fields : numpy type and offset in bytes by name.
+    """
     types, offsets = zip(*fields.values(), strict=True)
     kind = np.dtype({"names": list(fields), "formats": types, "offsets": offsets, "itemsize": size})
-    return np.frombuffer(b"".join(one.ljust(size, b"\0") for one in messages), dtype=kind)
+    return np.frombuffer(b"".join(message.ljust(size, b"\0") for message in messages), dtype=kind)
 
 
 def notes_on(damaged: int, empty: Sequence[str] = ()) -> list[Note]:
-    """Return sentences on a file in which so many bytes are damaged, and topics have no messages."""
+    """Return the notes on a file with `damaged` bytes and `empty` topics, none where it has neither."""
     notes = [Note.limit(f"{damaged} bytes are damaged or cut off and were skipped")] if damaged else []
-    return notes + (
-        [Note.method(f"topics without samples are left out: {', '.join(dict.fromkeys(empty))}")] if empty else []
-    )
+    if empty:
+        notes.append(Note.method(f"topics without samples are left out: {', '.join(dict.fromkeys(empty))}"))
+    return notes
 
 
 def completed(topic: Topic) -> Topic:
-    """Return a topic with what its fields stand for: Euler angles of a quaternion, velocity of a speed and a course.
+    """Return a topic with further fields that follow from its fields.
 
-    The quaternion is `q[0..3]`, scalar first, body to north-east-down; `roll`, `pitch` and `yaw` are in rad, by the
-    sequence 3-2-1. `VelN` and `VelE` are those of a speed `Spd` on the course `GCrs`, degrees from north. `hover` says
-    of a VTOL what carries it.
+    `roll`, `pitch` and `yaw`, rad, sequence 3-2-1, from the quaternion `q[0..3]`, scalar first, body to
+    north-east-down; `VelN` and `VelE` from the speed `Spd` on the course `GCrs`, degrees from north; `hover` from the
+    state of a VTOL.
     """
     made: dict[str, NDArray[np.number]] = {}
     with np.errstate(divide="ignore", over="ignore", invalid="ignore"):
@@ -304,9 +309,9 @@ def _hover_of(topic: Topic) -> FloatArray | None:
 
 
 def tracks_of(recorder: Recorder, topics: Sequence[Topic], wanted: Sequence[str]) -> list[Track]:
-    """Return the signals of a log, the ones with the first claim on a channel first.
+    """Return the signals of a log; of several sources of a channel the preferred comes first.
 
-    The second sensor of a kind that measures `tas` is `tas_2`.
+    The second sensor of `tas` is `tas_2`.
 
     Parameters
     ----------
@@ -315,8 +320,8 @@ def tracks_of(recorder: Recorder, topics: Sequence[Topic], wanted: Sequence[str]
 
     def mapped() -> Iterator[Track]:
         for row in _MAPS[recorder]:
-            having = [one for one in topics if one.name == row.topic and row.field in one.fields]
-            for number, topic in enumerate(sorted(having, key=lambda one: one.instance), start=1):
+            sources = [topic for topic in topics if topic.name == row.topic and row.field in topic.fields]
+            for number, topic in enumerate(sorted(sources, key=lambda topic: topic.instance), start=1):
                 further = f"{row.channel}_{number}"
                 is_sensor = number > 1 and row.channel in SENSED and further in STANDARD
                 with np.errstate(over="ignore", invalid="ignore"):
@@ -348,12 +353,12 @@ def log_of_topics(
     more: Sequence[str] = (),
     notes: Sequence[Note] = (),
 ) -> RawLog:
-    """Return the log of a recorder whose messages have clocks of their own.
+    """Return the log of a recorder whose messages have separate clocks.
 
     Parameters
     ----------
-    more : fields that are to be signals beside the channels and those of `asked`, as `topic.field`.
-    notes : sentences on the topics.
+    more : fields, as `topic.field`, that become signals beside the channels and the fields in `asked`.
+    notes : on the topics.
 
     Raises
     ------

@@ -57,7 +57,7 @@ def _write_hdf5(log: FlightLog, path: Path) -> None:
         node[name].attrs["units"] = unit
 
     def link_name(name: str) -> str:
-        """Return a name HDF5 takes: no path, not the name of the group of the truth."""
+        """Return a name that HDF5 accepts: no path, and not that of the time axis or of the group of the truth."""
         link = name.replace("/", "_").replace("\0", "_")
         return f"{link}_" if link in ("", ".", "..", "time", "truth") else link
 
@@ -82,7 +82,7 @@ def _write_hdf5(log: FlightLog, path: Path) -> None:
 
 
 def _write_csv(log: FlightLog, path: Path) -> None:
-    # On one line, printable, no comment, quote or other delimiter.
+    # Titles on one line, printable, without comment, quote or delimiter.
     names = _names(log, lambda name: printable(re.sub(r"[\s\"#;]+", " ", name).strip()) or "_")
     columns = {"time [s]": log.time_s}
     signals = [(name, names[name], channel.values) for name, channel in log.channels.items()]
@@ -106,8 +106,8 @@ def _write_csv(log: FlightLog, path: Path) -> None:
 def _write_mcap(log: FlightLog, path: Path) -> None:
     """Write a message of JSON for each sample on the topic `/log`, a missing value being left out of it.
 
-    Records as of the specification of MCAP (mcap.dev/spec), without chunks, an index or checksums, all of which are
-    optional. Times are nanoseconds since the zero of the log's axis.
+    Records follow the specification of MCAP (mcap.dev/spec); chunks, index and checksums, which are optional, are left
+    out. Times are nanoseconds since the zero of the log's axis.
     """
     if log.time_s[0] < 0.0:
         raise ConfigError(f"{log.path}: begins at {log.time_s[0]:g} s, MCAP has no time below 0; give --from 0")
@@ -136,7 +136,7 @@ def _write_mcap(log: FlightLog, path: Path) -> None:
 
 
 def _names(log: FlightLog, allowed: Callable[[str], str]) -> dict[str, str]:
-    """Return the name of each channel in the file; underscores tell those apart that would be alike there."""
+    """Return the name of each channel in the file; underscores are added to names that would stand twice."""
     names: dict[str, str] = {}
     for name in (*log.channels, *(log.truth.clean if log.truth else ())):
         if name not in names:

@@ -25,16 +25,16 @@ class Entry(NamedTuple):
 
 
 REPRODUCTIONS = {name: Entry(*entry) for name, entry in load("catalogue")["pages"].items()}
-# Figures and tables of the papers that have no page, and why.
+# Figures and tables of the papers without a reproduction, and the reason.
 ABSENT: Mapping[str, str] = load("catalogue")["absent"]
 
 
 def find(name: str) -> str:
-    """Return the name as it is listed, whatever its case.
+    """Return the name of a reproduction as it is listed, whatever the case of `name`.
 
     Raises
     ------
-    ConfigError : there is none, or the paper's figure is none that can be computed.
+    ConfigError : no such reproduction, or a figure of a paper that nothing computes.
     """
     known = {one.lower(): one for one in (*REPRODUCTIONS, *ABSENT)}
     if name.lower() not in known:
@@ -52,7 +52,7 @@ def run(name: str, settings: Settings) -> ReportContent:
 
     Raises
     ------
-    ConfigError : there is none of that name.
+    ConfigError : no reproduction of that name.
     LogError, DictionaryError : the log of the settings cannot be used for it.
     """
     entry = REPRODUCTIONS[find(name)]
@@ -91,13 +91,13 @@ def reproduce_content(document: Mapping[str, Any], *, where: str = "reproduce") 
 
 
 def summary_content(made: Sequence[tuple[str, ReportContent | Exception]]) -> ReportContent:
-    """Return the summary of several reproductions, each by its name; an error stands for one that could not be made."""
-    failed = [name for name, one in made if isinstance(one, Exception)]
+    """Return the summary of several reproductions, content or error by name."""
+    failed = [name for name, content in made if isinstance(content, Exception)]
     rows = tuple(
-        (name, REPRODUCTIONS[name].title, "not made", str(one))
-        if isinstance(one, Exception)
-        else (name, REPRODUCTIONS[name].title, one.heading, one.verdict)
-        for name, one in made
+        (name, REPRODUCTIONS[name].title, "not made", str(content))
+        if isinstance(content, Exception)
+        else (name, REPRODUCTIONS[name].title, content.heading, content.verdict)
+        for name, content in made
     )
     several = f"{len(made) - len(failed)} of {len(made)} figures and tables"
     return ReportContent(
@@ -110,7 +110,7 @@ def summary_content(made: Sequence[tuple[str, ReportContent | Exception]]) -> Re
 
 
 def list_content() -> ReportContent:
-    """Return the names there are."""
+    """Return the list of the reproductions."""
     rows = tuple((name, entry.title) for name, entry in REPRODUCTIONS.items())
     return ReportContent(
         category="Reproductions",

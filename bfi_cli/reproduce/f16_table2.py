@@ -63,7 +63,7 @@ BINS = 10  # of the histogram of a residual: 80 samples, eight to a bin
 
 
 class F16Options(Rules):
-    """One reading of the experiment."""
+    """Values for what the paper leaves open; the defaults come close to its table."""
 
     reference: Literal["kde", "gaussian"] = "kde"
     """Density of the fault-free residual: by kernels, or a Gaussian fit, as the paper's conclusion says."""
@@ -139,7 +139,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Residuals:
-    """What a set of four flights gave.
+    """The residuals of a set of four flights.
 
     Attributes
     ----------
@@ -156,13 +156,17 @@ class Residuals:
     pitch_fault: FloatArray
     states: FloatArray
 
+    def faulty(self, axis: int) -> FloatArray:
+        """Return (m,) the residual of an axis in the flight in which its gyro is faulty."""
+        return (self.roll_fault, self.pitch_fault)[axis][:, axis]
+
 
 def fly_cases(cases: Sequence[Case], report: Callable[[int, int], None] | None = None) -> list[Residuals]:
     """Fly all cases, those that share an aircraft at once, and return their residuals in the order of `cases`.
 
     Parameters
     ----------
-    report : told how many samples are flown, (done, total).
+    report : called with the number of samples flown, and of all.
     """
     groups: dict[tuple[object, ...], list[int]] = {}
     for i, case in enumerate(cases):
@@ -321,7 +325,7 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
 
 
 def _words(options: F16Options) -> dict[str, object]:
-    """Return the options as the page's facts say them."""
+    """Return the options in the words of the page's facts."""
     return {
         "o": options,
         "corners": ", ".join(f"{time:g} s {degrees:g} deg" for time, degrees in options.aoa_command),
@@ -395,7 +399,6 @@ def density_pair(
     flown: Residuals, options: F16Options, *, axis: int, window: tuple[float, float]
 ) -> tuple[Density, Density]:
     """Return the density of the residual of a faulty gyro in a window, and that without a fault."""
-    faulty = (flown.roll_fault, flown.pitch_fault)[axis][:, axis]
     normal = (flown.healthy if options.reference_aircraft == "varied" else flown.nominal)[:, axis]
     inside = _in_window(flown.time_s, window)
     if options.reference_window == "same":
@@ -404,7 +407,7 @@ def density_pair(
         q = gaussian_density(normal)
     else:
         q = kernel_density(normal, exponent=options.exponent)
-    return kernel_density(faulty[inside], exponent=options.exponent), q
+    return kernel_density(flown.faulty(axis)[inside], exponent=options.exponent), q
 
 
 def _in_window(time_s: FloatArray, window: tuple[float, float]) -> NDArray[np.bool_]:
@@ -425,8 +428,7 @@ def _drawings(page: Page, flown: Residuals, options: F16Options) -> list[Drawing
     ]
     residuals, bandwidths, densities = [], [], []
     for axis, title in enumerate(AXES):
-        faulty = (flown.roll_fault, flown.pitch_fault)[axis][:, axis]
-        shown = (curve("faulty gyro", t, faulty), curve("no fault", t, flown.healthy[:, axis]))
+        shown = (curve("faulty gyro", t, flown.faulty(axis)), curve("no fault", t, flown.healthy[:, axis]))
         spans = tuple(Span(label=f"fault of {label}", low=low, high=low) for label, (low, _) in FAULTY.items())
         residuals.append(Panel(title=title, x_label="time [s]", y_label="residual [deg/s]", curves=shown, spans=spans))
         local = []

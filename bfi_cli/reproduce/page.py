@@ -9,6 +9,7 @@ from typing import Any
 
 from ..notes import Note
 from ..report.content import Curve, Drawing, Panel, ReportContent, Style, Table
+from ..report.text import capital
 from ..yaml12 import load_yaml
 
 FOLDER = Path(__file__).parent
@@ -19,10 +20,10 @@ Page = Mapping[str, Any]
 def load(name: str) -> Page:
     """Return a YAML file of this package, read once.
 
-    A page of it has a title, a heading (or `headings` by what came out), a verdict, `facts`, `rows` of (quantity,
-    published, ours), `captions` and `tables` by name, and `notes`; a `sentence` and `record_rows` are those of every
-    record, {Record} its name at the start of a sentence. `who` are its methods, of which `who` in thesis.yaml says what
-    they are, and `panels` the axes of its figures. `{names}` in it are filled by `report_content`.
+    A page has a title, a heading (or `headings` by outcome), a verdict, `facts`, `rows` of (quantity, published, ours),
+    `captions` and `tables` by name, and `notes`. A `sentence` and `record_rows` are repeated for every record; {Record}
+    is its name with a capital letter. `who` are its methods, explained by `who` in thesis.yaml, and `panels` the axes
+    of its figures. `report_content` fills the `{names}`.
     """
     loaded: Page = load_yaml(FOLDER / f"{name}.yaml")
     return loaded
@@ -44,23 +45,23 @@ def report_content(
     notes: Sequence[str] = (),
     simulated: bool = False,
 ) -> ReportContent:
-    """Return a page, the table of published and own numbers first.
+    """Return a page, the table of published and computed numbers first.
 
     Parameters
     ----------
-    values : of the names in its text.
-    heading : whether what the page's true heading says holds, for every record, those without noise first; a key of
-        its `headings`; nothing where it has one `heading`.
-    records : values of what is said of each record: of its `record_rows` of the comparison, and of the `sentence` that
-        the page's verdict joins; `record` is what it is called.
+    values : of the `{names}` in the page.
+    heading : for every record, without noise first, whether the page's heading `true` holds; or a key of its
+        `headings`; or () for a page with a single `heading`.
+    records : for each record the values of the `{names}` in `record_rows`, which are added to the comparison, and in
+        `sentence`, which the verdict joins; `record` is its name.
     notes : after those of the page.
-    simulated : the record stands in for the thesis's own: the page's notes on that come first, and what it is last.
+    simulated : the record is a simulation: the page's notes on that come first, and the note on it last.
     """
     shared = load("thesis")["shared"]
     rows = [row for one in records for row in fill(page.get("record_rows", ()), **one)]
     if "sentence" in page:
-        capital = ({**one, "Record": f"{str(one['record'])[:1].upper()}{str(one['record'])[1:]}"} for one in records)
-        values = {**values, "verdict": " ".join(fill(page["sentence"], **one) for one in capital)}
+        named = ({**one, "Record": capital(str(one["record"]))} for one in records)
+        values = {**values, "verdict": " ".join(fill(page["sentence"], **one) for one in named)}
     comparison = Table(
         name="comparison",
         title="Printed and computed",
@@ -68,15 +69,15 @@ def report_content(
         rows=(*fill(page.get("rows", ()), **values), *rows),
     )
     if isinstance(heading, Sequence):
-        said = page["headings"][any(heading)] if heading else page["heading"]
+        head = page["headings"][any(heading)] if heading else page["heading"]
         if any(heading) and not all(heading):
-            said = f"{said} {'without' if heading[0] else 'with'} noise only"
+            head = f"{head} {'without' if heading[0] else 'with'} noise only"
     else:
-        said = page["headings"][heading]
+        head = page["headings"][heading]
     return ReportContent(
         category="Reproduction",
         title=fill(page["title"], **values),
-        heading=fill(said, **values),
+        heading=fill(head, **values),
         verdict=fill(page["verdict"], **values),
         facts=(*fill(page.get("facts", ()), **values), *(fill(shared["who"][name]) for name in page.get("who", ()))),
         tables=(comparison, *tables),
@@ -117,7 +118,7 @@ def panel(page: Page, name: str, curves: Iterable[Curve], **settings: Any) -> Pa
 
 
 def joined(x: Sized, style: Style) -> Style:
-    """Return the style of so many points: a line goes through three and more, fewer stand alone."""
+    """Return the style of a curve of the points `x`: `style` from three points on, below that points."""
     return style if len(x) > 2 else "points"
 
 

@@ -32,7 +32,7 @@ from ..preprocessing.window import prepare_window
 from ..report.content import Panel, ReportContent, curve
 from .page import Page, drawing, joined, load, panel, report_content, table
 from .record import Settings, thesis_dictionary, thesis_record, trials_of, with_fault, with_noise
-from .sweeps import percent, rate_curve
+from .sweeps import rate_curve, with_interval
 
 Support = tuple[int, ...]
 
@@ -218,7 +218,7 @@ def sparsity(settings: Settings) -> ReportContent:
     every = trials_of(run, points, n_trials, settings)
     counts, ms = every[..., 0].sum(axis=1).astype(int), 1e3 * np.median(every[..., 1], axis=1)
     rates = [[proportion(int(count), n_trials) for count in row] for row in counts]
-    shares = [dict(zip(names, map(percent, row), strict=True)) for row in rates]
+    shares = [dict(zip(names, map(with_interval, row), strict=True)) for row in rates]
     last = len(points) - len(without) - 1  # of the largest dictionary of steps, in the most noise
     told = [
         {"where": _words(point), "label": labels[name], "share": shares[i][name], "ms": f"{ms[i, j]:.3g}"}

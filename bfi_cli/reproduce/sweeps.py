@@ -1,9 +1,12 @@
-"""Monte Carlo figures: 5-3 and 5-4 of the thesis, A-1 to A-4 on its sparsity stage, and isolation against noise."""
+"""Monte Carlo figures: 5-3 and 5-4 of the thesis, A-1 to A-4 on its sparsity stage, isolation against noise, benchmark.
+
+The benchmark runs every method of `bfi compare` on the same trials, at one rate of false alarms.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -11,14 +14,18 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from ..config import merge
+from ..errors import LogError
 from ..flightlog import write_log
-from ..montecarlo import check_records, load_sweep, run_sweep, summarise
+from ..montecarlo import Sweep, check_records, load_sweep, run_sweep, summarise
+from ..montecarlo.comparison import comparison_drawings, comparison_tables
 from ..montecarlo.definition import RecordedLog
-from ..montecarlo.scenarios import digest_of_parts
+from ..montecarlo.scenarios import Scenario, digest_of_parts
 from ..montecarlo.summary import Proportion, ScenarioSummary, proportion
+from ..montecarlo.trial import Row
 from ..notes import Note
 from ..report.content import Curve, Drawing, ReportContent, Span, curve
 from ..report.text import number
+from ..serialization import to_plain
 from .page import FOLDER, Page, drawing, fill, joined, load, panel, report_content, table
 from .reconstruction import label_of
 from .record import Settings, thesis_record
@@ -41,6 +48,8 @@ class Thin:
 
 QUICK = Thin(trials=2, active=(1, 7), noise=(0.0, 1e-4))
 QUICK_NOISE = Thin(trials=2, active=(1,), noise=(0.0, 0.05))
+# Quick benchmark: methods that take tenths of a second, one fault, and trials enough for a threshold.
+QUICK_METHODS, QUICK_FAULTS, QUICK_TRIALS = ("risro", "null-space", "arx-residual", "glr"), ("none", "bias_1"), 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -79,27 +88,66 @@ class Swept:
         return tuple(dict.fromkeys(cell.noise for cell in self.cells))
 
 
-def swept(name: str, settings: Settings, *, compare: Sequence[str], quick: Thin) -> Swept:
-    """Run a shipped sweep for several methods, which meet the same faults and the same noise.
+def run_shipped(
+    name: str,
+    settings: Settings,
+    choose: Callable[[Sequence[Scenario], RecordedLog | None], Iterable[Scenario]],
+    *,
+    quick_trials: int,
+    length_s: float | None = None,
+) -> tuple[Sweep, list[tuple[Row, float]]]:
+    """Return a shipped sweep as it was run, and its trials.
 
     Parameters
     ----------
     name : of the YAML file beside this one, without "_sweep".
-    compare : names in `methods.yaml`.
-    quick : what is left of it where `settings.quick`.
+    choose : returns the scenarios to run, from those of the file and the user's record, None without one.
+    quick_trials : trials of a scenario where `settings.quick`.
+    length_s : length of the windows of the user's record, None for the whole record.
 
     Raises
     ------
     LogError, ConfigError, SweepError : the record cannot be used, or a worker died.
     """
-    plain = load_sweep(FOLDER / f"{name}_sweep.yaml", seed=settings.seed)
+    shipped = load_sweep(FOLDER / f"{name}_sweep.yaml", seed=settings.seed)
     with TemporaryDirectory(prefix="bfi-") as folder:
-        record = None
+        path, record = Path(folder) / "record.h5", None
         if settings.log is not None:  # as a file that every worker can read
-            record = RecordedLog(log=str(Path(folder) / "record.h5"))
-            write_log(replace(thesis_record(settings), segments=()), Path(record.log))
-        scenarios = []
-        for scenario in plain.scenarios:
+            write_log(replace(thesis_record(settings), segments=()), path)
+            record = RecordedLog(log=str(path), length_s=length_s)
+        n_trials = settings.trials_or(shipped.n_trials, quick_trials)
+        sweep = replace(shipped, n_trials=n_trials, scenarios=tuple(choose(shipped.scenarios, record)))
+        try:
+            check_records(sweep)
+        except LogError as error:
+            where = settings.log.path if settings.log else sweep.path
+            raise LogError(f"{where}: {str(error).removeprefix(f'{path}: ')}") from None
+        total = n_trials * len(sweep.scenarios)
+        done = run_sweep(sweep, workers=settings.workers, report=lambda count: settings.report(count, total))
+    if settings.log is not None:  # errors of trials name the user's file, not the copy of it
+        named = settings.log.path
+        done = [
+            (replace(row, error=row.error and row.error.replace(str(path), named)), seconds) for row, seconds in done
+        ]
+    return sweep, done
+
+
+def swept(name: str, settings: Settings, *, compare: Sequence[str], quick: Thin) -> Swept:
+    """Run a shipped sweep for several methods, which meet the same faults and the same noise.
+
+    Parameters
+    ----------
+    name : see `run_shipped`.
+    compare : names in `methods.yaml`.
+    quick : the part of it that is run where `settings.quick`.
+
+    Raises
+    ------
+    LogError, ConfigError, SweepError : see `run_shipped`.
+    """
+
+    def by_methods(scenarios: Sequence[Scenario], record: RecordedLog | None) -> Iterable[Scenario]:
+        for scenario in scenarios:
             if settings.quick and not (scenario.n_active in quick.active and scenario.axes["noise.tas"] in quick.noise):
                 continue
             setting = scenario.setting
@@ -107,14 +155,11 @@ def swept(name: str, settings: Settings, *, compare: Sequence[str], quick: Thin)
             for method in compare:
                 config = merge(setting.config, load("methods")[method], where="methods.yaml")
                 parts = [setting.digest, source.model_dump(mode="json"), config.model_dump(mode="json")]
-                name, axes = f"{scenario.name} method={method}", {**scenario.axes, "method": method}
                 changed = replace(setting, digest=digest_of_parts(parts), record=source, config=config)
-                scenarios.append(replace(scenario, name=name, axes=axes, setting=changed))
-        n_trials = settings.trials_or(plain.n_trials, quick.trials)
-        sweep = replace(plain, n_trials=n_trials, scenarios=tuple(scenarios))
-        check_records(sweep)
-        total = n_trials * len(scenarios)
-        done = run_sweep(sweep, workers=settings.workers, report=lambda count: settings.report(count, total))
+                axes = {**scenario.axes, "method": method}
+                yield replace(scenario, name=f"{scenario.name} method={method}", axes=axes, setting=changed)
+
+    sweep, done = run_shipped(name, settings, by_methods, quick_trials=quick.trials)
     summary = summarise(sweep, done)
     errors: dict[str, list[float]] = {one.name: [] for one in summary.scenarios}
     for row, _ in done:
@@ -130,10 +175,11 @@ def swept(name: str, settings: Settings, *, compare: Sequence[str], quick: Thin)
         )
         for one in summary.scenarios
     ]
-    return Swept(cells=tuple(cells), trials=n_trials, recorded=record is not None, notes=summary.notes)
+    recorded = settings.log is not None
+    return Swept(cells=tuple(cells), trials=sweep.n_trials, recorded=recorded, notes=summary.notes)
 
 
-def percent(share: Proportion) -> str:
+def with_interval(share: Proportion) -> str:
     """Return "96 % (90 to 98)", the rate with its 95 % Wilson interval."""
     if share.rate is None or share.ci95 is None:
         return "-"
@@ -255,19 +301,20 @@ def _sweep_page(
                 compared.append(
                     {"quantity": quantity, "printed": page["printed"][what].get(method, "-"), "computed": computed}
                 )
-        isolated = ", ".join(f"{label_of(method)} {percent(pooled(of))}" for method, of in cells.items())
+        isolated = ", ".join(f"{label_of(method)} {with_interval(pooled(of))}" for method, of in cells.items())
         parts.append(f"{words.capitalize()}, isolated: {isolated}.")
     body = []
     for cell in result.cells:
         one = cell.summary
-        rates = [percent(share) for share in (one.isolation_rate, one.false_alarm_rate, one.missed_detection_rate)]
+        rates = [
+            with_interval(share) for share in (one.isolation_rate, one.false_alarm_rate, one.missed_detection_rate)
+        ]
         bare = [text.replace(" % ", " ").replace(" to ", "-") for text in rates]
         errors = [number(value, digits=2) for value in (cell.mean_error, (one.magnitude_error or {}).get("p50"))]
         body.append((label_of(cell.method), f"{cell.noise:g}", str(cell.active), *bare, *errors))
     active = sorted({cell.active for cell in result.cells})
-    before = [load("thesis")["shared"]["stand_in"], page["simulated"]] if settings.log is None else []
     return report_content(
-        {**page, "notes": [*before, *page["notes"]]},
+        page,
         {
             "verdict": " ".join(parts),
             "record": page["record"] if settings.log is None else settings.log.path,
@@ -280,6 +327,7 @@ def _sweep_page(
         tables=[table(page, "rates", body)],
         drawings=drawings,
         notes=[one.text for one in result.notes],
+        simulated=settings.log is None,
     )
 
 
@@ -301,3 +349,50 @@ def isolation_noise(settings: Settings) -> ReportContent:
     rule, *_, ours = (pooled(result.of(method, result.noises[-1])).rate or 0.0 for method in methods)
     drawings = [drawing(page, "isolation_noise", panels, across=2)]
     return _sweep_page(page, result, settings, heading=rule < ours, drawings=drawings)
+
+
+def benchmark(settings: Settings) -> ReportContent:
+    """Return the tables and figures of the shipped benchmark, on windows of the user's record where there is one.
+
+    Raises
+    ------
+    LogError : the log has faults, or no minute of flight.
+    ConfigError, SweepError : see `run_shipped`.
+    """
+    page = load("benchmark")
+    if settings.log is not None:
+        flight = thesis_record(settings)
+        if (lasts_s := flight.n_samples / flight.rate_hz) < page["length_s"]:
+            raise LogError(
+                f"{settings.log.path}: {lasts_s:.4g} s are less than the {page['length_s']:g} s of a trial; give a "
+                "longer log, or a later --to"
+            )
+
+    def on_record(scenarios: Sequence[Scenario], record: RecordedLog | None) -> Iterable[Scenario]:
+        for scenario in scenarios:
+            axes, setting = scenario.axes, scenario.setting
+            if settings.quick and not (axes["compare"] in QUICK_METHODS and axes["inject"] in QUICK_FAULTS):
+                continue
+            if record is not None:  # a flight has noise already
+                digest = digest_of_parts([setting.digest, record.length_s])
+                setting = replace(setting, record=record, noise=(), digest=digest)
+            yield replace(scenario, setting=setting)
+
+    sweep, done = run_shipped("benchmark", settings, on_record, quick_trials=QUICK_TRIALS, length_s=page["length_s"])
+    summary = summarise(sweep, done)
+    cells = to_plain(summary.scenarios)
+    methods, faults = ({scenario.axes[axis] for scenario in sweep.scenarios} for axis in ("compare", "inject"))
+    return ReportContent(
+        category=page["category"],
+        title=page["title"],
+        heading=page["heading"].format(methods=len(methods), faults=len(faults) - 1),
+        verdict=page["verdict"].format(trials=sweep.n_trials),
+        facts=(("Record", page["record"] if settings.log is None else settings.log.path), ("Seed", str(settings.seed))),
+        tables=comparison_tables(cells),
+        drawings=comparison_drawings(cells),
+        notes=(
+            *map(Note.method, page["notes"]),
+            Note.method(page["simulated" if settings.log is None else "recorded"]),
+            *summary.notes,
+        ),
+    )

@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+from bfi_cli.flightlog import read_log, write_log
+from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.reproduce import catalogue
 from bfi_cli.reproduce.catalogue import REPRODUCTIONS, reproduce_content
 
@@ -54,6 +58,18 @@ def test_the_same_seed_gives_the_same_content_and_another_another(bfi: Run):
     )
     assert first == again
     assert first["drawings"] != other["drawings"]
+
+
+def test_an_error_of_a_trial_names_the_log_of_the_user(bfi: Run, tmp_path: Path):
+    log = read_log(DATA / "citation_clean.h5")
+    values = log.channel("tas").values.copy()
+    values[1500] = np.nan
+    tas = replace(log.channel("tas"), values=frozen_array(values))
+    write_log(replace(log, channels={**log.channels, "tas": tas}), tmp_path / "holes.h5")
+    done = bfi("reproduce", "thesis-5-3", "--quick", "--trials", 1, "--log", tmp_path / "holes.h5", *JSON)
+    notes = [note["text"] for note in json.loads(done.stdout)["notes"]]
+    (failed,) = [note for note in notes if "failed" in note]
+    assert f"the first: {tmp_path / 'holes.h5'}: 'tas' is not a number at sample 1500" in failed
 
 
 def test_a_log_takes_the_place_of_the_simulated_record(bfi: Run):

@@ -159,6 +159,11 @@ for _name in REPEATED:
                     _ALIAS[f"{_spelling}{_between}{_word}"] = (f"{_name}_{_number}", _unit or None)
 
 
+def unit_of(name: str, other: str = "") -> str:
+    """Return the SI unit of a standard channel, `other` of any other channel."""
+    return STANDARD[name].unit if name in STANDARD else other
+
+
 def quantity_of(name: str) -> str:
     """Return what a standard channel measures, `tas` of `tas_2`; the name itself of any other channel."""
     return STANDARD[name].quantity if name in STANDARD else name

@@ -14,7 +14,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from .channels import STANDARD
+from .channels import unit_of
 from .units import factor_and_offset, split_rates
 
 FloatArray = NDArray[np.float64]
@@ -96,7 +96,7 @@ class Units:
         own : unit of that channel, where it is no standard one.
         """
         stem, power = split_rates(unit)
-        own_stem, own_power = split_rates(STANDARD[channel].unit if channel in STANDARD else own)
+        own_stem, own_power = split_rates(unit_of(channel, own))
         most = own_power if own_stem == stem and own_power <= power else power
         if stem == "m" and power and channel in VERTICAL:
             named, name = 1, self.climb

@@ -1,7 +1,7 @@
-"""What a fault dictionary can tell apart, before a fault is looked for.
+"""Audit of a fault dictionary: which of its faults can be seen and told apart, before a fault is looked for.
 
-`audit` does it on the raw signals, or on what the predictor of a log leaves of them; `entries` looks at the dictionary
-as it is written, `comparison` at how alike signals are, `report` makes the document and the content of the report.
+`audit` compares raw signals, or the signatures that the predictor of a log leaves of them; `entries` checks each entry
+as it is written, `comparison` measures how similar signals are, `report` makes the document and the report.
 """
 
 from .audit import audit_dictionary, audit_on_log

@@ -1,4 +1,4 @@
-"""The audit of a dictionary: of its raw signals, or of what the predictor of a log leaves of each."""
+"""The audit of a dictionary, by its raw signals or by their signatures in the prediction errors of a log."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..channels import unit_of
 from ..config import Config
 from ..dictionary import Dictionary, dead_reason, no_signal, signals
 from ..errors import ConfigError, DictionaryError
@@ -27,28 +28,27 @@ from .entries import (
     remarks_of,
     searched_on_log,
     span_of,
-    unit_of,
     unknown_channels,
     with_kinds,
     without_signals,
 )
 
 # Rate of an audit without a log: 2000 samples, two per pixel of a figure, and eight per cycle of the fastest fault draw
-# every shape; 100 Hz, that of a common recorder, as long as all signals together have two million values.
+# every shape; or 100 Hz, that of a common recorder, if all signals together then have at most two million values.
 SAMPLES, DRAWN_PER_CYCLE = 2000, 8.0
 FINE_HZ, FINE_VALUES = 100.0, 2_000_000
-# Beyond these the matrix of coherence, or the signals, take more than a few seconds and hundreds of MB: not compared.
+# With more faults or values nothing is compared: coherence or signals would take many seconds and hundreds of MB.
 MOST_ATOMS, MOST_VALUES = 1000, 20_000_000
 
 
 def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: float | None = None) -> Audit:
-    """Audit a dictionary by its definitions and the signals that entries with stated onsets give.
+    """Audit a dictionary by its definitions and the signals of the entries with stated onsets.
 
     Parameters
     ----------
     dictionary : see `bfi_cli.dictionary.load_dictionary`.
-    config : its window, its orders and, where that is a number, its rate are used.
-    duration_s : length of the window; None for one that shows every fault.
+    config : its window, its orders and, if it is a number, its rate are used.
+    duration_s : length of the window; None for a window that shows every fault.
 
     Raises
     ------
@@ -115,7 +115,7 @@ def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | N
 
 
 def _window(dictionary: Dictionary, config: Config, duration_s: float | None) -> tuple[AuditWindow, str]:
-    """Return the window and how it came about; `rate_hz` only where it is asked for."""
+    """Return the window, with the rate if that is stated, and the reason for its length."""
     from_s, to_s, asked = config.window.from_s, config.window.to_s, config.conditioning.rate_hz
     if duration_s is not None and to_s is not None:
         raise ConfigError(f"--duration: the window ends at {to_s:g} s already; keep --duration or --to")
@@ -136,8 +136,8 @@ def _window(dictionary: Dictionary, config: Config, duration_s: float | None) ->
 def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audit:
     """Audit a dictionary on a log.
 
-    The predictor is estimated without fault terms, of the order with the best criterion. The minimal detectable
-    magnitudes are those of `identify` where it declares nothing, of kinds of fault those of its search over all onsets.
+    The predictor is estimated without fault terms, at the order with the best criterion. The minimal detectable
+    magnitudes are those of `identify` if it declares nothing; for kinds of fault those of its search over all onsets.
 
     Parameters
     ----------
@@ -161,8 +161,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
         audit = without_signals(dictionary, config, searched)
     else:
         raise DictionaryError(f"{dictionary.path}: no live atom: {reasons[0]}")
-    units = {one.channel: unit_of(one.channel) for one in dictionary.searched.atoms}
-    units |= {name: channel.unit for name, channel in clean.channels.items()}
+    units = {one.channel: clean.unit_of(one.channel) for one in dictionary.searched.atoms}
     return with_kinds(audit, dictionary, units, reasons, searched)
 
 
@@ -172,7 +171,7 @@ def _audit_entries(log: FlightLog, clean: FlightLog, dictionary: Dictionary, con
     fitted = fit_fault_free(window, config)
     given, faults, names, live = window.signals, window.faults, window.names, list(window.live)
     theta = np.asarray(given.theta)
-    channels, first = window.log.channels, fitted.regression.layout.first
+    first = fitted.regression.layout.first
     span = AuditWindow(
         start_s=window.window_start_s,
         stop_s=float(window.log.time_s[-1]) + 1.0 / window.log.rate_hz,
@@ -187,7 +186,7 @@ def _audit_entries(log: FlightLog, clean: FlightLog, dictionary: Dictionary, con
         largest_model=max(fitted.regression.orders),
         n_outputs=len(window.outputs),
     )
-    units = [channels[one.channel].unit if one.channel in channels else unit_of(one.channel) for one in faults]
+    units = [window.log.unit_of(one.channel) for one in faults]
     left, before = np.linalg.norm(fitted.unfolded.signatures, axis=(0, 1)), fitted.unfolded.raw_norm
     visible = left / np.where(before > 0.0, before, 1.0)
     detectable, exactly = fault_free_limits(window, config)

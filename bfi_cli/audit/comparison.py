@@ -1,4 +1,4 @@
-"""How alike the live atoms are, which of them the model can absorb, and what to say of it."""
+"""Similarity of the live atoms, and atoms that the model can absorb, with the sentences on both."""
 
 from __future__ import annotations
 
@@ -13,24 +13,25 @@ from ..kernels.coherence import Dependence, dependence, homogeneous_order, mutua
 
 # At this coherence the standard deviation of either magnitude is 1/sqrt(1 - 0.99^2) = 7 times that of the fault alone.
 NEARLY_ALIKE = 0.99
-# At this condition number some combination of unit signatures leaves a hundredth of what the strongest leaves; those
-# atoms are named whose part in it is at least a fifth of the largest.
+# At this condition number some combination of unit signatures has a hundredth of the norm of the strongest one; named
+# are the atoms whose coefficient in it is at least this share of the largest.
 NEARLY_DEPENDENT, TAKES_PART = 100.0, 0.2
-# Of the equation a signal may obey: a drift has order 2, an oscillation 2, their sum with a bias 5. No tuning record.
+# Largest order of a homogeneous equation that is tried for a signal: a drift has order 2, an oscillation 2, their sum
+# with a bias 5. Not tuned.
 LARGEST_ORDER = 6
 MOST_NAMED = 5  # entries in a sentence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Signatures:
-    """What the live atoms leave to be seen: on a log filtered by its predictor and off its regressors, else as defined.
+    """Signatures of the live atoms: their signals, on a log filtered by its predictor and off its regressors.
 
     Attributes
     ----------
     names : (n_live,).
-    time_s : (n_rows,); values : (n_rows, n_live), each on its own channel.
-    coherence : (n_live, n_live), NaN where an atom leaves nothing.
-    rank, condition_number : of those that leave something, each scaled to norm 1.
+    time_s : (n_rows,); values : (n_rows, n_live), each on the channel that it moves most.
+    coherence : (n_live, n_live), NaN for a signature that is zero.
+    rank, condition_number : of the other signatures, each scaled to norm 1.
     """
 
     names: tuple[str, ...]
@@ -42,7 +43,7 @@ class Signatures:
 
 
 def own_channel(theta: FloatArray) -> FloatArray:
-    """Return (n_samples, n_atoms): of (n_samples, n_outputs, n_atoms) each atom on the output it moves most."""
+    """Return (n_samples, n_atoms) of (n_samples, n_outputs, n_atoms): each atom on the output that it moves most."""
     outputs = np.argmax(np.max(np.abs(theta), axis=0), axis=0)
     return np.asarray(np.take_along_axis(theta, outputs[None, None, :], axis=1)[:, 0, :])
 
@@ -50,32 +51,31 @@ def own_channel(theta: FloatArray) -> FloatArray:
 def compare(
     names: Sequence[str], time_s: FloatArray, values: FloatArray, G: FloatArray
 ) -> tuple[Signatures, Dependence]:
-    """Return the signatures with their coherence, and how dependent those that leave something are.
+    """Return the signatures with their coherence, and the linear dependence of those that are not zero.
 
     Parameters
     ----------
     names : (n_live,).
     time_s : (n_rows,); values : (n_rows, n_live), see `Signatures`.
-    G : (n, n_live) columns whose inner products count.
+    G : (n, n_live) columns of which the coherence is computed.
     """
-    seen = np.any(G != 0.0, axis=0)
-    found = dependence(G[:, seen])
+    among = dependence(G[:, np.any(G != 0.0, axis=0)])
     signatures = Signatures(
         names=tuple(names),
         time_s=frozen_array(time_s),
         values=frozen_array(values),
         coherence=frozen_array(mutual_coherence(G)),
-        rank=found.rank,
-        condition_number=found.condition_number,
+        rank=among.rank,
+        condition_number=among.condition_number,
     )
-    return signatures, found
+    return signatures, among
 
 
 def most_like(signatures: Signatures, j: int) -> tuple[str | None, float | None]:
-    """Return the atom most coherent with the j-th, and the coherence; None where there is no other."""
+    """Return the atom most coherent with the j-th, and the coherence; None where no other has a signature."""
     row = np.array(signatures.coherence[j])
     row[j] = np.nan
-    if not np.any(row == row):
+    if np.isnan(row).all():
         return None, None
     other = int(np.nanargmax(row))
     return signatures.names[other], float(row[other])
@@ -89,35 +89,37 @@ def pairs(names: Sequence[str], coherence: FloatArray, *, at_least: float = 0.0)
     return [(names[rows[n]], names[columns[n]], float(values[n])) for n in order]
 
 
-def sentences(signatures: Signatures, found: Dependence) -> list[str]:
-    """Warn of pairs that are nearly alike, and of a combination that leaves next to nothing."""
+def sentences(signatures: Signatures, among: Dependence) -> list[str]:
+    """Return warnings of pairs of atoms that are nearly alike, and of atoms that are nearly dependent."""
     alike = pairs(signatures.names, signatures.coherence, at_least=NEARLY_ALIKE)
-    said = [
+    warnings = [
         f"'{a}' and '{b}' can hardly be told apart (coherence {value:.4f}): drop one, or move an onset"
         for a, b, value in alike[:MOST_NAMED]
     ]
     if len(alike) > MOST_NAMED:
-        said.append(f"{len(alike) - MOST_NAMED} more pairs have a coherence of {NEARLY_ALIKE} or more")
-    if found.condition_number > NEARLY_DEPENDENT:
+        warnings.append(f"{len(alike) - MOST_NAMED} more pairs have a coherence of {NEARLY_ALIKE} or more")
+    if among.condition_number > NEARLY_DEPENDENT:
         seen = [name for name, c in zip(signatures.names, np.diag(signatures.coherence), strict=True) if c == c]
-        share = np.abs(found.weakest) / np.max(np.abs(found.weakest))
+        share = np.abs(among.weakest) / np.max(np.abs(among.weakest))
         part = [f"'{seen[j]}'" for j in np.argsort(-share, kind="stable")[:MOST_NAMED] if share[j] >= TAKES_PART]
-        said.append(
+        warnings.append(
             f"the magnitudes of {', '.join(part)} cannot be told apart together (condition number "
-            f"{found.condition_number:.3g}): drop some"
+            f"{among.condition_number:.3g}): drop some"
         )
-    return said
+    return warnings
 
 
 def absorbed(name: str, signal: FloatArray, *, largest_model: int, n_outputs: int, when: str) -> str | None:
-    """Say that the model can take an atom for the aircraft's own motion, None where its onset or end prevents that.
+    """Return a warning that the model can take an atom for motion of the aircraft, None where it cannot.
+
+    It can if the atom obeys a homogeneous equation of low order in all rows, without its onset or end among them.
 
     Parameters
     ----------
-    signal : (n_samples,) the atom over the rows the model is fitted on; a transient in earlier samples is little proof.
+    signal : (n_samples,) the atom over the rows that the model is fitted to.
     largest_model : the largest order an analysis would try.
     n_outputs : of the model.
-    when : what `signal` extends over, for the sentence.
+    when : the extent of `signal`, for the sentence.
     """
     order = homogeneous_order(signal, min(LARGEST_ORDER, largest_model - 1))
     if not order:
@@ -130,7 +132,7 @@ def absorbed(name: str, signal: FloatArray, *, largest_model: int, n_outputs: in
 
 
 def advised(reasons: Mapping[int, str], values: FloatArray) -> dict[int, str]:
-    """Return why atoms are left out; of those that are, or combine, others, also what to do about it.
+    """Return why atoms are left out, and for atoms that depend on others also the remedy.
 
     Parameters
     ----------

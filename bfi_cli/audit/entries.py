@@ -1,4 +1,4 @@
-"""What an audit says of the entries of a dictionary: those that state an onset, and the kinds of fault that do not."""
+"""The audited entries of a dictionary: those that state an onset, and the kinds of fault that do not."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ class AuditedAtom:
 
     Attributes
     ----------
-    fault : its times on the axis of the window.
+    fault : with times on the axis of the window.
     live : it can be looked for in the window.
-    note : what is wrong with it and what to do, None where nothing is.
+    note : the problem with it and the remedy, None without a problem.
     unit : of its magnitude; channel_unit : of its channel; "" where not known, or a pure number.
     minimal_detectable : magnitude declared with 90 % power if it is the only fault; None without a log, or unseen.
     minimal_physical : (value, unit) of that magnitude; minimal_peak : the most it moves the output in the window.
     visible : norm of its filtered signature off the regressors over that before; None without a log.
-    most_coherent_with : the live atom most like it; coherence : with that one.
+    most_coherent_with : the live atom with the largest coherence; coherence : of the two.
     """
 
     name: str
@@ -59,15 +59,15 @@ class AuditedAtom:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Audit:
-    """The whole answer of `bfi dictionary`.
+    """The answer of `bfi dictionary`.
 
     Attributes
     ----------
     path : of the dictionary; relative_to : what its times count from.
-    start_s, stop_s, rate_hz, n_samples : of the signals compared; why : how window and rate came about.
-    log_path, native_rate_hz, model : None without a log; the model is the one without fault terms.
+    start_s, stop_s, rate_hz, n_samples : of the signals compared; why : the reason for window and rate.
+    log_path, native_rate_hz, model : None without a log; the model is that without fault terms.
     signatures : None where there are too many to compare.
-    notes : on the dictionary as a whole and on the log; those on single atoms are with them.
+    notes : on the dictionary as a whole and on the log; each atom has its own note besides.
     """
 
     path: str
@@ -111,7 +111,7 @@ class AuditWindow:
 
 
 def same_definition(faults: Sequence[Fault]) -> dict[int, int]:
-    """Return, for each fault that is defined like an earlier one but for name and magnitude, the first such."""
+    """Return by index of a fault the earlier fault with the same definition, name and magnitude aside, if any."""
     first: dict[Fault, int] = {}
     places = [first.setdefault(replace(fault, name=None, magnitude=1.0), j) for j, fault in enumerate(faults)]
     return {j: i for j, i in enumerate(places) if i != j}
@@ -139,7 +139,7 @@ def span_of(faults: Sequence[Fault], from_s: float | None, *, from_zero: bool) -
 
 
 def oddities(fault: Fault, span: AuditWindow) -> Iterator[str]:
-    """Say where a fault does not show its shape in a window: too short, too slow, too fast, or too early."""
+    """Yield why a fault does not show its shape in a window: too short, too slow, too fast, or too early."""
     name = f"'{fault.name or fault.shape}'"
     stop_s = span.stop_s if fault.offset_s is None else min(fault.offset_s, span.stop_s)
     shown_s = stop_s - max(fault.onset_s, span.start_s)
@@ -162,22 +162,17 @@ def oddities(fault: Fault, span: AuditWindow) -> Iterator[str]:
 
 
 def unknown_channels(faults: Sequence[Fault]) -> list[str]:
-    """Name the channels that are no standard ones, each once: without a log nothing else can be known of them."""
-    said = []
+    """Return a sentence on each channel that is no standard channel, for an audit without a log."""
+    sentences = []
     for name in dict.fromkeys(fault.channel for fault in faults if fault.channel not in STANDARD):
         hint = did_you_mean(name, list(STANDARD))
-        other = hint if "did you mean" in hint else "; the log must have it under that name"
-        said.append(f"'{name}' is no standard channel name{other}")
-    return said
-
-
-def unit_of(channel: str) -> str:
-    """Return the unit of a standard channel, "" of any other."""
-    return STANDARD[channel].unit if channel in STANDARD else ""
+        hint = hint if "did you mean" in hint else "; the log must have it under that name"
+        sentences.append(f"'{name}' is no standard channel name{hint}")
+    return sentences
 
 
 def reasons_of(faults: Sequence[Fault], names: Sequence[str], reasons: Mapping[int, str]) -> dict[int, str]:
-    """Return the reasons, those of an entry whose twin by definition is live in words of the definition."""
+    """Return the reasons, with a more exact one for an entry with the definition of an entry that is live."""
     twins = {j: i for j, i in same_definition(faults).items() if j in reasons and i not in reasons}
     worded = {j: f"'{names[j]}' is defined as '{names[i]}' is; drop one of them" for j, i in twins.items()}
     return {**reasons, **worded}
@@ -186,7 +181,7 @@ def reasons_of(faults: Sequence[Fault], names: Sequence[str], reasons: Mapping[i
 def remarks_of(
     faults: Mapping[int, Fault], span: AuditWindow, values: FloatArray | None, *, largest_model: int, n_outputs: int
 ) -> dict[int, list[str]]:
-    """Return what is odd about each live fault, by index; faults with nothing odd have no entry.
+    """Return the remarks on each live fault, by index; a fault without remarks has no entry.
 
     Parameters
     ----------
@@ -197,7 +192,7 @@ def remarks_of(
     """
     remarks: dict[int, list[str]] = {}
     for n, (j, fault) in enumerate(faults.items()):
-        said, name = list(oddities(fault, span)), fault.name or fault.shape
+        sentences, name = list(oddities(fault, span)), fault.name or fault.shape
         lost = f"the first {span.lags} samples, which the model's lags use up"
         # It starts after the window does, but before the first row of the model.
         early = bool(span.rate_hz and span.lags and 0.0 < (fault.onset_s - span.start_s) * span.rate_hz < span.lags)
@@ -206,11 +201,11 @@ def remarks_of(
             when = f"after {lost}" if early else "over the whole window"
             taken = absorbed(name, values[:, n], largest_model=largest_model, n_outputs=n_outputs, when=when)
         if taken is not None:
-            said.append(taken)
+            sentences.append(taken)
         elif early:
-            said.append(f"'{name}' starts within {lost}; start the window earlier")
-        if said:
-            remarks[j] = said
+            sentences.append(f"'{name}' starts within {lost}; start the window earlier")
+        if sentences:
+            remarks[j] = sentences
     return remarks
 
 
@@ -227,20 +222,20 @@ def entries(
     Parameters
     ----------
     faults, units : (n_atoms,) with the unit of each fault's channel.
-    reasons : why an entry is left out; remarks : what is odd about one that is live; by index.
-    signatures : of the live ones.
-    limits : on a log, of each live one: the minimal detectable magnitude, NaN where nothing is seen, the most a
+    reasons : by index why an entry is left out; remarks : by index the remarks on a live entry.
+    signatures : of the live entries.
+    limits : on a log, of each live entry: the minimal detectable magnitude, NaN where nothing is seen, the most a
         magnitude of 1 moves its output, and `AuditedAtom.visible`.
     """
     place = {j: n for n, j in enumerate(j for j in range(len(faults)) if j not in reasons)}
     atoms = []
     for j, (fault, unit) in enumerate(zip(faults, units, strict=True)):
         n = place.get(j)
-        said = [reasons[j]] if n is None else remarks.get(j, ())
+        sentences = [reasons[j]] if n is None else remarks.get(j, ())
         other, coherence = (None, None) if signatures is None or n is None else most_like(signatures, n)
         least, most, visible = (np.nan, np.nan, None) if limits is None or n is None else limits[n]
         z = float(least) if np.isfinite(least) else None
-        audited = _audited(fault, unit, "; ".join(said) or None, z, live=n is not None)
+        audited = _audited(fault, unit, "; ".join(sentences) or None, z, live=n is not None)
         peak = None if z is None else z * float(most)
         atoms.append(
             replace(audited, minimal_peak=peak, visible=visible, most_coherent_with=other, coherence=coherence)
@@ -265,9 +260,9 @@ def _audited(fault: Fault, unit: str, note: str | None, least: float | None, *, 
 def searched_on_log(
     clean: FlightLog, dictionary: Dictionary, config: Config
 ) -> tuple[OnsetSearch | None, list[str | None]]:
-    """Return the search of a log without faults for the kinds of a dictionary, and why kinds are left out of it.
+    """Return the search of a log without faults for the kinds of a dictionary, and why each kind is left out of it.
 
-    The result is None where all are.
+    The search is None where all kinds are left out.
     """
     part = clean.window(config.window.from_s, config.window.to_s)
     start_s, stop_s = float(part.time_s[0]), float(part.time_s[-1])
@@ -336,7 +331,7 @@ def with_kinds(
 
 
 def _kind(fault: Fault, unit: str, reason: str | None, limit: Candidate | None) -> AuditedAtom:
-    said = reason
+    note = reason
     if limit is not None and limit.note is not None:
-        said = reason or f"limit of '{fault.name or fault.shape}': {limit.note}"
-    return _audited(fault, unit, said, None if limit is None else limit.minimal_detectable_scan, live=not reason)
+        note = reason or f"limit of '{fault.name or fault.shape}': {limit.note}"
+    return _audited(fault, unit, note, None if limit is None else limit.minimal_detectable_scan, live=not reason)

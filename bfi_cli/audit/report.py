@@ -1,4 +1,4 @@
-"""The JSON document of `bfi dictionary`, and what the report of an audit holds, made from the document."""
+"""The JSON document and the report of `bfi dictionary`."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ Plain = Mapping[str, Any]
 
 DRAWINGS, TABLES = ("signatures", "coherence", "limits"), ("atoms", "coherence")
 MODEL_KEYS = ("inputs", "outputs", "order", "feedthrough", "noise_sd")
-# Signatures that a page has room for, and points of each: twice the pixels across a page.
+# Signatures on a page, and points of each: twice the pixels across a page.
 MAX_SIGNATURES, MAX_POINTS = 24, 1000
-# Atoms whose coherence a terminal of 80 columns holds as a matrix, and that a map of a page tells apart; the most
-# coherent pairs that stand in place of a larger matrix, and the notes on atoms that are listed.
+# Atoms whose coherence is shown as a matrix on a terminal of 80 columns, and as a map on a page; pairs that are listed
+# in place of a larger matrix, and notes on atoms.
 MATRIX_ATOMS, MAP_ATOMS, MOST_PAIRS, MOST_NOTES = 9, 200, 5, 8
 NAME_LETTERS, CHANNEL_LETTERS, MATRIX_LETTERS = 30, 10, 14
-# The keys of a shape that tell it from others of the same name, as a table says them.
+# Keys of a shape and their words in a table.
 KEY_WORDS = {
     "slope": "slope {:g}/s",
     "frequency_hz": "{:g} Hz",
@@ -102,7 +102,7 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
 
 
 def audit_content(document: Plain, units: Units = SI) -> ReportContent:
-    """Return what the report of a document of `bfi dictionary` holds, in `units`; its CSV files are in SI."""
+    """Return the report of a document of `bfi dictionary`, in `units`; its CSV files are in SI."""
     atoms, coherence = document["atoms"], document["coherence"]
     live = [atom for atom in atoms if atom["live"]]
     tables, drawings = [_list_atoms(document, units)], []
@@ -181,7 +181,7 @@ def _list_atoms(document: Plain, units: Units) -> Table:
 
 
 def _times(atom: Plain) -> str:
-    """Return when a fault begins and ends, "12 to 20"; of a kind of fault when it may begin, "from 5", "any"."""
+    """Return onset and end of a fault, "12 to 20"; of a kind of fault the onsets it may have, "from 5", "any"."""
     if atom["onset_s"] is not None:
         return f"{atom['onset_s']:.6g}" + ("" if atom["offset_s"] is None else f" to {atom['offset_s']:.6g}")
     first, last = atom["onset_range_s"]
@@ -193,7 +193,7 @@ def _times(atom: Plain) -> str:
 
 
 def _limit(atom: Plain, units: Units) -> str | None:
-    """Return the minimal detectable magnitude, of one that multiplies a slope what it means; None if not known."""
+    """Return the minimal detectable magnitude, with its meaning if it multiplies a slope; None if not known."""
     if atom["minimal_physical"] is None:
         return None
     value, unit = atom["minimal_physical"]["value"], atom["minimal_physical"]["unit"]
@@ -226,7 +226,7 @@ def _list_coherence(document: Plain, names: Sequence[str], matrix: FloatArray) -
 
 
 def _two_decimals(value: float) -> str:
-    """Return two decimals without the zero before them; only what is 1 to round-off reads 1."""
+    """Return two decimals without the zero before them; only a value of 1 within round-off reads 1."""
     if value != value:
         return "-"
     return "1" if value > 1.0 - 1e-9 else f"{min(value, 0.99):.2f}".removeprefix("0")

@@ -77,23 +77,26 @@ def _number_or_word(_context: click.Context, _option: click.Parameter, text: str
     return text
 
 
-def _scan_method(_context: click.Context, option: click.Parameter, word: str | None) -> str | None:
-    if word is not None and word not in SCAN_METHODS:
-        raise ConfigError(f"{option.opts[0]}: not a method, got {word}; known: {', '.join(SCAN_METHODS)}")
-    return SCAN_METHODS.get(word or "")
+def _choice(values: Callable[[], Mapping[str, str]]) -> Callback:
+    """Return a callback that reads one of some words as its value; `values` is called where a word is given."""
+
+    def read(_context: click.Context, option: click.Parameter, word: str | None) -> str | None:
+        if word is None:
+            return None
+        from ..faults import did_you_mean, shown
+
+        if word not in (known := values()):
+            what = f"not one of the choices, got {shown(word)}{did_you_mean(word, list(known))}"
+            raise ConfigError(f"{option.opts[0]}: {what}")
+        return known[word]
+
+    return read
 
 
-def _shown_units(_context: click.Context, option: click.Parameter, word: str | None) -> str | None:
-    """Return the name of a system of units."""
-    if word is None:
-        return None
+def _systems_of_units() -> dict[str, str]:
     from ..display_units import UNITS
-    from ..faults import did_you_mean, shown
 
-    if word not in UNITS:
-        what = f"not one of the choices, got {shown(word)}{did_you_mean(word, list(UNITS))}"
-        raise ConfigError(f"{option.opts[0]}: {what}")
-    return word
+    return {name: name for name in UNITS}
 
 
 def _tolerances(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> dict[str, float | str]:
@@ -138,12 +141,12 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "units": {"multiple": True, "callback": pairs("tas=kt")},
     "noise": {"multiple": True, "callback": pairs("tas=0.01", float)},
     "tolerances": {"multiple": True, "callback": _tolerances},
-    "shown_units": {"callback": _shown_units},
+    "shown_units": {"callback": _choice(_systems_of_units)},
     "kinds": {"callback": lambda _context, _option, text: tuple(map(str.strip, text.split(","))) if text else ()},
     "magnitudes": {"multiple": True, "callback": _magnitudes},
     "band": {"callback": _two_numbers("a band", "0.1:2, in Hz")},
     "stretch": {"callback": _two_numbers("a stretch of time", "1160:1500, in s")},
-    "scan_method": {"callback": _scan_method},
+    "scan_method": {"callback": _choice(lambda: SCAN_METHODS)},
 }
 
 # One row per option: the name under which it reaches the command, its flags, the key of the configuration it stands

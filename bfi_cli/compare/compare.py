@@ -1,4 +1,4 @@
-"""Run every method on one log, time it, and hold what it says against the injected faults or against the others."""
+"""Run every method on one log, time it, and score its statement against the injected faults, or against the others."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ from ..shapes import SHAPES
 from .peers import Peer, Problem
 from .result import SPREAD_S, ComparisonResult, Isolation, Outcome, Score, Statement, Suspect
 
-# A suspect whose onset lies more than so many seconds before a fault is a false alarm, as is one that is declared more
-# than SPREAD_S before it: the onset of a slow drift is often estimated too early. Chosen without a tuning record.
+# A suspect is a false alarm if its onset lies more than so many seconds before a fault (that of a slow drift is often
+# estimated too early), or if it was declared more than SPREAD_S before the fault. Not tuned.
 EARLY_S = 5.0
 
 
@@ -39,11 +39,12 @@ def compare(
 ) -> ComparisonResult:
     """Run methods on the window of a log, one after the other, each on one BLAS thread.
 
-    What a method refuses, because it lacks a channel, a model or a dictionary, is its line's reason.
+    A method that lacks a channel, a model or a dictionary has the reason in its outcome.
 
     Parameters
     ----------
-    config : with what the log has in place of defaults; asked : as the user gave it, default the same.
+    config : with channels of the log in place of defaults that it lacks; asked : as the user stated it, None for the
+        same.
     peers : the methods by name.
 
     Raises
@@ -59,11 +60,19 @@ def compare(
         config=config,
         asked=config if asked is None else asked,
     )
-    truth = None if window.truth is None else _acting(window.truth.faults, window)
+    truth = None
+    if window.truth is not None:
+        first_s, last_s = float(window.time_s[0]), float(window.time_s[-1])
+        acting = (
+            one
+            for one in window.truth.faults
+            if one.onset_s <= last_s and (one.offset_s is None or one.offset_s > first_s)
+        )
+        truth = tuple(sorted(acting, key=lambda one: one.onset_s))
     hit = () if window.truth is None else tuple(window.truth.clean)
     channels = [window.channel(name) for name in config.outputs]
     if problem.asked.inputs not in (Config().inputs, ("auto",)):
-        window.signals(problem.asked.inputs)  # what the user names must be there; a default that is not is a reason
+        window.signals(problem.asked.inputs)  # inputs that the user names must be in the log
     outcomes = []
     for name, peer in peers.items():
         progress(name, 0.0)
@@ -83,7 +92,7 @@ def compare(
 def outcome_of(
     name: str, peer: Peer, problem: Problem, truth: Sequence[Fault] | None, hit: Sequence[str] = ()
 ) -> Outcome:
-    """Return what a method states, or why it does not, on one BLAS thread; `agrees` is left empty.
+    """Return the statement of a method, or why it has none, on one BLAS thread; `agrees` is left empty.
 
     Parameters
     ----------
@@ -109,15 +118,8 @@ def outcome_of(
     )
 
 
-def _acting(faults: Sequence[Fault], window: FlightLog) -> tuple[Fault, ...]:
-    """Return the faults that act in the window, the first onset first."""
-    first_s, last_s = float(window.time_s[0]), float(window.time_s[-1])
-    acting = (one for one in faults if one.onset_s <= last_s and (one.offset_s is None or one.offset_s > first_s))
-    return tuple(sorted(acting, key=lambda one: one.onset_s))
-
-
 def score_of(statement: Statement, truth: Sequence[Fault], hit: Sequence[str] = ()) -> Score:
-    """Score a statement: a suspect stands for the first fault left of its channel that it does not begin too early for.
+    """Score a statement against the injected faults, each paired with the suspect that stands for it, see `paired`.
 
     Parameters
     ----------
@@ -155,12 +157,22 @@ def score_of(statement: Statement, truth: Sequence[Fault], hit: Sequence[str] = 
 def paired(
     statement: Statement, truth: Sequence[Fault], hit: Sequence[str] = ()
 ) -> tuple[list[tuple[Suspect, Fault]], list[Suspect]]:
-    """Return each injected fault that a suspect stands for with it, and the suspects that stand for none."""
+    """Return the pairs of a suspect and the injected fault that it stands for, and the suspects that stand for none.
+
+    Faults are paired in turn; a suspect must act on the fault's channel and not begin too early, one of the same kind
+    is preferred, then the nearest onset.
+    """
     rest, pairs = list(statement.suspects), []
     for fault in truth:
         able = [one for one in rest if _stands_for(one, fault, hit)]
         if able:
-            best = min(able, key=lambda one: (not _same_kind(one, fault), _distance_s(one, fault)))
+            best = min(
+                able,
+                key=lambda one: (
+                    not _same_kind(one, fault),
+                    np.inf if one.onset_s is None else abs(one.onset_s - fault.onset_s),
+                ),
+            )
             rest.remove(best)
             pairs.append((best, fault))
     return pairs, rest
@@ -179,12 +191,8 @@ def _same_kind(one: Suspect, fault: Fault) -> bool:
     return one.shape in SHAPES and SHAPES[one.shape].kind == SHAPES[fault.shape].kind  # type: ignore[index]
 
 
-def _distance_s(one: Suspect, fault: Fault) -> float:
-    return np.inf if one.onset_s is None else abs(one.onset_s - fault.onset_s)
-
-
 def _agreeing(one: Outcome, others: Sequence[Outcome]) -> tuple[str, ...]:
-    """Return the methods that decide as this one does and, where both name channels, name the same."""
+    """Return the other methods with the same decision and, where both name channels, the same channels."""
 
     def named(outcome: Outcome) -> set[str]:
         return {suspect.channel for suspect in outcome.statement.suspects} if outcome.statement else set()

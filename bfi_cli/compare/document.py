@@ -1,4 +1,4 @@
-"""The JSON document of `bfi compare`, and what a reader is shown of it."""
+"""The JSON document and the report of `bfi compare`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ CAPTION = (
     "Above: what was measured; upright lines: onsets of injected faults. Below: when each method says that a fault "
     "acts, from its onset on; an empty lane has none."
 )
-# Letters of a name, and of a reason, in the table.
+# Letters of a table cell with names, and with a reason.
 NAME, REASON = 40, 100
 
 
@@ -33,7 +33,7 @@ def compare_document(result: ComparisonResult, provenance: Provenance) -> dict[s
 
 
 def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
-    """Return what the report of a document of `bfi compare` holds.
+    """Return the report of a document of `bfi compare`, in `units`.
 
     Raises
     ------
@@ -60,7 +60,10 @@ def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: st
         if one.statement is not None
     ]
     spans: tuple[Span, ...] = ()
+    words = "not known"
     if injected is not None:
+        faults = (f"{one.shape} {one.channel} from {instant(one.onset_s)} s" for one in injected)
+        words = "; ".join(faults) or "nothing"
         at = [(max(one.onset_s, start_s), min(one.offset_s or stop_s, stop_s)) for one in injected]
         blocks = tuple(Block(label="", low=low, high=high, shade="grey") for low, high in union(at))
         lanes.insert(0, Lane(label="injected", blocks=blocks))
@@ -89,7 +92,7 @@ def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: st
         facts=(
             ("Window", f"{instant(start_s)} to {instant(stop_s)} s"),
             ("Outputs", ", ".join(result.outputs)),
-            ("Injected", _injected(injected)),
+            ("Injected", words),
         ),
         tables=tuple(tables),
         drawings=(Drawing(name="comparison", caption=CAPTION, panels=tuple(panels), shared_x=True),),
@@ -97,22 +100,16 @@ def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: st
     )
 
 
-def _injected(injected: list[Any] | None) -> str:
-    if injected is None:
-        return "not known"
-    return "; ".join(f"{one.shape} {one.channel} from {instant(one.onset_s)} s" for one in injected) or "nothing"
-
-
 def _methods(outcomes: tuple[Outcome, ...], *, scored: bool) -> Table:
-    """Return a line per method: against the truth, else with the onset it says and with whom it agrees."""
-    own: tuple[str, ...] = ("onset", "agrees with")
+    """Return a line per method: its score, or without injected faults its onsets and the methods that agree."""
+    columns: tuple[str, ...] = ("onset", "agrees with")
     if scored:
-        own = ("isolated", "onset error", "magnitude error", "false alarms", "delay")
+        columns = ("isolated", "onset error", "magnitude error", "false alarms", "delay")
     rows = []
     for one in outcomes:
-        said = one.statement
-        if said is None:
-            rows.append((one.method, "did not run", "-", *("-" for _ in own), f"{one.seconds:.1f} s"))
+        statement = one.statement
+        if statement is None:
+            rows.append((one.method, "did not run", "-", *("-" for _ in columns), f"{one.seconds:.1f} s"))
             continue
         if one.score is not None:
             relative = one.score.magnitude_error
@@ -124,11 +121,11 @@ def _methods(outcomes: tuple[Outcome, ...], *, scored: bool) -> Table:
                 _seconds(one.score.delay_s),
             )
         else:
-            onsets = [instant(each.onset_s) for each in said.suspects if each.onset_s is not None]
+            onsets = [instant(each.onset_s) for each in statement.suspects if each.onset_s is not None]
             cells = (f"{', '.join(onsets[:3])} s" if onsets else "-", ", ".join(one.agrees) or "nobody")
-        names = shortened(", ".join(map(_name, said.suspects)) or "-", NAME)
-        rows.append((one.method, DECISIONS[said.decision], names, *cells, f"{one.seconds:.1f} s"))
-    heads = ("method", "detected", "names", *own, "takes")
+        names = shortened(", ".join(map(_name, statement.suspects)) or "-", NAME)
+        rows.append((one.method, DECISIONS[statement.decision], names, *cells, f"{one.seconds:.1f} s"))
+    heads = ("method", "detected", "names", *columns, "takes")
     return Table(name="methods", title="Methods", heads=heads, rows=tuple(rows))
 
 

@@ -1,4 +1,4 @@
-"""What every method of a comparison is given, and the methods of this program, which other commands run too."""
+"""The problem that every method of a comparison is given, and the methods of this program that other commands run."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class Problem:
 
     Attributes
     ----------
-    log : as it was read; part : its window, without the injected truth.
-    dictionary : of the faults to look for, None for any.
-    config : with what the log has in place of defaults; asked : as the user gave it.
+    log : the whole log, part : its window, both without the truth.
+    dictionary : of the faults to look for, None for any fault.
+    config : with channels of the log in place of defaults that it lacks; asked : as the user stated it.
     """
 
     log: FlightLog
@@ -41,7 +41,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Peer:
-    """A method: `needs` are the channels without which it cannot work, each with those that do as well."""
+    """A method; `needs` are the channels that it cannot work without, each with its alternatives."""
 
     summary: str
     state: Callable[[Problem], Statement]
@@ -58,8 +58,8 @@ def by_likelihood(problem: Problem) -> Statement:
 def by_search(problem: Problem) -> Statement:
     """State what `bfi start-time` does, which is given no dictionary.
 
-    The score is the largest fall of the BIC by a shape: in noise a search over many frequencies finds a larger
-    statistic than one over steps.
+    The score is the largest fall of the BIC by a shape, not the statistic: in noise a search over many frequencies has
+    a larger statistic than a search over steps.
     """
     result = start_time(problem.log, merge(problem.config, {"method": "ml"}))
     falls = [
@@ -72,7 +72,7 @@ def by_search(problem: Problem) -> Statement:
 
 
 def by_entries(problem: Problem, *, method: str) -> Statement:
-    """State which entries of the dictionary a method declares, without a search beside it."""
+    """State which entries of the dictionary a method declares, without the search over all onsets."""
     if problem.dictionary is None or not problem.dictionary.exact.atoms:
         raise ConfigError("needs a dictionary whose entries state their onsets; give one with --dictionary")
     config = merge(problem.config, {"method": method})
@@ -80,7 +80,7 @@ def by_entries(problem: Problem, *, method: str) -> Statement:
 
 
 def by_two_filters(problem: Problem) -> Statement:
-    """State a fault from when its hypothesis is more probable than that of none; the filters know no shape.
+    """State a fault from the time at which DMAE finds it more probable than none; the filters know no shape.
 
     The score is the largest logarithm of the odds, which the floor of the probabilities bounds.
     """
@@ -96,11 +96,11 @@ def by_two_filters(problem: Problem) -> Statement:
 
 
 def plain_model(problem: Problem) -> tuple[IdentifyResult, bool]:
-    """Return the model without faults, and whether the entries of the dictionary were looked at beside it."""
+    """Return the ARX model without faults, and whether it was given the entries of the dictionary."""
     config, part = merge(problem.config, {"method": "arx-residual"}), problem.part
     if problem.dictionary is not None and problem.dictionary.exact.atoms:
         return identify_faults(problem.log, problem.dictionary.exact, config), True
-    # An entry is needed for the window to be prepared, and is not stated.
+    # The window is prepared for an entry, which no method states.
     middle_s = 0.5 * float(part.time_s[0] + part.time_s[-1])
     entry = Fault(shape="bias", channel=config.outputs[0], onset_s=middle_s, name="unused")
     dictionary = Dictionary(atoms=(entry,), relative_to="log", sha256="", path="no dictionary")
@@ -108,7 +108,7 @@ def plain_model(problem: Problem) -> tuple[IdentifyResult, bool]:
 
 
 def by_residual(problem: Problem) -> Statement:
-    """State the first residual of more than five robust standard deviations of every output, or of its entry.
+    """State the first residual of each output beyond five robust standard deviations, or the dictionary's entry for it.
 
     The score is the largest residual over its standard deviation.
     """
@@ -133,7 +133,7 @@ def by_residual(problem: Problem) -> Statement:
 
 
 def by_null_space(problem: Problem) -> Statement:
-    """State what `bfi detect` does, with its own inputs and outputs unless the user named some.
+    """State what `bfi detect` does, with its default inputs and outputs unless the user named some.
 
     The score is the largest statistic over its threshold.
     """
@@ -144,16 +144,16 @@ def by_null_space(problem: Problem) -> Statement:
         Suspect(channel=one.channel, shape="bias", onset_s=one.onset_s, magnitude=one.size, declared_s=one.time_s)
         for one in result.alarms
     )
-    # The other kinds are not looked for: their verdict, inconclusive, would say nothing of the detector.
+    # The verdict on abrupt faults: the detector does not look for the other kinds, whose verdicts are inconclusive.
     over = [one.statistic[np.isfinite(one.statistic)] / one.threshold for one in result.series if one.threshold > 0.0]
     score = max((float(one.max()) for one in over if one.size), default=None)
     return Statement(decision=result.verdicts[KINDS[0]], suspects=suspects, score=score)
 
 
 def _identified(result: IdentifyResult) -> Statement:
-    """State what is identified; the score is the largest magnitude of an entry over its standard deviation.
+    """State the identified faults; the score is the largest magnitude of an entry over its standard deviation.
 
-    Of a method that knows no standard deviation it is twice the log of the likelihood ratio of all that it declares.
+    For a method without standard deviations it is twice the log of the likelihood ratio of all declared faults.
     """
     sizes = [
         abs(one.magnitude) / one.sd
@@ -175,13 +175,13 @@ def _gain(result: IdentifyResult) -> float:
     return gain
 
 
-def _suspect(found: FaultEstimate) -> Suspect:
-    fault = found.fault
+def _suspect(estimate: FaultEstimate) -> Suspect:
+    fault = estimate.fault
     return Suspect(
         channel=fault.channel,
         shape=fault.shape,
-        name=found.name,
+        name=estimate.name,
         onset_s=fault.onset_s,
         offset_s=fault.offset_s,
-        magnitude=found.magnitude,
+        magnitude=estimate.magnitude,
     )

@@ -1,4 +1,4 @@
-"""Methods of other programs: an executable that is given a log file and writes what it finds as JSON."""
+"""Methods of other programs: an executable that reads a log file and writes its statement as JSON."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from ..serialization import from_plain
 from .peers import Peer, Problem
 from .result import Statement
 
-# Bytes read of what a program writes: a thousand times what a statement of a dozen faults takes.
+# Limit of a statement, bytes: a thousand times one with a dozen faults.
 MOST_BYTES = 2_000_000
 
 
@@ -32,7 +32,7 @@ def _run(problem: Problem, *, path: str, timeout_s: float) -> Statement:
 
     Raises
     ------
-    ConfigError : it cannot be started, fails, does not end in time, or writes something else than a statement.
+    ConfigError : the executable does not start, fails, does not end in time, or does not write a statement.
     """
     with tempfile.TemporaryDirectory(prefix="bfi-") as folder:
         log = Path(folder) / "log.h5"

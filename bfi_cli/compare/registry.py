@@ -8,7 +8,7 @@ from ..identify.methods import METHODS
 from .peers import Peer, by_entries, by_likelihood, by_null_space, by_residual, by_search, by_two_filters
 from .rivals import AIRSPEED, by_ardupilot, by_change_points, by_cumulative_sum, by_likelihood_ratio, by_px4
 
-# What is asked of a method beyond which entries of a dictionary it declares.
+# Methods of identification that state more than the entries of a dictionary that they declare.
 OF_METHODS = {"ml": by_likelihood, "dmae": by_two_filters, "arx-residual": by_residual}
 PEERS = {
     **{

@@ -1,4 +1,4 @@
-"""What a method says of a log, and how that fares: frozen data."""
+"""The statement of a method about a log, and its score."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ from ..kernels import FloatArray
 from ..notes import Note
 from ..preprocessing.summary import LogSummary
 
-# Seconds by which an alarm may come before its fault: the low-pass of an analysis at 1 Hz spreads a step that far.
+# Seconds by which an alarm may precede its fault: the low-pass of an analysis at 1 Hz spreads a step that far.
 SPREAD_S = 1.0
-# "fault": channel and kind of fault are right; "channel": the channel is; of methods that tell no more, the most.
+# "fault": channel and kind of fault are right; "channel": only the channel, the best of a method that tells no kind.
 Isolation = Literal["fault", "channel", "no"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Suspect:
-    """One fault that a method declares; None for what it does not tell.
+    """One fault that a method declares; None for an attribute that it does not tell.
 
     Attributes
     ----------
@@ -36,13 +36,12 @@ class Suspect:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Statement:
-    """What a method says of a log: its decision, and the faults it declares, in any order.
+    """What a method says about a log: its decision, and the faults it declares, in any order.
 
     Attributes
     ----------
-    score : grows with what speaks for a fault, in units of the method's own and without regard to its threshold, so
-        that thresholds of several methods can be set to one rate of false alarms; None of a method that has no such
-        number.
+    score : evidence for a fault, in units of the method and independent of its threshold, so that thresholds of several
+        methods can be set to one rate of false alarms; None for a method without such a number.
     """
 
     decision: Decision
@@ -59,7 +58,7 @@ class Score:
     isolated : None where nothing was injected.
     onset_error_s, magnitude_error, delay_s : of the first injected fault that was declared: estimated less true onset,
         relative error of the magnitude, time from onset to declaration; None where the method does not tell.
-    false_alarms, missed : number of suspects that no injected fault stands for, and of faults that no suspect does.
+    false_alarms, missed : number of suspects without an injected fault, and of injected faults without a suspect.
     """
 
     isolated: Isolation | None
@@ -97,7 +96,7 @@ class ComparisonResult:
 
     Attributes
     ----------
-    truth : injected faults that act in the window; None where the log says nothing of any.
+    truth : injected faults that act in the window; None where the log has no truth.
     outputs : names; time_s : (n_samples,); measured : one (n_samples,) per output.
     """
 

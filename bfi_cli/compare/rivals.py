@@ -45,7 +45,7 @@ CHANGE_PRICE = 2.0
 
 
 def by_cumulative_sum(problem: Problem) -> Statement:
-    """State a change of the residual's mean by the two-sided cumulative sum, at the wanted rate if it were white."""
+    """State a change of the residual's mean by the two-sided cumulative sum, its threshold that of white noise."""
 
     def detect(x: FloatArray, _rate_hz: float) -> tuple[ChangeAlarm | None, float]:
         sums = cumulative_sum(x)
@@ -55,7 +55,7 @@ def by_cumulative_sum(problem: Problem) -> Statement:
 
 
 def by_likelihood_ratio(problem: Problem) -> Statement:
-    """State a change of the residual's mean by the generalised likelihood ratio, likewise."""
+    """State a change of the residual's mean by the generalised likelihood ratio, its threshold that of white noise."""
 
     def detect(x: FloatArray, rate_hz: float) -> tuple[ChangeAlarm | None, float]:
         lengths = max(1, min(len(x), round(MEMORY_S * rate_hz)))
@@ -67,9 +67,9 @@ def by_likelihood_ratio(problem: Problem) -> Statement:
 
 
 def by_change_points(problem: Problem) -> Statement:
-    """State the first change point of the residual's mean, of those that PELT finds at the price of the BIC.
+    """State the first change point of the residual's mean by PELT, with the penalty of the BIC.
 
-    Its score is the gain of a single change, in natural units.
+    The score is the gain of a single change, in natural units.
 
     Raises
     ------
@@ -81,7 +81,7 @@ def by_change_points(problem: Problem) -> Statement:
         raise ConfigError("needs the package ruptures; install it with: pip install bfi-cli[compare]") from None
 
     def detect(x: FloatArray, _rate_hz: float) -> tuple[ChangeAlarm | None, float]:
-        # Its cost is the sum of squares, twice the natural units.
+        # The cost of ruptures is the sum of squares, twice the natural units.
         price = 2.0 * CHANGE_PRICE * float(np.log(len(x)))
         ends = ruptures.Pelt(model="l2", min_size=2, jump=1).fit(x[:, None]).predict(pen=price)
         first, gain = int(ends[0]), best_split(x)
@@ -90,7 +90,7 @@ def by_change_points(problem: Problem) -> Statement:
         return ChangeAlarm(alarm=len(x) - 1, onset=first, size=float(np.mean(x[first:]))), gain
 
     statement = _changes(problem, detect)
-    # It looks at the whole window at once.
+    # PELT sees the whole window at once, so that there is no time of declaration.
     return replace(statement, suspects=tuple(replace(one, declared_s=None) for one in statement.suspects))
 
 
@@ -122,8 +122,8 @@ def by_px4(problem: Problem, *, every: bool) -> Statement:
     """State when PX4 would declare the airspeed invalid, with its published parameters.
 
     The innovation needs the ground velocity, the load factor check `normal_acc`, the first-principle check throttle and
-    pitch; what the log lacks never fails. The wind is that of a filter without sideslip and scale, so an innovation
-    settles otherwise than on board. The score is the largest innovation, m/s.
+    pitch; a check whose channels the log lacks never fails. The wind filter estimates neither sideslip nor scale, so
+    that an innovation settles otherwise than on board. The score is the largest innovation, m/s.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def by_ardupilot(problem: Problem) -> Statement:
 
 
 def _sampled(log: FlightLog) -> tuple[str, FloatArray, dict[str, FloatArray]]:
-    """Return the airspeed's name, and every channel as it stands at each check: the last sample before it."""
+    """Return the airspeed's name, the times of the checks, and every channel at these."""
     name = next(name for name in AIRSPEED[0] if name in log.channels)
     step = max(1, round(log.rate_hz / CHECKS_HZ))
     return name, log.time_s[::step], {key: one.values[::step] for key, one in log.channels.items()}

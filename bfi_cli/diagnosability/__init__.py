@@ -1,7 +1,7 @@
-"""How well each fault of a dictionary can be seen, and told from the others, before there is one.
+"""Diagnosability: how well each fault of a dictionary can be seen, and told from the others, before one occurs.
 
-`signatures` fits one fault-free record, filters every fault through the fit and turns that into bits at given
-magnitudes, `assess` makes the result of a log, or of simulated flights of a model to compare manoeuvres.
+`signatures` fits one fault-free record, filters every fault through the fit and computes divergences in bits at given
+magnitudes; `assess` does so for a log, or for simulated flights of a model to compare manoeuvres.
 """
 
 from .assess import DiagnosabilityResult, assess, assess_manoeuvres, flown

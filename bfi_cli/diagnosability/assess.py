@@ -21,13 +21,13 @@ from ..notes import Note
 from ..preprocessing.summary import LogSummary, ModelSummary
 from .signatures import FaultSignatures, apart_bits, divergences, minimal_detectable, signatures, single_sample_bits
 
-# Standard errors of the paired difference, about 95 % confidence; it only decides whether a note asks for more draws.
+# Standard errors of the paired difference, about 95 % confidence, below which a note asks for more draws.
 CLEAR = 2.0
-# In bits. A fault of which the window tells less is named in a note; nothing else depends on it.
+# Information in bits below which a note names a fault.
 HARDLY = 0.1
 # Magnitudes over their standard deviation at which curves are drawn, from 0 bits to 1 bit, 15 to a decade.
 DEVIATIONS = np.logspace(-1.0, 4.0, 76)
-# Faults that the notes name one by one, so that the table stays in sight.
+# Faults that are named in notes.
 MOST_NAMED = 5
 
 
@@ -37,15 +37,15 @@ class DiagnosedAtom:
 
     Attributes
     ----------
-    live : whether it can be looked for in the window; note : why not.
+    live : whether it can be looked for in the window; note : the reason if not.
     magnitude : root mean square at which it is assessed, in `unit`; channel_unit : of its channel, "" where not known.
     physical_scale, physical_unit : what a magnitude of 1 means, where it multiplies a slope; else None.
     divergence_bits : information of the window on whether the fault is there, 0 to 1.
     sample_bits : divergence of single prediction errors from the onset on, as the paper compares them; None in a large
         dictionary too.
     minimal_detectable : magnitude declared with 90 % power if it is the only fault.
-    most_like : the entry it is most easily taken for.
-    apart_bits : information on whether it is this fault or that entry, whatever the size of that entry's fault.
+    most_like : the entry that it is most easily confused with.
+    apart_bits : information on whether the fault is this entry or `most_like`, whatever the magnitude of the latter.
     """
 
     name: str
@@ -66,13 +66,13 @@ class DiagnosedAtom:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ManoeuvreScore:
-    """A manoeuvre flown on a model, the mean over draws of the noise.
+    """A manoeuvre flown on a model, mean values over draws of the noise.
 
     Attributes
     ----------
     bits : mean over the faults of `DiagnosedAtom.apart_bits`; None where the flight could not be used.
-    standard_error : of it over the draws; None for one draw.
-    weakest, weakest_bits : the fault with the fewest of these bits, and their number.
+    standard_error : of `bits` over the draws; None for a single draw.
+    weakest, weakest_bits : the fault with the least `apart_bits`, and their number.
     divergence_bits, minimal_detectable : of each fault, in the order of the atoms.
     problem : why the flight could not be used.
     """
@@ -89,14 +89,14 @@ class ManoeuvreScore:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DiagnosabilityResult:
-    """The whole answer of `bfi diagnosability`.
+    """The answer of `bfi diagnosability`.
 
     Attributes
     ----------
     dictionary : where it was read from.
     draws : number of records behind the numbers, 1 for a log.
     in_limits : whether the magnitudes were given as multiples of the minimal detectable ones.
-    limit_deviations : the minimal detectable magnitude in its standard deviations.
+    limit_deviations : the minimal detectable magnitude over its standard deviation.
     atoms : every entry.
     between : (n_atoms, n_atoms) bits, NaN for entries left out.
     deviations, bits : (n,) magnitude over its standard deviation, and the information at it.
@@ -121,7 +121,7 @@ class DiagnosabilityResult:
 def magnitudes_of(names: Sequence[str], limits: FloatArray, stated: Diagnosability) -> FloatArray:
     """Return (n_atoms,) root mean squares of the magnitudes at which faults are assessed.
 
-    They are not finite where they are multiples of a limit that is not.
+    A multiple of an infinite limit is infinite.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def magnitudes_of(names: Sequence[str], limits: FloatArray, stated: Diagnosabili
 
     Raises
     ------
-    ConfigError : one is stated for a name that is none of the dictionary's.
+    ConfigError : a magnitude is stated for a name that the dictionary lacks.
     """
     for name in stated.magnitudes:
         if name not in names:
@@ -139,9 +139,9 @@ def magnitudes_of(names: Sequence[str], limits: FloatArray, stated: Diagnosabili
 
 
 def assess(log: FlightLog, dictionary: Dictionary, config: Config) -> DiagnosabilityResult:
-    """Say how well each fault of a dictionary could be seen in a log, and told from the others.
+    """Return how well each fault of a dictionary could be seen in a log, and told from the others.
 
-    The predictor is that of the log without fault terms: only what the predictor does not explain of a fault counts.
+    The predictor is that of the log without fault terms: only the part of a fault that it does not explain counts.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def result_of(
     ----------
     records : one or more, with the same entries.
     magnitudes : (n_atoms,) root mean squares.
-    manoeuvres, notes : to go with it.
+    manoeuvres, notes : added to the result.
     """
     first, bits = records[0], divergences(records, magnitudes)
     limits, in_sample = minimal_detectable(records), single_sample_bits(records, magnitudes)
@@ -231,7 +231,7 @@ def result_of(
 def flown(config: Config, name: str, draw: int) -> FlightLog:
     """Return the record of a manoeuvre of the configuration's model, with a draw of noise and gusts.
 
-    Every manoeuvre meets the same draws.
+    The draws are the same for every manoeuvre.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The JSON document of `bfi diagnosability`, and what a reader is shown of it."""
+"""The JSON document and the report of `bfi diagnosability`."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from ..serialization import document_of, from_plain, mapping, member, to_plain
 from .assess import DiagnosabilityResult, DiagnosedAtom, ManoeuvreScore
 
 ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")
-# What fits a page and can be read: letters of a name, rows of a map, curves of a panel; and where the curves rise.
+# Letters of a name, rows of a map and curves of a panel on a page; range of bits in which curves are drawn.
 NAME_LETTERS, MOST_IN_MAP, MOST_CURVES = 24, 30, 8
 SHOWN_BITS = (0.01, 0.99)
 MAP_CAPTION = (
@@ -48,7 +48,7 @@ MANOEUVRE_HEADS = ("manoeuvre", "told, bit", "standard error", "weakest fault", 
 def diagnosability_document(result: DiagnosabilityResult, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi diagnosability --json`; what is not known or not finite is None.
 
-    `between` has a row and a column for each of `atoms`, `information` is the curve all bits are read from.
+    `between` has a row and a column for each of `atoms`; `information` is the curve of bits over deviations.
     """
     body = to_plain(result)
     for key in ORDER_KEYS:
@@ -58,7 +58,7 @@ def diagnosability_document(result: DiagnosabilityResult, provenance: Provenance
 
 
 def diagnosability_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
-    """Return what the report of a document of `bfi diagnosability` holds, in `units`; its CSV files are in SI.
+    """Return the report of a document of `bfi diagnosability`, in `units`; its CSV files are in SI.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def diagnosability_content(document: Mapping[str, Any], units: Units = SI, *, wh
 
 
 def _manoeuvres(scores: Sequence[ManoeuvreScore], shown: Sequence[int], names: Sequence[str]) -> tuple[Table, Drawing]:
-    """Return what the manoeuvres tell, and a map of it over the entries that are shown."""
+    """Return the table of the manoeuvres, and the map of their bits over the entries that are shown."""
     rows = tuple(
         (
             score.name,
@@ -162,12 +162,12 @@ def _facts(result: DiagnosabilityResult, units: Units) -> tuple[tuple[str, str],
 
 
 def _rank(atom: DiagnosedAtom) -> tuple[bool, float]:
-    """Return the key by which entries stand, the easiest to see first."""
+    """Return the sort key of entries, the easiest to see first."""
     return atom.divergence_bits is None, -(atom.divergence_bits or 0.0)
 
 
 def _in_units(atom: DiagnosedAtom, units: Units) -> DiagnosedAtom:
-    """Return an entry with what its magnitudes mean, in the unit that is shown."""
+    """Return an entry with the meaning of its magnitudes, in the unit that is shown."""
     scale = atom.physical_scale
     scale, unit = (1.0, atom.unit) if scale is None else (abs(scale), atom.physical_unit or "")
     shown = units.of(unit, channel=atom.channel, own=atom.channel_unit)

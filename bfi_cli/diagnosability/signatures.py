@@ -1,4 +1,4 @@
-"""The filtered signature of every fault in a fault-free record, and the divergences in bits that signatures give."""
+"""The filtered signature of every fault in a fault-free record, and the divergences in bits of the signatures."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..channels import STANDARD
 from ..config import Config
 from ..dictionary import Dictionary
 from ..errors import DictionaryError
@@ -29,7 +28,7 @@ MOST_IN_SAMPLES = 100
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FaultSignatures:
-    """A fault-free record, and what each fault of the dictionary leaves in its prediction errors.
+    """A fault-free record, and the signature of each fault of the dictionary in its prediction errors.
 
     Attributes
     ----------
@@ -38,13 +37,13 @@ class FaultSignatures:
     channel_units : (n_atoms,) of their channels, "" where not known.
     reasons : why an entry is left out, by index.
     limits : (n_atoms,) minimal detectable magnitudes as `identify` states them, infinite where nothing shows.
-    sd : (n_atoms,) standard deviation of each magnitude that makes the limit at its exact onset so many `deviations`;
-        infinite for a fault that leaves nothing in the prediction errors.
+    sd : (n_atoms,) standard deviation of each magnitude, the limit at its exact onset over `deviations`; infinite for a
+        fault without a signature in the prediction errors.
     coherence : (n_atoms, n_atoms) of the filtered signatures, NaN where a fault has none.
     separation : bits against the magnitude in standard deviations, from the prediction errors.
     errors : (n_rows, n_outputs) prediction errors, SI.
-    traces : (n_rows, n_atoms) what magnitude 1 adds to the errors of the entry's own channel, NaN outside the fault.
-    outputs : (n_atoms,) index of the own channel among the outputs.
+    traces : (n_rows, n_atoms) change of the errors of the entry's channel by magnitude 1, NaN outside the fault.
+    outputs : (n_atoms,) index of the entry's channel among the outputs.
     notes : on the log.
     """
 
@@ -71,7 +70,7 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config, *, tolera
 
     Parameters
     ----------
-    tolerant : what can be detected holds for onsets as well as they are known, as in `identify`; else for exact ones.
+    tolerant : limits hold for the worst onset within the tolerance, as in `identify`; else for exact onsets.
 
     Raises
     ------
@@ -96,11 +95,8 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config, *, tolera
     sd[live] = np.where(visible & np.isfinite(exactly), exactly / fitted.deviations, np.inf)
     limits[live] = np.where(visible & np.isfinite(detectable), detectable, np.inf)
     coherence[np.ix_(live, live)] = mutual_coherence(whiten(fitted.unfolded.signatures, fit.sigma) * visible)
-    own = []
-    for fault in window.faults:
-        channels = window.log.channels if fault.channel in window.log.channels else STANDARD
-        own.append(channels[fault.channel].unit if fault.channel in channels else "")
-    # An entry whose channel is no output counts in the first one.
+    channel_units = tuple(window.log.unit_of(fault.channel) for fault in window.faults)
+    # An entry whose channel is no output is assigned to the first output.
     outputs = tuple(config.outputs.index(f.channel) if f.channel in config.outputs else 0 for f in window.faults)
     # A trace runs from the onset until the lags have forgotten the end.
     traces = np.full((len(regression.rows_s), n), np.nan)
@@ -114,8 +110,8 @@ def signatures(log: FlightLog, dictionary: Dictionary, config: Config, *, tolera
         model=fitted.model,
         faults=window.faults,
         names=window.names,
-        units=tuple(map(magnitude_unit, window.faults, own)),
-        channel_units=tuple(own),
+        units=tuple(map(magnitude_unit, window.faults, channel_units)),
+        channel_units=channel_units,
         reasons=window.reasons,
         limits=limits,
         sd=sd,
@@ -162,9 +158,8 @@ def minimal_detectable(records: Sequence[FaultSignatures]) -> FloatArray:
 def divergences(records: Sequence[FaultSignatures], magnitudes: FloatArray) -> Divergences:
     """Return the bits of faults of these magnitudes, the mean over the records.
 
-    Two faults are told apart by the prediction error along the part of one signature that is orthogonal to the other:
-    this does not depend on the magnitude of the other fault, which is unknown. Either fault can be taken as the other;
-    the choice with more bits counts.
+    Two faults are told apart by the prediction error along the part of one signature that is orthogonal to the other,
+    which does not depend on the unknown magnitude of the other fault. Of the two choices the one with more bits counts.
 
     Parameters
     ----------
@@ -195,7 +190,7 @@ def divergences(records: Sequence[FaultSignatures], magnitudes: FloatArray) -> D
 
 
 def apart_bits(record: FaultSignatures, magnitudes: FloatArray) -> FloatArray:
-    """Return (n_atoms,) bits of each fault against the most similar other one, or no fault if it is the only one."""
+    """Return (n_atoms,) bits of each fault against the most similar other fault, or no fault if there is no other."""
     rivals = np.where(np.eye(len(magnitudes), dtype=bool), np.nan, record.coherence)
     closest = np.max(np.nan_to_num(rivals), axis=1, initial=0.0)
     return window_bits(record.separation, _deviations(record, magnitudes) * np.sqrt(1.0 - closest**2))
@@ -218,5 +213,5 @@ def single_sample_bits(records: Sequence[FaultSignatures], magnitudes: FloatArra
 
 
 def _deviations(record: FaultSignatures, magnitudes: FloatArray) -> FloatArray:
-    """Return the magnitudes in units of their standard deviations, 0 for a fault that leaves nothing in the errors."""
+    """Return the magnitudes over their standard deviations, 0 for a fault without a signature."""
     return np.where(np.isfinite(magnitudes), magnitudes, 0.0) / record.sd

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import meant_channel
+from ..channels import meant_channel, unit_of
 from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..filters import Filter
@@ -214,6 +214,10 @@ class FlightLog:
         """Return a channel by its standard name, or by its name in the file; None where there is none."""
         by_source = (channel for channel in self.channels.values() if channel.source == name)
         return self.channels.get(name) or next(by_source, None)
+
+    def unit_of(self, name: str) -> str:
+        """Return the unit of a channel of the log, else of the standard channel of that name, "" of any other."""
+        return self.channels[name].unit if name in self.channels else unit_of(name)
 
     def signals(self, names: Sequence[str]) -> FloatArray:
         """Return (n_samples, len(names)) of channel values; a view for a single channel."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from ..channels import STANDARD
+from ..channels import unit_of
 from ..display_units import Shown, Units
 from ..printable import shortened
 
@@ -65,12 +65,14 @@ def change(value: float | None, shown: Shown) -> str:
 
 
 def noise_levels(noise_sd: Mapping[str, float], units: Units, own: Mapping[str, str]) -> str:
-    """Return "tas 0.03 m/s, aoa 0.002 rad"; `own` are the units of the channels of the log.
+    """Return "tas 0.03 m/s, aoa 0.002 rad".
 
-    Of a channel of which neither these nor the standard names know the unit, nothing is invented.
+    Parameters
+    ----------
+    own : units of the channels of the log by name, for those that are not standard; a unit in neither is left out.
     """
-    known = {name: STANDARD[name].unit if name in STANDARD else own.get(name, "") for name in noise_sd}
-    return ", ".join(f"{name} {change(sd, units.of(known[name], channel=name))}" for name, sd in noise_sd.items())
+    shown = {name: units.of(unit_of(name, own.get(name, "")), channel=name) for name in noise_sd}
+    return ", ".join(f"{name} {change(sd, shown[name])}" for name, sd in noise_sd.items())
 
 
 def with_unit(text: str, unit: str) -> str:

@@ -139,7 +139,7 @@ def test_exit_codes(bfi, calibrated: Path, log: Path, options: tuple[str, ...], 
 @pytest.mark.parametrize(
     ("options", "code", "complaint"),
     [
-        (("--method", "newton"), 2, "--method: not a method, got newton; known: scan, thesis"),
+        (("--method", "newton"), 2, "--method: not one of the choices, got 'newton'; known: scan, thesis"),
         (("--frequency", "2"), 2, "--frequency: not a band, got 2; write --frequency 0.1:2, in Hz"),
         (("--calibration", "none.json"), 2, "none.json"),
         (("--calibration", "self"), 3, "--calibration self needs"),

@@ -90,10 +90,17 @@ def running_median(x: FloatArray, block: int, n_blocks: int) -> FloatArray:
 
     At the ends of the record the blocks are those next to them.
     """
+    from scipy.ndimage import median_filter
+
     n = max(1, len(x) // block)
     medians = np.median(x[: n * block].reshape(n, -1), axis=1)
-    padded = np.pad(medians, n_blocks // 2, mode="edge" if n <= n_blocks // 2 else "reflect")
-    smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, n_blocks // 2 * 2 + 1), axis=1)
+    half = n_blocks // 2
+    padded = np.pad(medians, half, mode="edge" if n <= half else "reflect")
+    smooth = (
+        median_filter(padded, 2 * half + 1)[half : half + n]  # of odd width, so that a median is one of the values
+        if np.isfinite(padded).all()
+        else np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1)
+    )
     return np.asarray(smooth[np.minimum(np.arange(len(x)) // block, n - 1)])
 
 

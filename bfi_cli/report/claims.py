@@ -1,4 +1,4 @@
-"""What a report shows of claims about faults: the verdict as a sentence, the candidates, the limits as a figure."""
+"""Claims about faults in a report: the verdict as a sentence, the table of candidates, the figure of limits."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ NAME_LETTERS = 40
 STATES = {"declared": 0, "suspected": 1, "not_seen": 2, "excluded": 3, None: 4}
 WORDS = {"not_seen": "not seen", None: "left out"}
 STYLES: Mapping[str, Style] = {"excluded": "rows_green", "not seen": "rows_orange", "suspected": "rows_red"}
-# Rows of the figure of the limits: of more candidates the worst of each shape, and the worst that has a limit.
+# Rows of the figure of limits; of more candidates the worst of each shape are drawn, and the worst with a limit.
 MOST_ROWS = 12
-# The axis of the figure reaches so far beyond the tolerance on either side, and beyond the largest limit.
+# Range of the axis of that figure: factors below and above the tolerance, and above the largest limit.
 BELOW, ABOVE, ROOM = 30.0, 4.0, 1.3
 HIDDEN_CAPTION = (
     "The largest error that each fault could make on its channel within the window without being declared. A bar that "
@@ -45,7 +45,7 @@ def fault_head(decision: str, n_faults: int) -> str:
 
 
 def verdict_sentence(decision: str, faults: Sequence[str], summary: str) -> str:
-    """Return the answer in one line: the declared faults, then what the log says of the other kinds."""
+    """Return the answer in one line: the declared faults, then the summary on the other kinds of fault."""
     head = fault_head(decision, len(faults))
     if faults:
         besides = f" {capital(summary)}." if summary else ""
@@ -56,7 +56,7 @@ def verdict_sentence(decision: str, faults: Sequence[str], summary: str) -> str:
 def screen_of(
     decision: str, faults: Sequence[str], summary: str, candidates: Sequence[Candidate], units: Units
 ) -> Screen:
-    """Return what is printed first of an answer about candidates."""
+    """Return the first screen of an answer about candidates."""
     looked_for = [one for one in candidates if one.state in ("suspected", "not_seen", "excluded")]
     rows = []
     for one in sorted(looked_for, key=lambda one: -beside_tolerance(one.limit, one.tolerance)):
@@ -70,20 +70,20 @@ def screen_of(
 
 
 def hidden_table(rows: Sequence[tuple[str, ...]]) -> Table | None:
-    """Return the table of what could hide, None without rows: fault, channel, largest error, tolerance, state."""
+    """Return the table of errors that could hide, None without rows: fault, channel, error, tolerance, state."""
     heads = ("could hide", "channel", "up to", "tolerance", "state")
     return Table(name="hidden", title="What could hide", heads=heads, rows=tuple(rows)) if rows else None
 
 
 def beside_tolerance(error: float | None, tolerance: float | None) -> float:
-    """Return the largest error that could hide over the tolerance; infinite where any could, or none is known."""
+    """Return the largest error that could hide over the tolerance; infinite without a limit or a tolerance."""
     return math.inf if error is None or not tolerance else error / tolerance
 
 
 def shown_summary(
     summary: str, verdicts: Mapping[Kind, Decision], candidates: Sequence[Candidate], units: Units
 ) -> str:
-    """Return the stored summary of an answer in other units, from the candidates where it was made of them."""
+    """Return the stored summary of an answer in other units, composed anew if it was composed from the candidates."""
     if units.name == "si":
         return summary
     made = summary == summarise(verdicts, candidates)
@@ -91,7 +91,7 @@ def shown_summary(
 
 
 def shown_meaning(one: Candidate, units: Units) -> tuple[float, Shown]:
-    """Return what a magnitude of 1 means, in SI, and how that is shown: no multiplier stands without its slope."""
+    """Return the physical value of a magnitude of 1, in SI, and how that is shown; see `Candidate.meaning`."""
     scale, unit = one.meaning
     if one.shape == "drift" and not unit and one.channel_unit:  # of a result that does not say the slope
         return scale, Shown(unit="x slope")
@@ -99,7 +99,7 @@ def shown_meaning(one: Candidate, units: Units) -> tuple[float, Shown]:
 
 
 def candidate_tables(candidates: Sequence[Candidate], units: Units = SI) -> tuple[Table, ...]:
-    """Return the table of what was looked for, declared and suspected first; nothing where nothing was."""
+    """Return the table of the candidates, declared and suspected first; () without candidates."""
     rows = []
     for one in sorted(candidates, key=lambda one: STATES[one.state]):
         scale, shown = shown_meaning(one, units)
@@ -127,12 +127,12 @@ def candidate_tables(candidates: Sequence[Candidate], units: Units = SI) -> tupl
 
 
 def candidate_columns(candidates: Sequence[Candidate]) -> dict[str, list[Any]]:
-    """Return the columns of the CSV file of what was looked for."""
+    """Return the columns of the CSV file of the candidates."""
     return {key: [getattr(one, key) for one in candidates] for key in CANDIDATE_COLUMNS}
 
 
 def hidden_drawing(candidates: Sequence[Candidate], units: Units = SI) -> tuple[Drawing, ...]:
-    """Return the figure of the largest hidden errors, one panel per channel; nothing where there is no limit."""
+    """Return the figure of the largest hidden errors, one panel per channel; () without limits."""
     panels = []
     for channel in dict.fromkeys(one.channel for one in candidates):
         shown = _rows([one for one in candidates if one.channel == channel and one.state is not None])
@@ -145,7 +145,7 @@ def hidden_drawing(candidates: Sequence[Candidate], units: Units = SI) -> tuple[
 def _rows(candidates: Sequence[Candidate]) -> list[Candidate]:
     """Return the candidates to draw: all, or of many the declared, the suspected and the worst of each shape.
 
-    Where any size of the worst may hide, the worst of those that have a limit stands beside it.
+    The worst of a shape is that without a limit, if any; the worst with a limit is drawn too.
     """
     if len(candidates) <= MOST_ROWS:
         return list(candidates)
@@ -155,8 +155,8 @@ def _rows(candidates: Sequence[Candidate]) -> list[Candidate]:
         worst.setdefault(one.shape, one)
         if one.limit is not None:
             bounded.setdefault(one.shape, one)
-    found = [one for one in candidates if one.state in ("declared", "suspected")]
-    kept = {id(one) for one in [*found[:MOST_ROWS], *worst.values(), *bounded.values()]}
+    seen = [one for one in candidates if one.state in ("declared", "suspected")]
+    kept = {id(one) for one in [*seen[:MOST_ROWS], *worst.values(), *bounded.values()]}
     return [one for one in candidates if id(one) in kept]
 
 

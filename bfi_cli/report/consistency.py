@@ -1,9 +1,9 @@
-"""What a document contradicts itself in: a stored answer that was edited or damaged is not to be drawn as one."""
+"""Contradictions within a document, so that no report is drawn of a stored answer that was edited or damaged."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
 from ..decision import KINDS
@@ -12,15 +12,16 @@ from ..serialization import DECLARED
 
 Plain = Mapping[str, Any]
 DECISIONS = get_args(Decision)
-# Relative to its width, by which an interval may miss what it is about: numbers are written to some digits only.
+# Share of its ends by which an interval may miss its magnitude: numbers are written to some digits only.
 ROUNDING = 1e-6
 
 
 def contradiction_of(document: Plain) -> str | None:
-    """Return the first thing in which the answer of an analysis contradicts itself, None where it does not.
+    """Return the first contradiction in the answer of an analysis, None without any.
 
-    Intervals lie around their magnitudes and onsets, ends after onsets, standard deviations and probabilities are such;
-    the decision is that of the verdicts, and there is a fault where there is said to be one and none where not.
+    Intervals hold their magnitudes and onsets, ends come after onsets, standard deviations are not negative, and
+    probabilities lie between 0 and 1; the decision follows from the verdicts, and faults are declared if and only if
+    the decision is "fault".
     """
     if document.get("kind") not in DECLARED:
         return None
@@ -39,25 +40,21 @@ def _contradictions(document: Plain) -> Iterator[str]:
     if decision == "no_fault" and "no_fault" not in verdicts.values():
         yield "decision is 'no_fault', but no verdict is"
     key = DECLARED[document["kind"]]
-    found = _declared(document[key])
-    if decision == "fault" and not found:
+    declared = [
+        one
+        for one in document[key]
+        if one.get("state", "declared") == "declared" and one.get("beyond_tolerance") is not False
+    ]
+    if decision == "fault" and not declared:
         yield f"decision is 'fault', but '{key}' holds none"
-    if decision == "no_fault" and found:
-        yield f"decision is 'no_fault', but '{key}' holds {len(found)}"
-    for one in found:
+    if decision == "no_fault" and declared:
+        yield f"decision is 'no_fault', but '{key}' holds {len(declared)}"
+    for one in declared:
         if one.get("kind") in verdicts and verdicts[one["kind"]] != "fault":
             yield f"{key} has a declared fault that is {one['kind']}, but that verdict is {verdicts[one['kind']]!r}"
     for name in dict.fromkeys((key, "candidates")):
         for k, one in enumerate(document.get(name) or ()):
             yield from (f"{name}[{k}]: {what}" for what in _of_entry(one))
-
-
-def _declared(entries: Sequence[Plain]) -> list[Plain]:
-    return [
-        one
-        for one in entries
-        if one.get("state", "declared") == "declared" and one.get("beyond_tolerance") is not False
-    ]
 
 
 def _of_entry(one: Plain) -> Iterator[str]:

@@ -1,7 +1,7 @@
-"""What a report holds: a verdict, facts, tables, drawings and notes, as plain data that every rendering takes.
+"""The content of a report: a verdict, facts, tables, drawings and notes, as plain data for every rendering.
 
-An analysis makes the content from its document; this package draws it on a terminal, as figures, as CSV files and as
-HTML, so that every command shows the same things in every place.
+An analysis makes the content from its document; this package renders it on a terminal, as figures, as CSV files and as
+HTML, so that all show the same.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Style = Literal[
     "rows_red",
 ]
 Tone = Literal["fault", "no_fault", "inconclusive"]
-# Light colours of stretches of time; "outline" is an empty frame, "fault" and "suspect" stand out.
+# Colours of stretches of time, most of them light; "outline" is an empty frame, "fault" and "suspect" are bright.
 Shade = Literal[
     "grey", "white", "sky", "green", "yellow", "rose", "violet", "blue", "black", "outline", "fault", "suspect"
 ]
@@ -56,8 +56,8 @@ class Curve:
     label : in the legend, "" for none.
     x, y : (n,); NaN leaves a gap. In style "boxes" each box is six rising numbers at the same x: the 5, 25, 50, 75 and
         95 % quantiles and the largest value.
-    style : "wide" is a broad grey line that others are drawn upon; "intervals" and "faint_intervals" are points with
-        horizontal error bars; "rows_..." are horizontal bars that end at x.
+    style : "wide" is a broad grey line behind others; "intervals" and "faint_intervals" are points with horizontal
+        error bars; "rows_..." are horizontal bars that end at x.
     low, high : (n,) ends of a band (line styles) or of error bars (points, bars, intervals), None for none.
     """
 
@@ -71,7 +71,7 @@ class Curve:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Span:
-    """A stretch of the x axis that stands out, from `low` to `high` (equal for a line)."""
+    """A shaded stretch of the x axis, from `low` to `high` (equal for a line)."""
 
     label: str
     low: float
@@ -105,11 +105,11 @@ class Panel:
     x_label, y_label : with units in brackets.
     levels : (label, y) of horizontal dashed lines, thresholds.
     spans : stretches of the x axis.
-    x_limits, y_limits : of the axes, None to fit what is drawn; y_limits from high to low for an axis that points down.
+    x_limits, y_limits : of the axes, None to fit the curves; y_limits from high to low for an axis that points down.
     linear_x, linear_y : the axis is linear up to this size and logarithmic beyond it, on both sides of 0.
-    x_ticks, y_ticks : (label, place); () for numbers at places that are chosen.
-    side_notes : (text, y) of what is written to the right of the axes.
-    height : relative to that of the other panels.
+    x_ticks, y_ticks : (label, place); () for automatic ticks.
+    side_notes : (text, y) of notes to the right of the axes.
+    height : relative to other panels.
     lanes : rows of blocks from top to bottom, in place of curves and numbers on the y axis; x_limits are needed.
     bands : blocks behind the curves, over the whole height; instants are upright lines.
     clock : x is a time in s, shown above the axes in hours, minutes and seconds too.
@@ -191,14 +191,14 @@ class Table:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Screen:
-    """What a command prints first of its answer.
+    """The first screen of an answer.
 
     Attributes
     ----------
     head : "Fault", "2 faults", or the decision where none is declared.
     faults : a line for each fault, suspicion and small deviation.
-    summary : what the log says of the rest, in a sentence without its full stop; "" for nothing.
-    hidden : what could hide, the largest beside its tolerance first; None where nothing was looked for.
+    summary : the verdict on the other kinds of fault, a sentence without its full stop; "" for nothing.
+    hidden : errors that could hide, the largest over its tolerance first; None where nothing was looked for.
     """
 
     head: str
@@ -209,21 +209,21 @@ class Screen:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReportContent:
-    """What the report of an answer holds.
+    """The report of an answer.
 
     Attributes
     ----------
-    category : what kind of document it is, "Onset of a fault".
-    title : what it is about, the log or the figure's name.
+    category : kind of document, "Onset of a fault".
+    title : the log, or the name of the figure.
     heading, verdict : the answer in two or three words, and in a sentence.
-    tone : how the verdict is coloured, None where nothing is decided.
-    lead : how many of the drawings, 0 or 1, a page shows beside the verdict, before everything else.
+    tone : decides the colour of the verdict, None where nothing is decided.
+    lead : number of drawings, 0 or 1, that a page shows beside the verdict.
     facts : (name, value) rows.
-    notes : for the reader, as they were made.
-    screen : what is printed first; None where everything is.
-    zoom : drawings of curves and lanes for the page on which they can be zoomed; with more points than figures.
-    data : CSV files at full precision by name, each as lists or arrays by column, or a call that makes these where the
-        file is written; they win over a table of that name.
+    notes : for the reader, in their order.
+    screen : printed first, None to print everything.
+    zoom : drawings of curves and lanes for the page that can be zoomed, with more points than the figures.
+    data : CSV files at full precision by name, lists or arrays by column, or a function that returns these when the
+        file is written; they replace the file of a table with that name.
     """
 
     category: str
@@ -247,7 +247,7 @@ def notes_of(document: Mapping[str, Any], units: Units = SI) -> tuple[Note, ...]
 
 
 def shown_notes(notes: Iterable[Note], units: Units) -> tuple[Note, ...]:
-    """Return notes with their amounts in `units`."""
+    """Return notes with the amounts in `units`."""
     return tuple(replace(one, text=units.sentence(one.text)) for one in notes)
 
 
@@ -260,7 +260,7 @@ def curve(
     low: Sequence[float] | FloatArray | None = None,
     high: Sequence[float] | FloatArray | None = None,
 ) -> Curve:
-    """Return a curve of any sequences of numbers."""
+    """Return a curve of sequences of numbers."""
     return Curve(
         label=label,
         x=_numbers(x),

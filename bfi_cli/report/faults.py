@@ -1,4 +1,4 @@
-"""Declared faults as a document holds them and back, in a sentence, and as columns of a file."""
+"""Declared faults as entries of a document and back, in a sentence, and as columns of a file."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ..serialization import mapping, member, to_plain
 from ..shapes import SHAPES
 from .text import instant, interval, number
 
-# Of the fault itself: its name and magnitude are those of the estimate.
+# Keys of an entry from the fault; name and magnitude are those of the estimate.
 FAULT_KEYS = tuple(
     field.name for field in fields(Fault) if field.name not in ("name", "magnitude", "onset_range_s", "parameter_range")
 )
@@ -53,7 +53,7 @@ def plain_estimate(entry: object, *, where: str) -> dict[str, Any]:
 
 
 def meaning(estimate: FaultEstimate, units: Units, own: str) -> tuple[float, Shown]:
-    """Return what a magnitude of 1 means, in the unit that is shown, and that unit."""
+    """Return the physical value of a magnitude of 1, in the unit that is shown, and that unit."""
     shown = units.of(estimate.physical_unit, channel=estimate.fault.channel, own=own)
     return (estimate.physical_value / estimate.magnitude if estimate.magnitude else 1.0) / shown.factor, shown
 
@@ -70,7 +70,7 @@ def until(fault: Fault) -> str:
 
 
 def half(ends: tuple[float, float] | None) -> float:
-    """Return half the width of an interval, NaN where it is not known."""
+    """Return half the width of an interval, NaN for None."""
     return math.nan if ends is None else 0.5 * (ends[1] - ends[0])
 
 

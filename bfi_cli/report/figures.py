@@ -18,32 +18,32 @@ if TYPE_CHECKING:
 
     from .content import Block, Curve, Drawing, HeatMap, Panel, Shade
 
-# Inches of a page of A4, of a panel and of a line of a key; of a cell of a map; letters that find room in them.
+# Inches: width of a page of A4, heights of a panel and of a line of a key, and of a cell of a map; letters of labels.
 WIDTH_IN, PANEL_IN, LINE_IN = 6.9, 2.1, 0.16
 CELL_IN, MAP_LABELS_IN, TALLEST_MAP_IN = 0.28, 0.9, 6.0
 LETTERS, MAP_LETTERS, TITLE_LETTERS = 60, 24, 110
-# The layout fails where labels do not fit: beside a panel of 2.1 in, and side by side over the page of 6.9 in.
+# Limits of labels, beyond which the layout fails: beside a panel of 2.1 in, and side by side over a page of 6.9 in.
 AXIS_LETTERS, ROOM_LETTERS, HANDLE_LETTERS = 40, 140, 6
 # Letters are up to 2 % wider at another resolution than that of the layout.
 PAD_IN = 0.06
-# Cells of a heat map whose number is legible, and names that fit along its side.
+# Rows or columns of a heat map up to which the cells have numbers, and names along its side.
 MOST_NUMBERS, MOST_NAMES = 16, 24
-# Powers of ten that are labelled on either side of the linear part of an axis.
+# Labelled powers of ten on either side of the linear part of an axis.
 MOST_POWERS = 4
 # Width of a box of quantiles on an axis of whole numbers.
 BOX_WIDTH = 0.08
 # Height of a horizontal bar on rows that are 1 apart.
 ROW_WIDTH = 0.55
-# Of the width of the page, what axes with a name and numbers on their left take; and what a letter of 6.5 points takes.
+# Inches: width of axes with a name and numbers on their left, and of a letter of 6.5 points.
 AXES_IN, LETTER_IN = 6.0, 0.056
 LANE_HEIGHT, BAND_ALPHA = 0.8, 0.45
-# Shades that stand out, whose labels stand beside them, and shades that need no key.
+# Bright shades, whose labels stand beside them, and shades without a key.
 LOUD, UNKEYED = ("fault", "suspect"), ("outline", "black")
-# Seconds between the times of the upper edge, and how many of them there is room for; they take that much height.
+# Steps of the times on the upper edge, s, their largest number, and their height, inches.
 CLOCK_STEPS, MOST_CLOCK_TICKS = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600), 9
 CLOCK_IN = 0.17
-X_LABEL_IN = 0.3  # what numbers and name below lanes take, which are too low to give it away
-KEY_COLUMNS = 6  # of the key of lanes, whose labels are words
+X_LABEL_IN = 0.3  # height of numbers and name below lanes, whose panel is too low for them
+KEY_COLUMNS = 6  # of the key of lanes
 LOOKS: tuple[Look, ...] = (
     {"color": BLUE, "marker": "o"},
     {"color": VERMILLION, "marker": "s"},
@@ -173,7 +173,7 @@ def _draw_bands(axes: Axes, panel: Panel) -> None:
 
 
 def _draw_lanes(axes: Axes, panel: Panel) -> None:
-    """Draw rows of blocks with their labels; the colours of labels that found no room stand in a key above."""
+    """Draw rows of blocks with their labels; a key above explains the colours of blocks too small for their labels."""
     left, right = panel.x_limits or (0.0, 1.0)
     written: set[str] = set()
     for row, lane in enumerate(reversed(panel.lanes)):
@@ -207,12 +207,12 @@ def _unwritten(panel: Panel, written: Collection[str]) -> list[tuple[str, Shade]
 def _write_block(
     axes: Axes, block: Block, row: int, ends: tuple[float, float], room: tuple[float, float], scale: float
 ) -> bool:
-    """Write the label of a block into it, of frames and what stands out beside it; say whether it found room.
+    """Write the label of a block into it, or beside it for frames and bright blocks; return whether there was room.
 
     Parameters
     ----------
-    ends : of the block, as far as it is shown.
-    room : where nothing else stands, from the left of the axes to the next block.
+    ends : of the part of the block that is shown.
+    room : the free stretch around it, from the left of the axes to the next block.
     scale : of the x axis, per inch.
     """
     text, letter = plain(block.label, LETTERS), LETTER_IN * scale
@@ -341,6 +341,6 @@ def _draw_map(axes: Axes, heat_map: HeatMap) -> None:
     middle = float(np.nanmean([np.nanmin(values), np.nanmax(values)])) if np.isfinite(values).any() else 0.0
     for (i, j), value in np.ndenumerate(values):
         if np.isfinite(value):
-            # What is nearly 1 must not read 1: a coherence of 1 means that two faults cannot be told apart.
+            # Values below 1 must not read 1: a coherence of 1 means that two faults cannot be told apart.
             text = f"{value:.2g}" if not 0.995 <= value < 1.0 - 1e-9 else f"{min(value, 0.999):.3f}"
             axes.text(j, i, text, ha="center", va="center", color=BLACK if value > middle else "white")

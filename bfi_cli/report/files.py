@@ -14,14 +14,14 @@ from ..provenance import Provenance
 from ..serialization import to_csv, to_json
 from .content import Drawing, ReportContent
 
-# What x and y are stands beside them as `name [unit]`, since every panel has its own.
+# Each row has the labels of its axes, `name [unit]`, since panels differ in them.
 DRAWING_COLUMNS = ("panel", "curve", "x_is", "x", "y_is", "y", "low", "high")
 
 
 def content_names(
     drawings: Sequence[str] = (), tables: Sequence[str] = (), *, stored: str = "result.json", zoom: bool = False
 ) -> tuple[str, ...]:
-    """Return the names of the files of a report that has these drawings and tables, and a page to `zoom` them."""
+    """Return the names of the files of a report with these drawings and tables, and with a page to `zoom` if wanted."""
     figures = (f"{name}{end}" for name in drawings for end in (".svg", ".png", "_figure.csv"))
     pages = ("report.html", "zoom.html") if zoom else ("report.html",)
     return (*figures, *(f"{name}.csv" for name in tables), *pages, stored)
@@ -40,9 +40,9 @@ def content_files(
 
     Parameters
     ----------
-    document : what is stored, under the name `stored`.
-    report : told how far it is.
-    plain : the same content in SI and radians, of which CSV files are made; None where `content` is that.
+    document : stored under the name `stored`.
+    report : called with the part of the drawings that is done.
+    plain : the same content in SI and radians, for the CSV files; None if `content` is in these.
     """
     from .figures import draw
     from .html import render_content
@@ -70,9 +70,9 @@ def content_files(
 
 
 def _points(drawing: Drawing) -> Iterable[Sequence[object]]:
-    """Yield the rows of the CSV file of a figure; of a heat map the column's name stands for x and the value for y."""
+    """Yield the rows of the CSV file of a figure; a heat map has the column's name as x and the value as y."""
     for k, panel in enumerate(drawing.panels):
-        # A panel without a label of its own shares the axis of one below it.
+        # A panel without a label shares the axis of a panel below it.
         x_label = next((one.x_label for one in drawing.panels[k:] if one.x_label), "")
         x_is, y_is = _one_line(x_label), _one_line(panel.y_label)
         name = _one_line(panel.title) or (y_is if "[" in y_is else x_is)

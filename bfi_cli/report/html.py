@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
 
-# A cell up to so many letters stays on one line.
+# Letters of a cell that is kept on one line.
 ONE_LINE_LETTERS = 18
 
 
 def render_content(content: ReportContent, provenance: Provenance, figures: Mapping[str, bytes]) -> str:
-    """Return the content as one HTML text that refers to nothing outside itself.
+    """Return the content as one HTML text without any reference to another file.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ def render_content(content: ReportContent, provenance: Provenance, figures: Mapp
 
 
 def page_environment() -> Environment:
-    """Return what fills the templates of this package: everything is escaped and made printable."""
+    """Return the environment of this package's templates, in which all text is escaped and made printable."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined
 
     environment = Environment(

@@ -94,9 +94,9 @@ def plain(text: str, width: int = 200) -> str:
 
 
 def fix_places(figure: Figure) -> Figure:
-    """Return the figure with the places its layout engine found, fixed to a millionth of the page.
+    """Return the figure with its axes fixed where the layout engine places them, to a millionth of the page.
 
-    The solver behind the engine is free in its last digits, and the names of clip paths in an SVG depend on all digits.
+    The solver behind the engine is free in the last digits, on which the names of clip paths in an SVG depend.
     """
     engine = figure.get_layout_engine()
     if engine is None:

@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING
 
 from ..printable import printable, shortened
 from .content import ReportContent
-from .text import capital
+from .text import capital, counted
 
 if TYPE_CHECKING:
     from rich.console import Console
 
 MAX_ROWS, MAX_NOTES = 60, 20  # what a screen holds without much scrolling; the report has all
-# Columns of a table that a narrow terminal keeps: what fails, where and when come first.
+# Columns of a table that a narrow terminal keeps: the first tell what fails, where and when.
 KEPT = 3
-# Letters that the lines of a table take at its edges and between two columns.
+# Width of a table's edges, and of the space between two columns.
 FRAME, GAP = 2, 3
 NAME_LETTERS, CELL_LETTERS = 32, 240
-# A longer word of a table is broken, so that the other columns have room.
+# Longest word of a table that is not broken.
 WORD_LETTERS = 60
-# The first screen, in lines of a terminal of 24 and its prompt, and what of them may be rows and notes; of a table its
-# heads, an empty line on either side and the line that says where the rest is.
+# Lines of the first screen on a terminal of 24 lines and its prompt, most and fewest rows and most notes of them, and
+# the lines around the rows: heads, an empty line on either side, and the line that says where the rest is.
 SCREEN_LINES, SCREEN_ROWS, FEWEST_ROWS, SCREEN_NOTES, AROUND_TABLE = 25, 8, 3, 3, 4
-KEPT_WHOLE = 2  # of its columns those after fault and channel are not folded
+KEPT_WHOLE = 2  # first column that is not folded, after fault and channel
 FAULT_LETTERS = 93  # with its head or indent at most 100 columns
 COLOURS = {"fault": "bold red", "no_fault": "bold green", "inconclusive": "bold yellow", None: "bold"}
 
@@ -55,9 +55,9 @@ def print_content(content: ReportContent, console: Console) -> None:
 
 
 def print_screen(content: ReportContent, console: Console) -> None:
-    """Print the first screen of an answer: the sentence, the faults, what could hide, notes, and where the rest is.
+    """Print the first screen of an answer: verdict, faults, errors that could hide, notes, and where the rest is.
 
-    One fault is one line. What could hide has the room that the others leave.
+    A fault takes one line. The errors that could hide take the lines that are left.
     """
     from rich.table import Table
     from rich.text import Text
@@ -72,13 +72,13 @@ def print_screen(content: ReportContent, console: Console) -> None:
     for line in lines:
         line.stylize(COLOURS[content.tone])
     rest = f"{capital(screen.summary)}." if screen.summary else ""
-    said = Text(printable(rest)) if lines else Text(printable(content.verdict), style=COLOURS[content.tone])
+    verdict = Text(printable(rest)) if lines else Text(printable(content.verdict), style=COLOURS[content.tone])
     limits, advice = ([one for one in content.notes if one.kind == kind] for kind in ("limit", "advice"))
     notes = [*limits[: SCREEN_NOTES - bool(advice)], *advice][:SCREEN_NOTES]
     grid = Table.grid(padding=(0, 2))
     for one in notes:
         grid.add_row(Text(one.kind.capitalize(), style="dim"), Text(printable(one.text), overflow="fold"))
-    above: list[Text] = [*lines, *([said] if rest or not lines else [])]
+    above: list[Text] = [*lines, *([verdict] if rest or not lines else [])]
     wrapped = [len(one.wrap(console, console.width)) for one in above]
     taken = sum(wrapped) + len(console.render_lines(grid, pad=False)) + AROUND_TABLE
     for line in above:
@@ -97,19 +97,19 @@ def print_screen(content: ReportContent, console: Console) -> None:
         console.print(Text())
         console.print(grid)
     left_out = {"row": len(every) - len(rows), "note": len(content.notes) - len(notes)}
-    more = " and ".join(f"{n} more {what}{'s' * (n > 1)}" for what, n in left_out.items() if n)
+    more = " and ".join(counted(n, f"more {what}") for what, n in left_out.items() if n)
     console.print(Text(f"{more or 'Tables and facts'}: --verbose, or a report with --out DIR", style="dim"))
 
 
 def _in_one_line(fault: str) -> str:
-    """Return a fault in one line: a long one without what stands in brackets, the last first."""
+    """Return a fault in one line; of a long one the brackets are left out, the last first."""
     while len(fault) > FAULT_LETTERS and (shorter := re.sub(r" \([^()]*\)(?!.*\()", "", fault)) != fault:
         fault = shorter
     return shortened(fault, FAULT_LETTERS)
 
 
 def _print_table(console: Console, heads: Sequence[str], body: Sequence[Sequence[str]]) -> None:
-    """Print a table; where it is too narrow for the words of all columns, the last ones are left out and named."""
+    """Print a table; on a console too narrow for its words the last columns are left out and named."""
     from rich import box
     from rich.table import Table
     from rich.text import Text
@@ -131,9 +131,9 @@ def _print_table(console: Console, heads: Sequence[str], body: Sequence[Sequence
 
 
 def _widths(lines: Sequence[Sequence[str]], room: int) -> list[int] | None:
-    """Return a width per column, the first ones as wide as their cells; None where words would have to be broken.
+    """Return a width per column, the first columns as wide as their cells; None where words would have to be broken.
 
-    Texts are folded between words, numbers and what stands beside them are not.
+    Texts are folded between words; a column whose cells all begin with a number is not folded.
     """
     from rich.cells import cell_len
 

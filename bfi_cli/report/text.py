@@ -1,4 +1,4 @@
-"""Numbers and words as a reader of a table, a figure or a report sees them."""
+"""Numbers and words of tables, figures and reports."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from ..channels import unit_of
 from ..display_units import Shown, Units
 from ..printable import shortened
 
-# What a report says over a decision.
+# Heading of a report by decision.
 HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
-# From here on two digits would be written with an exponent.
+# From this size on, two significant digits would be written with an exponent.
 TWO_DIGITS = 99.5
 
 
@@ -43,12 +43,12 @@ def capital(sentence: str) -> str:
 
 
 def instant(time_s: float) -> str:
-    """Return a time in s to 10 ms where the axis counts from 1970, to six digits elsewhere."""
+    """Return a time in s to six digits, or to 10 ms on an axis that counts from 1970."""
     return f"{time_s:.6g}" if abs(time_s) < 1e5 else f"{time_s:.2f}".rstrip("0").rstrip(".")
 
 
 def counted(n: int, noun: str) -> str:
-    """Return a number of what has a regular plural: "1 iteration", "2 iterations"."""
+    """Return a number with a noun of regular plural: "1 iteration", "2 iterations"."""
     return f"{n} {noun}" if n == 1 else f"{n} {noun}s"
 
 
@@ -60,7 +60,7 @@ def quantity(value: float | None, unit: str) -> str:
 
 
 def change(value: float | None, shown: Shown) -> str:
-    """Return a fault, a limit or a standard deviation in SI as a `quantity` in the unit that is shown."""
+    """Return a difference in SI (a fault, a limit, a standard deviation) as a `quantity` in the unit that is shown."""
     return quantity(shown.change(value), shown.unit)
 
 
@@ -76,7 +76,7 @@ def noise_levels(noise_sd: Mapping[str, float], units: Units, own: Mapping[str, 
 
 
 def with_unit(text: str, unit: str) -> str:
-    """Return the text of a number or of an interval with its unit; a ratio has none, nor has "-" in place of either."""
+    """Return the text of a number or an interval with its unit; a ratio, and "-" for no number, have no unit."""
     return text if text == "-" or unit == "1" else f"{text} {unit}".rstrip()
 
 
@@ -90,5 +90,5 @@ def interval(ci95: Sequence[float], *, extra: int = 0) -> str:
 
 
 def axis_label(name: str, unit: str) -> str:
-    """Return "name [unit]"; a log that states no unit is said to have none."""
+    """Return "name [unit]", or "name [unit not stated]"."""
     return f"{shortened(name, 28)} [{unit or 'unit not stated'}]"

@@ -1,4 +1,4 @@
-"""The page on which a drawing can be zoomed: one file with its data and a short script, nothing fetched."""
+"""The page on which drawings can be zoomed: one file with its data and a short script, nothing fetched."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from .style import SHADES
 
 # Height of a panel of relative height 1, pixels.
 PANEL_PIXELS = 240
-# Of a number on the page: finer than any sensor, and a third of the letters of all digits.
+# Precision of numbers on the page: finer than any sensor, in a third of the letters of full precision.
 VALUE_DIGITS, TIME_DECIMALS = 7, 4
 
 
@@ -65,17 +65,17 @@ def _limits(panels: list[Panel]) -> tuple[float, float]:
 
 
 def _step(panels: list[Panel], limits: tuple[float, float]) -> float:
-    """Return the smallest median time step of the curves: less than a few of them is not worth a look."""
+    """Return the smallest median time step of the curves, which limits the zoom."""
     steps = [float(np.median(np.diff(one.x))) for panel in panels for one in panel.curves if one.x.size > 1]
     return min((one for one in steps if one > 0.0), default=0.01 * (limits[1] - limits[0]))
 
 
 def _panel(panel: Panel, labels: Sequence[str]) -> dict[str, Any]:
-    """Return what the script draws of a panel; names are made printable here, since nothing is escaped there.
+    """Return the data of a panel for the script, which does not escape: names are made printable here.
 
     Parameters
     ----------
-    labels : of all curves of the page: those of one label have one look, and a click shows or hides them together.
+    labels : of all curves of the page; curves of one label have one look, and a click shows or hides them together.
     """
     label = [printable(line) for line in panel.y_label.split("\n")]
 
@@ -104,7 +104,7 @@ def _block(block: Block) -> tuple[str, float, float, str]:
 
 
 def _rounded(values: np.ndarray[Any, np.dtype[np.float64]]) -> list[float | None]:
-    """Return the values to seven digits of the largest of them; None for what is no number."""
+    """Return the values to seven digits of the largest of them; None for values that are not finite."""
     largest = float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
     decimals = VALUE_DIGITS - int(np.ceil(np.log10(largest))) if largest > 0.0 else 0
     kept = values if decimals > 15 else np.round(values, decimals)

@@ -1,6 +1,6 @@
-"""Standard channel names with their SI units, the names other recorders give them.
+"""Standard channel names with their SI units, and the names of these channels in other recorders.
 
-Signs are those of the recorder: nothing here turns a signal over.
+Signs are those of the recorder: nothing here changes the sign of a signal.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from .units import si_unit
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandardChannel:
-    """A signal the program knows: its name, SI unit ("1" for a ratio) and what it is.
+    """A signal the program knows: its name, SI unit ("1" for a ratio) and description.
 
-    `quantity` is what it measures: of `tas_2`, the second sensor of it, `tas`; else the name itself.
+    `quantity` is the quantity that it measures: `tas` for `tas_2`, its second sensor; else the name itself.
     """
 
     name: str
@@ -28,9 +28,9 @@ class StandardChannel:
     aliases: tuple[str, ...]
 
 
-# The largest error that a reading can have, in the standard unit: of an airspeed below the speed of sound that speed at
-# sea level (ISO 2533), of an angle half a turn, of a height and a pressure all of the atmosphere that is flown in. An
-# analysis that would let more than that pass says nothing about the channel.
+# The largest possible error of a reading, in the standard unit: for an airspeed the speed of sound at sea level (ISO
+# 2533), for an angle half a turn, for a height and a pressure the whole atmosphere that is flown in. An analysis whose
+# limit exceeds it says nothing about the channel.
 LARGEST_ERROR = {
     **dict.fromkeys(("tas", "cas", "ias", "ground_speed", "altitude_rate"), 340.294),
     "mach": 1.0,
@@ -38,7 +38,7 @@ LARGEST_ERROR = {
     "altitude": 30_000.0,
     **dict.fromkeys(("p_static", "p_total", "q_impact"), 110_000.0),
 }
-# Without one of these nothing but another airspeed bounds an airspeed, and nothing a vane or an attitude.
+# Without one of these an airspeed is bounded by other airspeeds only, and a vane or an attitude by nothing.
 INDEPENDENT = frozenset(
     {"altitude", "p_static", "altitude_rate", "normal_acc", "longitudinal_acc"}
     | {"velocity_north", "velocity_east", "latitude", "longitude"}
@@ -47,7 +47,7 @@ INDEPENDENT = frozenset(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NameMatch:
-    """A recorder's name understood: `unit` is the one the name states, `rank` 0 for the standard name itself."""
+    """A recorder's name matched: `unit` is that in the name, `rank` is 0 for the standard name itself."""
 
     name: str
     unit: str | None
@@ -131,12 +131,12 @@ for _line in _TABLE.strip().splitlines():
         _spelling, _, _unit = _alias.partition("=")
         _ALIAS[_spelling] = (_name, _unit or None)
 
-# Quantities that an aircraft has several sensors of; two elevators are two surfaces.
+# Quantities with several sensors in one aircraft; two elevators are two surfaces.
 REPEATED = (
     *("tas", "cas", "ias", "mach", "aoa", "sideslip", "p_static", "p_total", "q_impact", "altitude", "altitude_rate"),
     *("pitch", "roll", "yaw", "tat", "sat"),
 )
-# Which sensor a word or number after the name is.
+# Number of the sensor by the word or number after the name.
 _WHICH = {
     **{str(number): number for number in range(1, 10)},
     **dict.fromkeys(("captain", "capt", "left", "lh"), 1),
@@ -152,7 +152,7 @@ for _name in REPEATED:
             LARGEST_ERROR[_sensor] = LARGEST_ERROR[_name]
     for _alias in (_name, *_one.aliases):
         _spelling, _, _unit = _alias.partition("=")
-        # Two letters and a number are anything: ps_1, ma_2.
+        # Two letters and a number, ps_1 or ma_2, may be anything.
         if len(_spelling) > 2:
             for _word, _number in _WHICH.items():
                 for _between in ("_", "") if _word.isdigit() else ("_",):
@@ -165,7 +165,7 @@ def unit_of(name: str, other: str = "") -> str:
 
 
 def quantity_of(name: str) -> str:
-    """Return what a standard channel measures, `tas` of `tas_2`; the name itself of any other channel."""
+    """Return the quantity that a standard channel measures, `tas` for `tas_2`; any other name itself."""
     return STANDARD[name].quantity if name in STANDARD else name
 
 
@@ -205,7 +205,7 @@ def _match_spelling(spelling: str) -> NameMatch | None:
 
 
 def meant_channel(name: str, known: Collection[str]) -> str | None:
-    """Return which of the channels a person may mean by a name, None where none is near it."""
+    """Return the channel among `known` that a person may mean by a name, None where none is similar."""
     match = match_name(name)
     spelled = name.lower()
     like = [one for one in ("tas", "cas", "ias") if "speed" in spelled and "air" in spelled]

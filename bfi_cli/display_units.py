@@ -1,7 +1,7 @@
-"""The units in which tables, figures and reports show what is stored in SI: SI itself, or those of a cockpit.
+"""The units of tables, figures and reports, whose values are stored in SI: SI itself, or those of a cockpit.
 
-Files stay SI, with radians where people are shown degrees (`IN_FILES`). `Units` is a value that whoever writes for
-people is given, nothing here is remembered between two calls.
+Files stay in SI, with radians where tables show degrees (`IN_FILES`). `Units` is a value that is passed to whatever
+writes for people; there is no global setting.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ UnitsName = Literal["si", "aviation"]
 
 # Heights and their rates: these are flown in ft/min, other velocities in kt.
 VERTICAL = ("altitude", "altitude_rate")
-# A number with a unit in a sentence, or two that one unit belongs to, and the channel that a limit is on. What stands
-# between quotation marks is a name or a text as it was given (an apostrophe within a word is none); what follows a
-# letter, an equals sign or a quotation mark is a part of a name or of a command.
+# A number with a unit in a sentence, or two numbers with one unit, and the channel of a limit. Text in quotation marks
+# (an apostrophe within a word is none) is a name, or quoted as typed; a number after a letter, an equals sign or a
+# quotation mark belongs to a name or a command.
 QUOTED = r"(?<!\w)'.*?'(?!\w)|(?<!\w)\".*?\"(?!\w)"
 AMOUNT = re.compile(
     rf"{QUOTED}|"
@@ -35,7 +35,7 @@ AMOUNT = re.compile(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shown:
-    """How values of one SI unit are shown: value in SI = factor * value shown + offset.
+    """The shown unit of values in an SI unit: value in SI = factor * value shown + offset.
 
     Attributes
     ----------
@@ -48,7 +48,7 @@ class Shown:
     offset: float = 0.0
 
     def reading(self, value: float | None) -> float | None:
-        """Return what an instrument reads, None for None."""
+        """Return a reading in the unit shown, None for None."""
         return None if value is None else (value - self.offset) / self.factor
 
     def change(self, value: float | None) -> float | None:
@@ -74,9 +74,9 @@ class Units:
     Attributes
     ----------
     name : of the option and of the key of the configuration.
-    names : by SI unit without its rates, and how often it is divided by seconds, what is shown; the unit of an entry
-        with more divisions goes before that of one with fewer. What is not named is shown in SI.
-    climb : of the rate of a height.
+    names : the unit shown, by SI unit without its rates and number of divisions by seconds; an entry with more
+        divisions takes precedence. Other units are shown in SI.
+    climb : the unit shown for the rate of a height.
     """
 
     name: UnitsName
@@ -84,7 +84,7 @@ class Units:
     climb: str = "m/s"
 
     def of(self, unit: str, *, channel: str = "", own: str = "") -> Shown:
-        """Return how values in the SI `unit` are shown.
+        """Return the shown unit of values in the SI `unit`.
 
         A rate of a channel is the channel's unit per second: a drift of an airspeed in m/s^2 is shown in kt/s, while
         an acceleration in m/s^2 stays what it is.
@@ -92,8 +92,8 @@ class Units:
         Parameters
         ----------
         unit : SI, as `bfi_cli.units` and the shapes of faults write it: "m/s", "rad/s^2", "1/s"; "" for none.
-        channel : what the values are of, or of whose faults; "" where that is no channel.
-        own : unit of that channel, where it is no standard one.
+        channel : of the values, or of the fault; "" without a channel.
+        own : unit of that channel, if it is not standard.
         """
         stem, power = split_rates(unit)
         own_stem, own_power = split_rates(unit_of(channel, own))
@@ -113,17 +113,17 @@ class Units:
         return Shown(unit=f"{name}{per_second}", factor=factor, offset=0.0 if rates else offset)
 
     def of_file(self, unit: str, *, channel: str = "", own: str = "") -> Shown:
-        """Return how values of a file are shown: in SI as they stand there, angles in rad too."""
+        """Return the shown unit of values of a file: in SI as stored, angles in rad too."""
         return Shown(unit=unit) if self.name == "si" else self.of(unit, channel=channel, own=own)
 
     def sentence(self, text: str, *, channel: str = "") -> str:
-        """Return a stored sentence with its amounts in these units, to as many digits as they have, two or more.
+        """Return a stored sentence with its amounts in these units, with as many digits as in SI, at least two.
 
-        A sentence that asks for the unit of a file is about the numbers in it, and stays.
+        A sentence that asks for the unit of a file, which is about the numbers in that file, is not changed.
 
         Parameters
         ----------
-        channel : what the amounts are of that name none themselves, "4 m/s on altitude_rate".
+        channel : of amounts without "on CHANNEL" after them.
         """
         if self.name == "si" or "--unit " in text:
             return text
@@ -145,7 +145,7 @@ def _with_digits_of(text: str, value: float) -> str:
     return shown if "e" not in shown else f"{value:.0f}" if abs(value) >= 1.0 else shown
 
 
-# Angles are shown in degrees everywhere: nobody reads a vane or a surface in radians.
+# Angles are shown in degrees in every system.
 SI = Units(name="si", names={("rad", 0): "deg"})
 # Accelerations stay in m/s^2; a file that has them in g is converted when it is read.
 AVIATION = Units(

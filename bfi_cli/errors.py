@@ -1,8 +1,8 @@
-"""What can go wrong, by who must mend it; every message is one line `where: what is wrong, got value; what to do`."""
+"""Errors by who must mend them; every message is one line `where: what is wrong, got value; what to do`."""
 
 from __future__ import annotations
 
-LONGEST_DETAIL = 120  # letters: a line of a terminal, and as much again for where it happened
+LONGEST_DETAIL = 120  # letters of another library's message: a line of a terminal
 
 
 class BfiError(Exception):
@@ -39,6 +39,6 @@ def reason_of(error: Exception) -> str:
 
 
 def first_line(error: Exception) -> str:
-    """Return what a library says of an error, as part of one line: its first line, and no more than fits."""
+    """Return the first line of another library's message, shortened, as part of one line."""
     lines = str(error).strip().splitlines()
     return " ".join((lines[0] if lines else type(error).__name__).split())[:LONGEST_DETAIL]

@@ -1,4 +1,4 @@
-"""The files a command writes: none of the user's is lost, and each is replaced whole or not at all."""
+"""The files that a command writes: no file of the user is lost, and each file is replaced whole or not at all."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from pathlib import Path
 
 from .errors import ConfigError, reason_of
 
-# How a file says that this program wrote it: the first line of a CSV file, an attribute of the root of an HDF5 file,
-# the library of an MCAP file (its second string, after an empty one and 9 bytes of the head of the record), the kind
-# and the provenance of a JSON document.
+# Marks of a file of this program: the first line of a CSV file, an attribute of the root of an HDF5 file, the library
+# of an MCAP file (its second string, after an empty one and 9 bytes of the head of the record), the kind and the
+# provenance of a JSON document.
 MARK = "# written by bfi"
-# Of a list of events for programs that take the first line of a CSV file for its header, and that line alone.
+# First line of a list of events, for programs that take the first line of a CSV file for its header.
 EVENTS = "time,end,event,channels,state,kind,shape,magnitude,unit,low,high,p_value"
 ATTRIBUTE, OWNER = "written_by", "bfi"
 KIND = re.compile(
@@ -30,14 +30,14 @@ PROVENANCE = re.compile(rb'"provenance"\s*:\s*\{')
 END_BYTES = 65_536
 HDF5 = b"\x89HDF\r\n\x1a\n"
 MCAP = b"\x89MCAP0\r\n"
-# What a folder of results is known by, and what is moved into it last.
+# Documents that mark a folder of results, and are moved into it last.
 DOCUMENTS = ("result.json", "summary.json")
-# The page of a result ends with a list of what was written with it, so that a later result can take it away.
+# The page of a result ends with a list of the files written with it, so that a later result can remove them.
 REPORT, LIST = "report.html", re.compile(rb"<!-- bfi wrote (\{.*\}) -->\s*\Z")
 
 
 def is_ours(path: Path) -> bool:
-    """Say whether a file states that this program wrote it."""
+    """Say whether a file has the mark of this program."""
     try:
         with path.open("rb") as file:
             head = file.read(END_BYTES)
@@ -67,7 +67,7 @@ def list_of_files(files: Mapping[str, bytes]) -> bytes:
 
 
 def _left_over(folder: Path, names: Iterable[str], inputs: Sequence[str | Path]) -> list[Path]:
-    """Return the files of an earlier result that one of these names does not replace, as far as nobody changed them."""
+    """Return the unchanged files of an earlier result that are not among `names`."""
     try:
         found = LIST.search((folder / REPORT).read_bytes())
         digests = json.loads(found[1]) if found else {}
@@ -93,17 +93,17 @@ def same_file(one: str | Path, other: str | Path) -> bool:
 def check_files(
     paths: Iterable[Path], *, inputs: Sequence[str | Path] = (), force: bool = False, option: str = "--output"
 ) -> None:
-    """Check that files may be written; nothing is.
+    """Check that files may be written, without writing.
 
     Parameters
     ----------
-    inputs : what the command reads, never replaced.
+    inputs : files that the command reads, which are never replaced.
     force : replace files that this program did not write.
     option : that names the files, for messages.
 
     Raises
     ------
-    ConfigError : one is an input, is not ours, or no file can be written there.
+    ConfigError : a file is an input, is not ours, or cannot be written.
     """
     for path in paths:
         reason = ""
@@ -118,7 +118,7 @@ def check_files(
 
 
 def check_folder(folder: Path, names: Iterable[str], *, inputs: Sequence[str | Path] = (), force: bool = False) -> None:
-    """Check that files may be written to a folder of --out; all files of a folder of results are ours.
+    """Check that files may be written to a folder of --out; every file of a folder of results is ours.
 
     Raises
     ------
@@ -147,11 +147,11 @@ def replace_files(
 ) -> tuple[Path, ...]:
     """Check that files may be written to a folder of --out, then write all of them: see `check_folder` and `aside`.
 
-    Files of the result that was there before, which none of these replaces, are removed; others stay.
+    Files of an earlier result that are not replaced are removed; other files stay.
 
     Raises
     ------
-    ConfigError : one may not be replaced, or the folder cannot be made or written to; nothing is written then.
+    ConfigError : a file may not be replaced, or the folder cannot be made or written to; nothing is written then.
     """
     check_folder(folder, files, inputs=inputs, force=force)
     left_over = _left_over(folder, files, inputs) if REPORT in files else []
@@ -168,11 +168,11 @@ def replace_files(
 def aside(folder: Path, *, place: Path, option: str) -> Iterator[Path]:
     """Yield an empty folder; the files in it are moved into `folder` when the block ends, none if it fails.
 
-    Folders that are missing are made, and removed again after a failure. A file that is replaced hands on its mode.
+    Missing folders are made, and removed again after a failure. A new file has the mode of the file that it replaces.
 
     Parameters
     ----------
-    place, option : what could not be written and the option that names it, for messages.
+    place, option : the file or folder to write and the option that names it, for messages.
 
     Raises
     ------
@@ -187,7 +187,7 @@ def aside(folder: Path, *, place: Path, option: str) -> Iterator[Path]:
             for name in names:
                 if (folder / name).exists():
                     shutil.copymode(folder / name, Path(new) / name)
-            # An interruption meanwhile waits until all are there, so that a result is never half of each.
+            # An interruption waits until all files are moved, so that a result is never half old and half new.
             try:
                 for name in names:
                     os.replace(Path(new) / name, folder / name)

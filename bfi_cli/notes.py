@@ -1,4 +1,4 @@
-"""A sentence beside an answer, for its reader, and what it is for."""
+"""Notes beside an answer: sentences for its reader, by their purpose."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Note:
 
 
 def unique(notes: Iterable[Note]) -> tuple[Note, ...]:
-    """Return the notes in their order, each sentence once: as the document of an answer lists them."""
+    """Return the notes in their order, each sentence once, as a document lists them."""
     first: dict[str, Note] = {}
     for note in notes:
         first.setdefault(note.text, note)

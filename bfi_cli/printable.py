@@ -51,7 +51,7 @@ def valid_text(text: str) -> str:
 
 
 def _escaped(error: UnicodeError) -> tuple[str, int]:
-    """Show what an encoding lacks by its code."""
+    """Replace characters that an encoding lacks by their codes."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     return "".join(map(_code, error.object[error.start : error.end])), error.end

@@ -1,4 +1,4 @@
-"""Where the numbers of a document come from."""
+"""The provenance of a document: program, inputs, libraries, command line and date."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from . import __version__
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
-    """Where the numbers come from."""
+    """Program, inputs, libraries, command line and date behind the numbers of a document."""
 
     version: str
     log_sha256: str

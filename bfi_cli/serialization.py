@@ -1,4 +1,4 @@
-"""Dataclasses to plain data (what JSON can hold) and back by their annotations; documents and tables as text."""
+"""Dataclasses to plain data (as JSON can hold) and back by their annotations; documents and tables as text."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .provenance import Provenance
 
 T = TypeVar("T")
 DAMAGED = "the file is damaged or of another program, write it again"
-# Number of the documents: since 3 their notes have kinds. Those with the number before are read as well.
+# Schema of the documents: since 3 notes have kinds. Documents with the schema before are read as well.
 SCHEMA = 3
 SCHEMA_BEFORE = {"detect": 2, "diagnose": 2, "identify": 2, "montecarlo": 2, "start-time": 2}
 # By kind of document, the key of the list of faults that the analysis declares.
@@ -34,7 +34,7 @@ SERIES = ("series", "profile", "drawings")
 
 
 def document_of(kind: str, body: Mapping[str, Any], notes: Iterable[Note], provenance: Provenance) -> dict[str, Any]:
-    """Return the document of a plain body: its kind and schema before it, each note once and its origin after it."""
+    """Return the document of a plain body: kind and schema before it, the notes, each once, and provenance after it."""
     ends = {"notes": to_plain(unique(notes)), "provenance": to_plain(provenance)}
     return {"kind": kind, "schema": SCHEMA, **body, **ends}
 
@@ -85,7 +85,7 @@ def mapping(value: object, *, where: str) -> Mapping[str, Any]:
 
     Raises
     ------
-    ConfigError : it is something else.
+    ConfigError : `value` is no mapping.
     """
     return value if isinstance(value, Mapping) else _fail("a mapping", value, where)
 
@@ -114,7 +114,7 @@ def read_json(path: str | Path, *, give: str) -> Any:
 
     Raises
     ------
-    ConfigError : it cannot be read, or is no JSON.
+    ConfigError : the file cannot be read, or is no JSON.
     """
     try:
         text = sys.stdin.read() if str(path) == "-" else Path(path).read_text("utf-8")
@@ -134,11 +134,11 @@ def document_of_kind(
 
     Parameters
     ----------
-    give : what to give instead, and `wanted` how the kinds are told, for messages.
+    give, wanted : for messages, the remedy, and the complaint about the kind.
 
     Raises
     ------
-    ConfigError : it is of another kind, of none, or has another schema.
+    ConfigError : the document has another kind, no kind, or another schema.
     """
     if not isinstance(document, Mapping) or "kind" not in document:
         raise ConfigError(f"{where}: not a result of this program, it has no 'kind'; {give}")
@@ -149,11 +149,11 @@ def document_of_kind(
 
 
 def check_schema(document: Mapping[str, Any], *, where: str) -> None:
-    """Check that a document of a known kind is one that this program reads.
+    """Check that this program reads the schema of a document of a known kind.
 
     Raises
     ------
-    ConfigError : it has another schema.
+    ConfigError : another schema.
     """
     schema, kind = document.get("schema"), document["kind"]
     if schema not in (SCHEMA, SCHEMA_BEFORE.get(kind, 1)):
@@ -244,7 +244,7 @@ def to_json(document: object, *, indent: int | None = 1, ascii_only: bool = Fals
 
 
 def without_series(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a document without what has an entry per sample or onset."""
+    """Return a document without its `SERIES`, which have an entry per sample or onset."""
     return {
         key: without_series(value) if key == "exhibit" else value
         for key, value in document.items()

@@ -1,9 +1,9 @@
 """The shapes of faults, one entry each: its keys, its signal, its units and its words.
 
-Whatever else names a shape (the JSON of a fault, the dictionary's YAML and its schema, the shapes that the scan can
-look for, help texts and labels) is made from the entries of `SHAPES`. Most add a signal to one channel; `scale` adds a
-part of the channel's own reading, `frozen` holds it, and a fault of a pressure line moves every channel that follows
-from its pressure.
+All lists of shapes (in the JSON of a fault, the dictionary's YAML and its schema, the shapes that the scan can look
+for, help texts and labels) are made from the entries of `SHAPES`. Most shapes add a signal to one channel; `scale` adds
+a share of the channel's reading, `frozen` holds the reading, and a fault of a pressure line moves every channel that
+follows from its pressure.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def sample_bytes(path: str) -> bytes:
 
     Raises
     ------
-    DictionaryError : it cannot be read, or is larger than `MAX_BYTES`.
+    DictionaryError : the file cannot be read, or is larger than `MAX_BYTES`.
     """
     try:
         with open(path, "rb") as file:
@@ -56,7 +56,7 @@ def read_samples(path: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
     Raises
     ------
-    DictionaryError : it cannot be read or is no such file. What the file holds is not quoted: a stranger's dictionary
+    DictionaryError : the file cannot be read, or holds no samples. Its content is not quoted: a stranger's dictionary
         may name any file of this machine.
     """
     try:
@@ -89,12 +89,12 @@ def _unreadable(path: str, reason: str) -> DictionaryError:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Key:
-    """A key that belongs to a shape, beside those that every fault has.
+    """A key of a shape, beside the keys of every fault.
 
     Attributes
     ----------
-    rule : what its value is: a number, one greater than 0, one other than 0, "onset" or "window", or a CSV file.
-    description : what an editor says of it, where its name and unit do not say enough.
+    rule : its values: a number, a number greater than 0, a number other than 0, "onset" or "window", or a CSV file.
+    description : for editors, where name and unit do not say enough.
     """
 
     name: str
@@ -105,22 +105,22 @@ class Key:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FaultShape:
-    """What the program knows of one shape.
+    """The definition of a shape.
 
     Attributes
     ----------
     signal : from the seconds since the onset (since the start of the window where `phase_reference` says so) and the
         keys of the shape by name, the signal of magnitude 1.
     formula : the signal in words, for tables and editors.
-    kind : of fault, by which verdicts go: abrupt (it reaches a size and stays near it), oscillating, slow (it grows).
-    build_up_s : from its keys, the seconds in which it reaches nine tenths of its size; None where it has none. What
-        takes long can be mistaken for a change of thrust, configuration or wind.
-    label : what sentences call it.
-    tail : from its keys, what its signal is from some time on; None where it is not known to be of that form.
-    keys : its own, in the order in which JSON and messages list them.
+    kind : of fault, for verdicts: abrupt (it reaches a size and stays near it), oscillating, slow (it grows).
+    build_up_s : from its keys, the time in which it reaches nine tenths of its final size, None without a final size. A
+        fault that builds up slowly resembles a change of thrust, configuration or wind.
+    label : its name in sentences.
+    tail : from its keys, the form of its signal from some time on, None where that is no `Tail`.
+    keys : its keys beside those of every fault, in the order of JSON and messages.
     is_scanned : whether `bfi start-time` can look for it.
     magnitude_unit : from the channel's unit and the keys, the unit of the magnitude; "" for a pure number.
-    physical : from the magnitude, the channel's unit and the keys, what the magnitude means: value and unit.
+    physical : from the magnitude, the channel's unit and the keys, the physical meaning: value and unit.
     acts_on : the channel, to which magnitude x signal is added; its reading, of which that share is added, or which
         is held; the pressure of a line, of which `lines` makes another, and which is no channel that a fault could
         name; or a channel, to which a course is added that nobody knows and an analysis estimates: the signal is where

@@ -120,7 +120,7 @@ def to_si(values: ArrayLike, unit: str, *, where: str = "unit") -> tuple[FloatAr
 
 
 def factor_and_offset(unit: str) -> tuple[float, float]:
-    """Return what makes the SI value of one in `unit`, factor * value + offset.
+    """Return factor and offset of a unit: the SI value is factor * value + offset.
 
     Raises
     ------
@@ -133,11 +133,11 @@ def factor_and_offset(unit: str) -> tuple[float, float]:
 def change_in_si(text: str) -> tuple[float, str]:
     """Return a difference with its unit, "5kt", "0.5 kt/s", "0.01 1/s" or "2 degC", in SI, and its SI unit.
 
-    It has no offset. The rate of any known unit is known, and so is the rate of that, "m/s^3".
+    Offsets, as that of degC, do not apply. Rates of any known unit are known, and rates of these, "m/s^3".
 
     Raises
     ------
-    ValueError : that is no number with a unit.
+    ValueError : the text is no number with a unit.
     LogError : the unit is not known.
     """
     amount = AMOUNT.fullmatch(text.strip())
@@ -157,7 +157,7 @@ def change_in_si(text: str) -> tuple[float, str]:
 
 
 def per_second(unit: str) -> str:
-    """Return the unit of the rate of what is in `unit`: "m/s^2" for "m/s", "1/s" for ""."""
+    """Return the unit of the rate of a quantity in `unit`: "m/s^2" for "m/s", "1/s" for ""."""
     stem, power = split_rates(unit or "1")
     return f"{stem}/s" if not power else f"{stem}/s^{power + 1}"
 

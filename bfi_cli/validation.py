@@ -1,4 +1,4 @@
-"""Every complaint about a document in one line: where each key stands, what is wrong with it, what to do."""
+"""All complaints about a document in one line: for each key its place, the complaint, and the remedy."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ M = TypeVar("M", bound=BaseModel)
 
 BRANCH = re.compile(r"<[a-z]+>")  # of a union, as its tag names it
 MAX_COMPLAINTS = 5  # more do not fit on a few rows of a terminal
-# Of what a complaint quotes: a key, and a sentence that another part of the program says of a value.
+# Letters of a key, and of a sentence of another module, in a complaint.
 KEY_LETTERS, SENTENCE_LETTERS = 40, 300
 _MAPPING, _WHOLE, _EMPTY = "must be a mapping of key: value", "must be a whole number", "must not be empty"
 WRONG_KIND = {
@@ -62,7 +62,7 @@ def validate(
 
     Raises
     ------
-    error : everything that is wrong with `data`, in one line: `where: key: what | key: what`.
+    error : all complaints about `data` in one line, `where: key: what | key: what`.
     """
     try:
         return model.model_validate(data, context=dict(context or {}))
@@ -84,15 +84,15 @@ def validate(
 def path_beside(file: str, info: ValidationInfo, document: str) -> str:
     """Return the path of a sample file that a document names relative to its own folder, in which it must lie.
 
-    One that stands in no file is the caller's own and may lie anywhere.
+    A document without a file is the caller's, whose sample files may lie anywhere.
 
     Parameters
     ----------
-    document : what messages call the document.
+    document : name of the document in messages.
 
     Raises
     ------
-    ValueError : it lies elsewhere, and the context does not allow that, or there can be no such file.
+    ValueError : the file lies outside the folder, and the context does not allow that, or its name is impossible.
     """
     context = info.context or {}
     path = Path(context.get("folder", "")) / file

@@ -45,7 +45,7 @@ class _Loader(yaml.SafeLoader):
         self.sizes: dict[str | None, int] = {}
 
     def compose_node(self, parent: yaml.Node | None, index: Any) -> yaml.Node | None:
-        """Compose a value and count it, an alias as all values of its anchor: none is ever written out beyond that."""
+        """Compose a value and count it, an alias as all values of its anchor; too many values are refused."""
         event: Any = self.peek_event()  # type: ignore[no-untyped-call]
         before = self.n_values
         if isinstance(event, yaml.AliasEvent):
@@ -69,7 +69,7 @@ def _refuse(node: Any, problem: str) -> NoReturn:
 
 
 def _scalar(pattern: re.Pattern[str], kind: str, convert: Callable[[str], object]) -> None:
-    """Let what matches a pattern be read as a kind of scalar."""
+    """Read text that matches a pattern as a kind of scalar."""
 
     def construct(loader: _Loader, node: yaml.ScalarNode) -> object:
         text = loader.construct_scalar(node)

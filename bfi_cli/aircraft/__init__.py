@@ -1,8 +1,8 @@
 """Aircraft models about a trimmed flight, their manoeuvres, gusts and sensors: logs without a flight.
 
-`MODELS` holds them by name. States, inputs and outputs are deviations from the trim inside a linear model; `simulate`
-returns a `FlightLog` of absolute values (airspeed near 100 m/s). `f16` is nonlinear, and so are the aircraft of JSBSim,
-`find_model("jsbsim:c172p")`. Units are SI and radians.
+`MODELS` holds the models by name. Inside a linear model, states, inputs and outputs are deviations from the trim;
+`simulate` returns a `FlightLog` of absolute values (airspeed near 100 m/s). `f16` and the aircraft of JSBSim,
+`find_model("jsbsim:c172p")`, are nonlinear. Units are SI and radians.
 """
 
 from __future__ import annotations

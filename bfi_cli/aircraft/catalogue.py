@@ -134,11 +134,11 @@ MODELS: dict[str, LinearModel | NonlinearModel] = {
 
 
 def find_model(name: str, plan: FlightPlan | None = None) -> LinearModel | NonlinearModel:
-    """Return the model called `name`, flown by a plan where one is given.
+    """Return the model called `name`, flown by a plan; None for the model's trim.
 
     Raises
     ------
-    ConfigError : there is none, or it cannot be flown like that.
+    ConfigError : no such model, or it cannot fly the plan.
     """
     plan = plan or FlightPlan()
     if name.startswith(PREFIX):

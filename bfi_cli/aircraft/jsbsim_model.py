@@ -19,16 +19,16 @@ from .model import FlightPlan, Flown, NonlinearModel
 
 PREFIX = "jsbsim:"
 ALTITUDE_M = 1500.0  # where light aircraft fly and jets can
-# Part of a stick's travel that a manoeuvre moves it where nothing else is said: 0.02 to 0.04 rad of elevator, 0.1 to
-# 0.4 g, as the 0.035 rad of the other models.
+# Default amplitude of a manoeuvre as a share of the stick's travel: 0.02 to 0.04 rad of elevator, 0.1 to 0.4 g, as the
+# 0.035 rad of the other models.
 STICK = 0.08
 SHOWN = 5  # close names
 
 
 def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
-    """Return an aircraft of JSBSim, trimmed where the plan says; its inputs are parts of the sticks' travel.
+    """Return an aircraft of JSBSim, trimmed as the plan states; its inputs are shares of the sticks' travel.
 
-    Where the plan names no airspeed it is trimmed at one that suits it; no altitude, at 1500 m.
+    Without an airspeed in the plan a suitable one is sought; the default altitude is 1500 m.
 
     Raises
     ------
@@ -39,8 +39,8 @@ def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
     if name not in known:
         close = difflib.get_close_matches(name.lower(), [one.lower() for one in known], n=SHOWN, cutoff=0.5)
         spelt = [next(one for one in known if one.lower() == match) for match in close]
-        said = f"did you mean {' or '.join(repr(one) for one in spelt)}?" if spelt else f"known: {', '.join(known)}"
-        raise ConfigError(f"jsbsim: no such aircraft, got '{name}'; {said}")
+        hint = f"did you mean {' or '.join(map(repr, spelt))}?" if spelt else f"known: {', '.join(known)}"
+        raise ConfigError(f"jsbsim: no such aircraft, got '{name}'; {hint}")
     altitude = ALTITUDE_M if plan.altitude_m is None else plan.altitude_m
     if not 0.0 < altitude <= HIGHEST:
         raise ConfigError(
@@ -56,7 +56,7 @@ def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
         still = np.zeros((0, 3)) if gusts is None else gusts
         answer, flown = run(who, {**start, "rate_hz": rate_hz}, {"sticks": deviations, "gusts": still}, report)
         outputs = flown["outputs"].copy()
-        # A wind that is the same everywhere carries the aircraft along with its air.
+        # A uniform steady wind adds to the velocity over the ground.
         for channel, blowing in zip(("velocity_north", "velocity_east"), plan.wind_m_s, strict=True):
             outputs[:, OUTPUTS.index(channel)] += blowing
         return Flown(inputs=flown["controls"], outputs=outputs, notes=_notes(deviations, flown, answer["stops"]))
@@ -74,9 +74,11 @@ def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
 
 
 def _notes(deviations: FloatArray, flown: Mapping[str, FloatArray], stops: Sequence[str]) -> tuple[Note, ...]:
-    moved = bool(np.ptp(deviations[:, 0])) and not np.ptp(flown["controls"][:, 0])
-    said = "'elevator' stands still: of this aircraft JSBSim states no deflection of it in radians"
-    return (*(Note.limit(f"{name} is held at its stop") for name in stops), *((Note.limit(said),) if moved else ()))
+    notes = [Note.limit(f"{name} is held at its stop") for name in stops]
+    if np.ptp(deviations[:, 0]) and not np.ptp(flown["controls"][:, 0]):
+        still = "'elevator' stands still: of this aircraft JSBSim states no deflection of it in radians"
+        notes.append(Note.limit(still))
+    return tuple(notes)
 
 
 @cache

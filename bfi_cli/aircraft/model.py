@@ -38,7 +38,7 @@ class LinearModel:
     trim : trim values of inputs and outputs, by name; zero where absent.
     airspeed_m_s : true airspeed of the trimmed flight.
     source : where the numbers come from.
-    manoeuvred : inputs that a manoeuvre moves, all alike; the first one where none is named.
+    manoeuvred : inputs that a manoeuvre moves, all alike; default the first input.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def load_model(path: str | Path) -> LinearModel:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightPlan:
-    """How a nonlinear model is flown; None where the model's own start is kept.
+    """How a nonlinear model is flown; None keeps the start of the model.
 
     Attributes
     ----------
@@ -199,11 +199,11 @@ class NonlinearModel:
     units : of every input and output, by name; those of standard channels need not be given.
     fly : returns the flight from trim for input deviations, (n_samples, n_u), held between samples, at a rate in Hz, in
         gusts, (n_samples, 3) headwind, from the right and upward in m/s, or in calm air (None).
-    report : `fly` tells it the part that is flown.
-    travel : by input, how far it can be moved to either side, in its own measure.
+    report : called by `fly` with the part of the flight that is done.
+    travel : by input, its largest deflection to either side, in the unit of the input.
     source : where the numbers come from.
     airspeed_m_s : true airspeed of the trimmed flight; None where gusts are not modelled.
-    manoeuvred : inputs that a manoeuvre moves, all alike; the first one where none is named.
+    manoeuvred : inputs that a manoeuvre moves, all alike; default the first input.
     """
 
     name: str
@@ -255,7 +255,7 @@ def response(
 ) -> FloatArray:
     """Return the outputs' deviations from trim, (n_samples, n_y), for input deviations `u`, (n_samples, n_u).
 
-    Starts from the trim unless `x0`, (n_x,), says otherwise.
+    The flight starts from the trim, or from the deviations `x0`, (n_x,), of the states.
     """
     u = np.asarray(u, dtype=np.float64)
     if u.ndim != 2 or u.shape[1] != len(model.inputs):

@@ -94,12 +94,11 @@ def deviations(
     Parameters
     ----------
     name, start_s, step_s : see `manoeuvre`.
-    amplitude, throttle : largest deflections, in the model's own measure.
+    amplitude, throttle : largest deflections, in the units of the inputs.
 
     Raises
     ------
-    ConfigError : see `manoeuvre`; a doublet of a throttle that the model does not have; more than the travel of a
-        control.
+    ConfigError : see `manoeuvre`; a throttle doublet for a model without a throttle; more than the travel of a control.
     """
     travel = model.travel if isinstance(model, NonlinearModel) else {}
     for what, size, control in (("amplitude", amplitude, model.manoeuvred[0]), ("throttle", throttle, "throttle")):
@@ -135,7 +134,7 @@ def _pairs(units: FloatArray) -> FloatArray:
 
 
 def _multisine(units: FloatArray) -> FloatArray:
-    """Return equal cosines whose phases keep the crest factor low (Schroeder 1970), their largest sum 1."""
+    """Return a sum of equal cosines with phases of low crest factor (Schroeder 1970), its largest value 1."""
     k = np.arange(1, MULTISINE_LINES + 1)
     phase = -np.pi * k * (k - 1) / MULTISINE_LINES
 
@@ -158,11 +157,11 @@ MANOEUVRES: dict[str, Callable[[FloatArray], FloatArray]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dryden:
-    """Intensity in m/s and scale length in m, alike in both directions (medium and high altitude: 533 m).
+    """Gusts of an intensity, m/s, and a scale length, m (533 m in all directions at medium and high altitude).
 
     Raises
     ------
-    ConfigError : the intensity is negative, the scale length not positive, or one of them not finite.
+    ConfigError : the intensity is negative, the scale length not positive, or either is not finite.
     """
 
     sigma_m_s: float
@@ -200,9 +199,9 @@ def dryden_gusts(
 def with_gusts(model: LinearModel) -> LinearModel:
     """Return `model` with two more inputs, the gust velocities `GUSTS` in m/s.
 
-    The states are then motion over the ground; aerodynamic forces and air-data sensors see the motion through the air,
-    tas + headwind and aoa + updraught / airspeed. A steady wind therefore leaves the aircraft trimmed in the air. The
-    gust's gradient along the aircraft (a pitch rate) is left out, and so is a state the model does not have.
+    The states are then motion over the ground; aerodynamic forces and air-data sensors depend on the motion through the
+    air, tas + headwind and aoa + updraught / airspeed, so that in a steady wind the aircraft stays trimmed in the air.
+    Left out are the gust's gradient along the aircraft (a pitch rate), and effects on states that the model lacks.
     """
     to_air = np.zeros((len(model.states), len(GUSTS)))
     if "tas" in model.states:
@@ -229,10 +228,10 @@ def simulate(
     noise_sd: Mapping[str, float] | None = None,
     quantum: Mapping[str, float] | None = None,
 ) -> FlightLog:
-    """Fly `model` from its trim with the input deviations `u` and record it.
+    """Fly `model` from its trim with the input deviations `u` and return the log.
 
-    Gusts and the noise of every output have random streams of their own, so switching one on or off, or changing its
-    size, leaves the others as they are.
+    Gusts and the noise of each output have separate random streams, so that switching one on or off, or changing its
+    size, does not change the others.
 
     Parameters
     ----------
@@ -252,8 +251,8 @@ def simulate(
 
     Raises
     ------
-    ConfigError : a noise or a quantum of an output the model does not have, or negative; gusts or a discretisation for
-        a nonlinear model, or a manoeuvre that it cannot fly.
+    ConfigError : a noise or a quantum that is negative or of an output that the model lacks; gusts or a discretisation
+        that a nonlinear model lacks, or a manoeuvre that it cannot fly.
     """
     noise_sd, quantum = dict(noise_sd or {}), dict(quantum or {})
     for what, sizes in (("noise", noise_sd), ("quantum", quantum)):
@@ -349,7 +348,7 @@ def flight_of(
     noise_sd: Mapping[str, float] | None = None,
     **sizes: float,
 ) -> FlightLog:
-    """Return the log of a manoeuvre by its name, see `time_axis` and `simulate`, in gusts of an intensity.
+    """Return the log of a manoeuvre by its name, in gusts of an intensity; see `time_axis` and `simulate`.
 
     Parameters
     ----------

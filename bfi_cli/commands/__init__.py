@@ -46,11 +46,11 @@ COMMANDS = {
 }
 # Exit codes of the contract; 70 is EX_SOFTWARE of sysexits.h, 130 is 128 plus the number of SIGINT.
 USAGE, LOG, DEFECT, INTERRUPTED = 2, 3, 70, 130
-# Quoted values are shortened where they are quoted; this keeps the rest, as the names of a log of many channels, from
-# filling more than 40 rows of a terminal of 100 columns. Where and what to do stand at the ends.
+# Letters of an error line, 40 rows of a terminal of 100 columns, for long lists of channels; its middle is left out,
+# since place and remedy stand at the ends. Quoted values are shortened where they are quoted.
 LONGEST_LINE = 4000
 
-# What other programs call an option of ours, of which the letters say nothing.
+# Names of our options in other programs that are not spelt alike.
 MEANT = {
     "--start": "--from",
     "--begin": "--from",
@@ -60,7 +60,7 @@ MEANT = {
     "--output-dir": "--out",
 }
 
-# What click says of a value, as a pattern, and as this program says it.
+# Patterns of click's messages about a value, and the messages of this program for them.
 VALUES = (
     (r"(?P<got>.+) is not a valid (?:integer|integer range)", "not a whole number, got {got}; give one like 4"),
     (r"(?P<got>.+) is not a valid (?:float|float range)", "not a number, got {got}; give one like 12.5"),
@@ -114,7 +114,7 @@ def main(argv: list[str] | None = None) -> None:
     """Run the command line and exit with a code of the contract (never 1, never a traceback)."""
     if "_BFI_COMPLETE" in os.environ:
         cli(prog_name="bfi")
-    # What is open is closed, and the cursor shown again, before the shell's code for this signal is returned.
+    # SIGTERM exits with the shell's code for it, after open files are closed and the cursor is shown again.
     signal.signal(signal.SIGTERM, lambda number, _frame: sys.exit(128 + number))
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
@@ -131,7 +131,7 @@ def main(argv: list[str] | None = None) -> None:
 
 
 def _open_streams() -> None:
-    """Make the standard streams take any text, and none of them be absent; the order is that of their numbers."""
+    """Make the standard streams accept any text, and open those that the caller closed, by order of their numbers."""
     for number, name in enumerate(("stdin", "stdout", "stderr")):
         stream: TextIO | None = getattr(sys, name)
         file: int | None = None
@@ -151,7 +151,7 @@ def _open_streams() -> None:
 
 
 def run_command(argv: Sequence[str] | None) -> int:
-    """Run one command line and return its exit code; nothing escapes but what ends the interpreter."""
+    """Run one command line and return its exit code; only exceptions that end the interpreter are raised."""
     try:
         with cli.make_context("bfi", list(sys.argv[1:] if argv is None else argv)) as context:
             cli.invoke(context)
@@ -180,7 +180,7 @@ def run_command(argv: Sequence[str] | None) -> int:
 
 
 def _usage(error: click.ClickException) -> str:
-    """Return what click says of a command line in the words of this program."""
+    """Return click's complaint about a command line in the words of this program."""
     context = getattr(error, "ctx", None)
     program = context.command_path if context else "bfi"
     text = error.message.strip().rstrip(".")
@@ -197,10 +197,10 @@ def _usage(error: click.ClickException) -> str:
             takes_none = "take a value" in text
             return f"{name}: takes no value; write {name}" if takes_none else f"{name}: no value; write {name} VALUE"
         case click.BadParameter(param=click.Parameter(opts=options)):
-            said = (
+            sentences = (
                 sentence.format(**m.groupdict()) for pattern, sentence in VALUES if (m := re.fullmatch(pattern, text))
             )
-            return f"{options[-1]}: {next(said, text)}"
+            return f"{options[-1]}: {next(sentences, text)}"
     what = text[:1].lower() + text[1:]
     return f"{program}: {what}" if ";" in what else f"{program}: {what}; see {program} --help"
 
@@ -219,7 +219,7 @@ def _complain(message: str, code: int) -> int:
 
 
 def _flushed() -> bool:
-    """Say whether stdout takes what is left for it; what it does not take is dropped."""
+    """Flush stdout and return whether that succeeded; after a failure its output is dropped."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -229,7 +229,7 @@ def _flushed() -> bool:
 
 
 def _close_output(*streams: TextIO) -> None:
-    """Send what is left in the streams to nowhere, so that the interpreter's last flush of them cannot fail."""
+    """Redirect streams to the null device, so that the interpreter's last flush of them cannot fail."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in streams:
         with contextlib.suppress(OSError):  # a stream without a file number has no pipe
@@ -238,7 +238,7 @@ def _close_output(*streams: TextIO) -> None:
 
 
 def _crash(error: Exception) -> str:
-    """Write what a maintainer needs to a crash file, and nothing of the user's; return the line to print."""
+    """Write a crash file for a maintainer, without data of the user; return the line to print."""
     what = f"bfi: internal error, {type(error).__name__}"
     text = "".join(f"{line}\n" for line in _crash_lines(error))
     try:

@@ -1,4 +1,4 @@
-"""The skeleton of the commands that analyse logs: what is asked, the log, the answer and its files, the exit code."""
+"""The skeleton of the commands that analyse logs: request, log, answer and its files, exit code."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NO_ANSWER, FAULT_DECLARED = 4, 10
 
 
 class Decided(Protocol):
-    """What the exit code asks of a result."""
+    """A result from which the exit code follows."""
 
     @property
     def decision(self) -> str:
@@ -45,14 +45,14 @@ class Decided(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Answer:
-    """What a command answers.
+    """The answer of a command.
 
     Attributes
     ----------
     document : from its provenance; content : of the document, in the units that are shown.
-    log_sha256 : "" where no log was read.
+    log_sha256 : of the log, "" without one.
     dictionary : that was used.
-    decided : the result, where it has an exit code.
+    decided : the result of a command with `--strict` and `--fail-on`.
     """
 
     document: Callable[[Provenance], Mapping[str, Any]]
@@ -64,15 +64,15 @@ class Answer:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Asked:
-    """What a command line asks.
+    """The request of a command line.
 
     Attributes
     ----------
-    options : of the command, and its arguments, by name.
-    config : of the file, with the options in it; dictionary : that it names or holds, if the command has one.
-    log : path, "" where none is given.
+    options : options and arguments of the command by name.
+    config : of the file, with the options merged; dictionary : that it names or holds, None for most commands.
+    log : path, "" without a log.
     inputs : the files that the command reads.
-    notes : on what was taken from the log in place of defaults, and on what is odd in it.
+    notes : on channels used in place of defaults, and questions about the log.
     findings : on channels that contradict each other throughout the flight.
     """
 
@@ -87,7 +87,7 @@ class Asked:
 
     @property
     def has_log(self) -> bool:
-        """Whether a log is given; an empty name is one of no file."""
+        """Whether a log is given; an empty name is given too."""
         return self.options.get("log") is not None
 
     def check_out(self, drawings: Sequence[str], tables: Sequence[str], *, zoom: bool = False) -> None:
@@ -95,10 +95,10 @@ class Asked:
         check_out(self.options, self.inputs, drawings, tables, zoom=zoom)
 
     def read(self) -> tuple[FlightLog, Asked]:
-        """Return the log, and what is asked of it: with what it has in place of defaults that it lacks.
+        """Return the log, and the request with channels of the log in place of defaults that it lacks.
 
-        The notes say what was taken, which windows a long log has unless one was asked for, and ask about values that
-        cannot be and units that nobody has stated; the terminal is told too.
+        The notes name these channels, the windows of a long log unless one was stated, and ask about impossible values
+        and units that are not stated; they are printed too.
         """
         from ..flightlog.quality import advice_on_the_ground, advice_on_windows
         from ..preprocessing.defaults import with_defaults_of
@@ -116,30 +116,30 @@ class Asked:
             note(one.text)
         notes = (*notes, *doubts(flight, (*config.outputs, *config.inputs), findings))
         dictionary = self.dictionary
-        if dictionary is not None:  # its entries may act on the output, which is known now
+        if dictionary is not None:  # its entries may act on the default output, which is known now
             dictionary = config.load_dictionary(allow_outside=self.options["allow_outside"])
         return flight, replace(self, config=config, notes=notes, dictionary=dictionary, findings=findings)
 
     def noted(self, result: Any) -> Any:
-        """Return a result with the notes before its own, and without a verdict where channels contradict each other."""
+        """Return a result with the notes of the request, and without a verdict if channels contradict each other."""
         from ..plausibility import in_words, without_verdict
 
         result = replace(result, notes=(*self.notes, *result.notes))
         if hasattr(result, "plausibility"):
             return without_verdict(result, self.findings)
-        said = in_words(self.findings)
-        return replace(result, notes=(Note.limit(said), *result.notes)) if said else result
+        contradictions = in_words(self.findings)
+        return replace(result, notes=(Note.limit(contradictions), *result.notes)) if contradictions else result
 
 
 def analysis(
     name: str, *options: str | Command, check: Callable[[Mapping[str, Any]], None] | None = None, **words: str
 ) -> Callable[[Callable[[Asked], Answer]], click.Command]:
-    """Return the decorator that makes a command of a function from what is asked to its answer.
+    """Return the decorator that makes a command of a function from a request to its answer.
 
     Parameters
     ----------
     options, words : see `with_options`.
-    check : raises what is wrong with the options alone, before anything is read.
+    check : raises an error about the options alone, before anything is read.
     """
 
     def make(answer_to: Callable[[Asked], Answer]) -> click.Command:
@@ -177,18 +177,18 @@ def analysis(
 
 
 def _exit_code(result: Decided, config: Config) -> int:
-    """Return the exit code of an answer: 4 for --strict without trust in it, 10 for --fail-on with a fault, else 0."""
+    """Return the exit code: 4 for --strict and an answer that is not trusted, 10 for --fail-on and a fault, else 0."""
     if config.strict and not result.is_trusted:
         return NO_ANSWER
     return FAULT_DECLARED if config.fail_on == "fault" and result.decision == "fault" else 0
 
 
 def log_of(path: str, config: Config) -> FlightLog:
-    """Read the log of an analysis; of one that is large only the window, the time to learn from and the filter's reach.
+    """Read the log of an analysis; of a large log only the window, the training time and the support of the filter.
 
     Raises
     ------
-    LogError : it cannot be read.
+    LogError : the log cannot be read.
     """
     from ..flightlog import read_log
     from ..flightlog.resampling import with_reach
@@ -201,7 +201,7 @@ def log_of(path: str, config: Config) -> FlightLog:
 
 
 def source_of(config: Config) -> dict[str, Any]:
-    """Return what the configuration says of how a file is read, for `bfi_cli.flightlog.read_log`."""
+    """Return the arguments of `bfi_cli.flightlog.read_log` that the configuration states."""
     return {name: attrgetter(str(OPTIONS[name].key))(config) for name in CHANNELS}
 
 
@@ -215,7 +215,7 @@ def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None 
 
 
 def with_findings(flight: FlightLog, config: Config) -> tuple[FlightLog, tuple[Implausible, ...]]:
-    """Return a log with what its channels contradict each other in, and with --fix-units without what is certain."""
+    """Return a log and the contradictions between its channels, with --fix-units those mended that are certain."""
     from ..plausibility import implausible_channels, with_fixed_units
 
     findings = implausible_channels(flight)
@@ -228,23 +228,23 @@ def with_findings(flight: FlightLog, config: Config) -> tuple[FlightLog, tuple[I
 
 @contextmanager
 def saying_first(findings: Sequence[Implausible]) -> Iterator[None]:
-    """Let a log that cannot be analysed be refused with what its channels contradict each other in."""
+    """Append the contradictions between channels to the error of a log that cannot be analysed."""
     try:
         yield
     except LogError as error:
         from ..plausibility import in_words
 
-        if not (said := in_words(findings)):
+        if not (contradictions := in_words(findings)):
             raise
-        raise LogError(f"{error}; first {said}") from error
+        raise LogError(f"{error}; first {contradictions}") from error
 
 
 def doubts(flight: FlightLog, names: Sequence[str], findings: Sequence[Implausible] = ()) -> tuple[Note, ...]:
-    """Return questions about channels whose values cannot be, or whose unit nobody has stated; tell the terminal.
+    """Return, and print, questions about channels with impossible values or without a stated unit.
 
     Parameters
     ----------
-    findings : what other channels show already, which is not asked.
+    findings : contradictions between channels, which are not asked about again.
     """
     from ..flightlog.plausible import doubts_about
 

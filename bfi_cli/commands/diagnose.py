@@ -51,7 +51,7 @@ def command(asked: Asked) -> Answer:
     listed = asked.options["events_csv"]
     if listed is not None:
         check_files([listed], inputs=asked.inputs, force=asked.options["force"], option="--events-csv")
-    # The whole log, whatever part is diagnosed: the rest of the flight tells the aircraft's angle of zero lift.
+    # The whole log, whatever part is diagnosed: the angle of zero lift is estimated from the rest of the flight.
     flight = log_of(asked.log, merge(asked.config, {"window": {"from_s": None, "to_s": None}}))
     flight, findings = with_findings(flight, asked.config)
     workers = asked.options["workers"] or os.cpu_count() or 1

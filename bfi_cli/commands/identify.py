@@ -32,11 +32,11 @@ def _check(given: Mapping[str, Any]) -> None:
 
 
 def _earlier_log(word: str, config: Config) -> FlightLog:
-    """Return a log of which `word` may name a stretch, FILE@FROM:TO in seconds.
+    """Return the log, or the stretch of a log, that `word` names, FILE or FILE@FROM:TO in seconds.
 
     Raises
     ------
-    LogError : it cannot be read, or has no such stretch.
+    LogError : the log cannot be read, or has no such stretch.
     """
     from ..flightlog import read_log
 

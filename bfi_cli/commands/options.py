@@ -1,4 +1,4 @@
-"""The options that have a key in the configuration or that several commands share, one row each, and what they make."""
+"""The options with a key in the configuration or of several commands, one row each, and the configuration from them."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ def pairs(example: str, convert: Callable[[str], Any] = str, *, bare: bool = Fal
 
     Parameters
     ----------
-    example : a right text, for messages.
-    convert : from a text to the value; raises ValueError for what is none.
+    example : a correct text, for messages.
+    convert : from a text to the value; raises ValueError for a text that is no value.
     bare : a value may stand without a name; its name is "".
     """
 
@@ -55,7 +55,7 @@ def pairs(example: str, convert: Callable[[str], Any] = str, *, bare: bool = Fal
 
 
 def _two_numbers(what: str, example: str) -> Callback:
-    """Return a callback that reads a text A:B into its numbers; messages say `what` it should be."""
+    """Return a callback that reads a text A:B into its numbers; `what` names the option's value in messages."""
 
     def read(_context: click.Context, option: click.Parameter, text: str | None) -> tuple[float, float] | None:
         if text is None:
@@ -100,7 +100,7 @@ def _systems_of_units() -> dict[str, str]:
 
 
 def _tolerances(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> dict[str, float | str]:
-    """Return numbers in SI, and texts that state a unit, which the configuration reads."""
+    """Return numbers, in SI, and texts with a unit, which the configuration converts."""
     given: dict[str, float | str] = {}
     for name, text in pairs("tas=2.6, or tas=5kt")(context, option, texts).items():
         try:
@@ -149,8 +149,8 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "scan_method": {"callback": _choice(lambda: SCAN_METHODS)},
 }
 
-# One row per option: the name under which it reaches the command, its flags, the key of the configuration it stands
-# for ("-" for what is of one call alone, such as --out), its metavar and its kind; below, its help.
+# One row per option: its name as argument of the command, its flags, its key in the configuration ("-" for an option of
+# a single call, such as --out), its metavar and its kind; below, its help.
 TABLE = f"""
 config_path  -c,--config  -  FILE  text
     YAML configuration; the command line wins.
@@ -289,7 +289,7 @@ series  --series  -  -  series
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Option:
-    """A row of the table; `key` is None for what is of one call alone, `settings` are those of `click.option`."""
+    """A row of the table; `key` is None without a key in the configuration, `settings` are those of `click.option`."""
 
     flags: tuple[str, ...]
     key: str | None
@@ -314,7 +314,7 @@ MODEL = ("order", "feedthrough")
 VERDICT = ("require", "tolerance")
 FILES = ("allow_outside", "units", "out", "force")
 ANSWER = (*FILES, "strict", "fail_on", "progress", "verbose", "as_json", "series")
-# Of `--help`, by what they are about; the first are what most calls need.
+# Options by their heading in `--help`, the most used first.
 HELP_GROUPS: Mapping[str, tuple[str, ...]] = {
     "Common options": (
         *("config_path", "dictionary", "inputs", "outputs", "from_s", "to_s"),
@@ -351,8 +351,8 @@ def with_options(*options: str | Command, **words: str) -> Callable[[Command], C
 
     Parameters
     ----------
-    options : names of `OPTIONS`, and decorators of click for what only this command has.
-    words : by name, the help in place of the table's, for a command in which an option means something more special.
+    options : names of `OPTIONS`, and decorators of click for options of this command alone.
+    words : by name, the help in place of the table's, for an option with a special meaning in this command.
     """
 
     def add(command: Command) -> Command:
@@ -362,7 +362,7 @@ def with_options(*options: str | Command, **words: str) -> Callable[[Command], C
                 continue
             row = OPTIONS[option]
             text = words.get(option, row.settings["help"])
-            if "{scanned}" in text:  # known from what imports numpy, for which other commands need not wait
+            if "{scanned}" in text:  # imports numpy, for which other commands need not wait
                 from ..shapes import SCANNED
 
                 text = text.format(scanned=f"{', '.join(SCANNED[:-1])} or {SCANNED[-1]}")
@@ -373,16 +373,16 @@ def with_options(*options: str | Command, **words: str) -> Callable[[Command], C
 
 
 class GroupedCommand(click.Command):
-    """A command whose help lists its options by what they are about, the most used first."""
+    """A command whose help lists its options by topic, the most used first."""
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         options = [one for one in self.get_params(ctx) if isinstance(one, click.Option)]
         rows = {one.name: row for one in options if (row := one.get_help_record(ctx)) is not None}
         for title, names in HELP_GROUPS.items():
-            if own := [rows.pop(name) for name in names if name in rows]:
+            if group := [rows.pop(name) for name in names if name in rows]:
                 with formatter.section(title):
-                    formatter.write_dl(own)
-        if rows:  # what no group names: help, and what only this command has
+                    formatter.write_dl(group)
+        if rows:  # --help, and options of this command alone
             with formatter.section("Other options"):
                 formatter.write_dl(list(rows.values()))
 
@@ -392,16 +392,16 @@ logs_argument = click.argument("logs", metavar="LOG...", nargs=-1, required=True
 
 
 def config_of(path: str | None, given: Mapping[str, Any]) -> Config:
-    """Return the configuration of a file (the defaults where there is none) with the command line's values in it.
+    """Return the configuration of a file, or the defaults, merged with the values of the command line.
 
     Parameters
     ----------
     given : the command's options by their names in `OPTIONS`. Channels, units and tolerances are added to those of the
-        file, every other value that was given takes the place of the file's.
+        file, every other value replaces that of the file.
 
     Raises
     ------
-    ConfigError : everything that is wrong, in one line; values of the command line by the option they came with.
+    ConfigError : all complaints in one line, those about the command line by option.
     """
     from ..config import Config, load_config, merge
 
@@ -420,7 +420,7 @@ def config_of(path: str | None, given: Mapping[str, Any]) -> Config:
 
 
 def _by_option(complaint: str, values: Mapping[str, Any]) -> str:
-    """Return a complaint about a key, or about a whole section, with the options that were given for it."""
+    """Return a complaint about a key, or about a whole section, with the options given for it in place of the key."""
     place, colon, what = complaint.partition(": ")
     key = place.partition("[")[0]
     section, _, name = key.partition(".")

@@ -1,4 +1,4 @@
-"""What a command gives: files where a folder is given; on stdout a table, or JSON with --json; notes on stderr."""
+"""The output of a command: files with --out; on stdout a table, or JSON with --json; notes on stderr."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     ContentIn = Callable[[Units], ReportContent]
 
-# Columns of a pipe or a file, where COLUMNS does not say otherwise: what the widest of the tables needs.
+# Columns of a pipe or a file, unless COLUMNS is set: those of the widest table.
 PIPE_COLUMNS = 120
 
 
@@ -38,7 +38,7 @@ def check_out(
     stored: str = "result.json",
     zoom: bool = False,
 ) -> None:
-    """Check that the files of an answer may be written to the folder of --out, if it is given.
+    """Check that the files of an answer may be written to the folder of --out, if that is given.
 
     Parameters
     ----------
@@ -66,11 +66,11 @@ def emit(
 
     Parameters
     ----------
-    content_in, document : the same answer, as a report shows it in the units given to it, and as JSON.
+    content_in, document : the same answer, as a function from units to the report, and as JSON.
     options : of the command: `out`, `force`, `as_json`, and where it has them `series` and `progress`.
-    origin : its provenance.
+    origin : provenance of the answer.
     inputs : the files that the command reads.
-    units : name of those in which it is printed and drawn; CSV files are in SI.
+    units : name of the units in which the answer is printed and drawn; CSV files are in SI.
     """
     series = options.get("series", False)
     if options["out"] is None and options["as_json"]:
@@ -108,7 +108,7 @@ def write(
 
 
 def note(sentence: str) -> None:
-    """Print a note for the person at the terminal to stderr; silent where stderr is none."""
+    """Print a note to stderr if that is a terminal."""
     if sys.stderr.isatty():
         click.echo(printable(sentence), err=True)
 
@@ -120,8 +120,8 @@ def show(
 
     Parameters
     ----------
-    series : print what has an entry per sample or onset, too; in JSON only.
-    briefly : print the first screen of the answer alone, where it has one.
+    series : include keys with an entry per sample or onset in JSON.
+    briefly : print only the first screen of the answer, if it has one.
     """
     if as_json:
         _print_json(document, series=series)
@@ -132,7 +132,7 @@ def show(
 
 
 def show_lines(document: Mapping[str, Any], lines: Sequence[str], *, as_json: bool) -> None:
-    """Print an answer whose table is a few lines."""
+    """Print an answer of a few lines, or its document."""
     if as_json:
         _print_json(document)
         return
@@ -151,7 +151,7 @@ def _print_json(document: Mapping[str, Any], *, series: bool = False) -> None:
 
 
 def _print_rich(draw: Callable[[Console], None]) -> None:
-    """Print what `draw` prints to a console as wide as the terminal."""
+    """Call `draw` with a console as wide as the terminal and print its output."""
     from rich.console import Console
 
     on_terminal = sys.stdout.isatty()
@@ -167,7 +167,7 @@ def _print_rich(draw: Callable[[Console], None]) -> None:
 
 
 def _print(text: str) -> None:
-    """Write to stdout all that is left to write, so that a full disk is met here."""
+    """Write to stdout and flush it, so that a full disk raises here."""
     try:
         sys.stdout.write(text)
         sys.stdout.flush()
@@ -182,7 +182,7 @@ def _print(text: str) -> None:
 def write_and_show(
     log: FlightLog, options: Mapping[str, Any], *, kind: str, log_sha256: str = "", seed: int = 0
 ) -> None:
-    """Write a log to the file of --output, and print what it holds: the JSON document of `kind`, or lines.
+    """Write a log to the file of --output, and print its summary: the JSON document of `kind`, or lines.
 
     Parameters
     ----------

@@ -17,13 +17,13 @@ from .analysis import Answer, Asked, analysis, source_of
 from .options import CHANNELS, logs_argument, pairs
 
 MAPPED = pairs("tas=my_airspeed")
-OF_THE_FILE = tuple(key for key in CHANNELS if key != "channel_map")  # that one shares --channel with what to draw
+OF_THE_FILE = tuple(key for key in CHANNELS if key != "channel_map")  # here --channel also names channels to draw
 
 
 def _channels(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> Any:
-    """Return the names in the file of channels that are given as STD=NAME; the others, `channels`, are to be drawn.
+    """Return the names in the file of channels given as STD=NAME; the other texts become `channels`, those to draw.
 
-    A name in a file may hold an equals sign; a standard name is one plain word.
+    A name in a file may hold an equals sign; a standard name is a plain word.
     """
     mapped = tuple(text for text in texts if re.match(r"\s*\w+\s*=", text))
     context.params["channels"] = tuple(text for text in texts if text not in mapped)
@@ -109,7 +109,7 @@ def command(asked: Asked) -> Answer:
     figures = tuple(name for kind in kinds for name in (kind, *(f"{kind}_{i + 1}" for i in pages)))
     asked.check_out(figures, (*kinds[1:], "events", "windows", "phases"), zoom=True)
     found = [(path, *read_events(path)) for path in asked.options["results"]]
-    # Of logs whose clocks differ a part is known only after the shift.
+    # Logs with different clocks are read whole: the window is known only after the shift.
     part = {"from_s": window.from_s, "to_s": window.to_s} if align is None else {}
     reading = {**part, **source_of(asked.config)}
     flights = [read_log(log, **reading) for log in asked.options["logs"]]

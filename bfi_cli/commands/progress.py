@@ -1,4 +1,4 @@
-"""A progress bar with an estimate, on stderr: of what is counted, or of stages that follow each other."""
+"""A progress bar on stderr with the estimated time left, of a count or of successive stages."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ if TYPE_CHECKING:
 
 @contextmanager
 def progress(label: str, *, wanted: bool | None = None) -> Iterator[Callable[[int, int], None]]:
-    """Yield what is told how much is done, as (done, total).
+    """Yield a function of (done, total) that moves the bar.
 
     Parameters
     ----------
     label : what is counted, "trials".
-    wanted : show it; None for yes where stderr is a terminal.
+    wanted : show the bar; None to show it if stderr is a terminal.
     """
     if not _shown(wanted):
         yield lambda _done, _total: None
@@ -32,11 +32,11 @@ def progress(label: str, *, wanted: bool | None = None) -> Iterator[Callable[[in
 
 @contextmanager
 def stages(*, wanted: bool | None = None) -> Iterator[Callable[[str, float], None]]:
-    """Yield what is told the name of a stage and the part of it that is done; a new stage begins the bar anew.
+    """Yield a function of (stage, part done) that moves the bar; a new stage starts the bar anew.
 
     Parameters
     ----------
-    wanted : show it; None for yes where stderr is a terminal.
+    wanted : show the bar; None to show it if stderr is a terminal.
     """
     if not _shown(wanted):
         yield lambda _stage, _done: None

@@ -40,10 +40,10 @@ KINDS = {
     "start-time": ("onset", "onset_content"),
 }
 STORED = {"montecarlo": "summary.json"}
-# Of these the content is made of the document itself; the others are read back into what they were made from, which
-# says where one is damaged.
+# Documents whose report is made from the document itself. The others are read back into their result, which names the
+# place of any damage.
 NOT_READ_BACK = ("dictionary", "montecarlo")
-# Shares, counts and published numbers, which have no units to choose.
+# Documents of shares, counts and published numbers, which are shown in one unit.
 WITHOUT_UNITS = ("calibration", "montecarlo", "reproduce")
 
 
@@ -68,7 +68,7 @@ def command(result: Path, out: Path | None, *, units: str | None, force: bool, a
         stored, folder = STORED.get(document["kind"], "result.json"), result.parent if out is None else out
         plain = _content(document, where, IN_FILES)
         files = content_files(content, document, origin, plain=plain, stored=stored)
-        # Beside its own result the report is drawn anew; the result itself stays as it is.
+        # In the folder of the result only the report is drawn anew; the result stays as it is.
         beside = same_file(folder / stored, result)
         if beside:
             del files[stored]
@@ -78,11 +78,11 @@ def command(result: Path, out: Path | None, *, units: str | None, force: bool, a
 
 
 def _content(document: object, where: str, units: Units) -> ReportContent:
-    """Return what the report of a document holds.
+    """Return the report of a document.
 
     Raises
     ------
-    ConfigError : it is of no kind or schema that is known, or damaged.
+    ConfigError : the document is damaged, or of an unknown kind or schema.
     """
     document = document_of_kind(document, KINDS, where=where, give=GIVE, wanted=f"known: {', '.join(KINDS)}")
     kind = document["kind"]

@@ -38,7 +38,7 @@ from ..yaml12 import load_yaml, read_text
 __all__ = ["STRONG_EVIDENCE", "Config", "Detect", "Diagnosability", "DictionarySource", "Natural", "StartTime"]
 __all__ += ["json_schema", "load_config", "merge"]
 
-# What editors know of keys that hold more than one kind of value.
+# JSON schemas, for editors, of keys with more than one kind of value.
 UNITS_SCHEMA = {
     "anyOf": [
         {"type": "object", "additionalProperties": {"type": "string", "minLength": 1}},
@@ -64,7 +64,7 @@ def _dictionary_of_config(path: str, info: ValidationInfo) -> str:
 
 
 def _path(value: object, read: ValidatorFunctionWrapHandler) -> str:
-    """Return the name of a file, also one that is no UTF-8 text, which pydantic does not take for a string."""
+    """Return the name of a file; pydantic refuses names that are no UTF-8 text, which are passed on here."""
     if isinstance(value, str) and value != value.encode("utf-8", "ignore").decode("utf-8"):
         return value
     text: str = read(value)
@@ -72,7 +72,7 @@ def _path(value: object, read: ValidatorFunctionWrapHandler) -> str:
 
 
 def _in_si(tolerances: Any) -> Any:
-    """Return tolerances that state a unit, "5kt", as numbers in SI; the others, and what is none, as they are."""
+    """Return tolerances with a unit, "5kt", as numbers in SI; all other values unchanged, for validation."""
     if not isinstance(tolerances, Mapping):
         return tolerances
     return {name: _tolerance(name, value) if isinstance(value, str) else value for name, value in tolerances.items()}
@@ -421,7 +421,7 @@ class Config(Rules):
 
     @property
     def default_channel(self) -> str:
-        """What entries of a dictionary act on that names no channel: tas, or the first output where that is none."""
+        """Channel of the entries of a dictionary without a channel: tas, or the first output if tas is none."""
         return "tas" if "tas" in self.outputs else self.outputs[0]
 
     @property
@@ -435,13 +435,13 @@ class Config(Rules):
         return self._sha256
 
     def place(self, key: str) -> str:
-        """Return where the value of a key stands, for a message: an option, or the key itself behind its file."""
+        """Return the place of a key's value, for messages: an option, or file and key."""
         return self._flags.get(key) or (f"{self._path}: {key}" if self._path else key)
 
     def load_dictionary(self, *, allow_outside: bool = False) -> Dictionary | None:
         """Return the dictionary the configuration names or holds, None where there is none.
 
-        Its entries without a channel act on the `default_channel`, unless it names another.
+        Entries without a channel act on the dictionary's channel, by default on `default_channel`.
 
         Parameters
         ----------
@@ -468,7 +468,7 @@ def load_config(path: str | Path, *, allow_outside: bool = False) -> Config:
 
     Raises
     ------
-    ConfigError : everything that is wrong with it, in one line.
+    ConfigError : all complaints in one line.
     """
     path = Path(path)
     data = load_yaml(read_text(path, error=ConfigError), where=str(path), error=ConfigError)
@@ -484,7 +484,7 @@ def merge(
     where: str = "command line",
     flags: Mapping[str, str] | None = None,
 ) -> Config:
-    """Return the configuration with values of the command line in place of its own.
+    """Return the configuration with its values replaced by those of the command line.
 
     Parameters
     ----------
@@ -493,7 +493,7 @@ def merge(
 
     Raises
     ------
-    ConfigError : everything that is wrong with the values, in one line, by the rules of the file.
+    ConfigError : all complaints about the values, by the rules of the file, in one line.
     """
     data = config.model_dump(exclude_unset=True)
     for dotted, value in overrides.items():

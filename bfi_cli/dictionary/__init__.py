@@ -1,4 +1,4 @@
-"""A fault dictionary: the faults an analysis looks for, as YAML, as single faults and as the signals they add."""
+"""A fault dictionary: the faults that an analysis looks for, as YAML, as single faults and as the signals they add."""
 
 from __future__ import annotations
 
@@ -42,11 +42,11 @@ __all__ += ["expand", "is_shipped", "json_schema", "load_dictionary", "no_signal
 
 FloatArray = NDArray[np.float64]
 
-# More faults than any published dictionary has by a factor of a hundred; their YAML still fits the limits of `yaml12`.
+# Limit of the faults, a hundred times those of any published dictionary; their YAML fits the limits of `yaml12`.
 MAX_ATOMS = 10_000
-# Dictionaries that come with the program, by the name that stands for their file.
+# Shipped dictionaries by their names.
 SHIPPED = {name: Path(__file__).parent / f"{name}.yaml" for name in ("airdata", "thesis")}
-# What entries act on where neither they nor their dictionary say it, and the analysis does not either.
+# Channel of entries if neither they, nor the dictionary, nor the analysis state one.
 CHANNEL = "tas"
 
 
@@ -125,7 +125,7 @@ def _no_magnitude(value: Any) -> None:
 
 
 def _existing(file: str, info: ValidationInfo) -> str:
-    path = path_beside(file, info, "dictionary")  # first: whether a file outside exists is not told
+    path = path_beside(file, info, "dictionary")  # first, so that nobody learns whether a file outside exists
     with contextlib.suppress(OSError):  # a name that is too long
         if Path(path).is_file():
             return path
@@ -176,7 +176,7 @@ def _is_searched(shape: str, onset_s: object) -> bool:
 
 
 def _complete(entry: Any) -> Any:
-    """Refuse an entry with an onset that lacks a key of its shape, and one that no analysis searches."""
+    """Refuse an entry with an onset that lacks a key of its shape, and a kind of fault that no analysis searches."""
     if isinstance(entry.onset_s, Interval) and entry.shape not in SEARCHED:
         raise ValueError(f"onset_s: a {entry.shape} is not searched, give its onset; searched: {', '.join(SEARCHED)}")
     searched = _is_searched(entry.shape, entry.onset_s)
@@ -214,7 +214,7 @@ def _entry_of(name: str, numbers: Any, numbers_or_interval: Any, names: Any, suf
         whole = Annotated[None, BeforeValidator(_no_magnitude)]
         fields["magnitude"] = (whole, Field(None, description="None: this fault is whole."))
     shape = {"shape": (Literal[name], ...)}
-    # Messages and the schema list the keys in this order: an oscillation's own first.
+    # Messages and the schema list the keys in this order, those of an oscillation first.
     fields = fields | shape if SHAPES[name].kind == "oscillating" else shape | fields
     title = "".join(word.capitalize() for word in name.split("_")) + suffix
     complete: dict[str, Any] = {"complete": model_validator(mode="after")(_complete)}
@@ -263,7 +263,7 @@ class DictionaryDocument(Rules):
 
 
 def is_shipped(name: str) -> bool:
-    """Say whether a name stands for a dictionary of `SHIPPED`: a file of that name is rather meant."""
+    """Say whether a name is that of a dictionary of `SHIPPED`; a file of that name takes precedence."""
     return name in SHIPPED and not Path(name).is_file()
 
 
@@ -275,7 +275,7 @@ def expand(document: DictionaryDocument, channel: str = CHANNEL) -> tuple[Fault,
 
     Parameters
     ----------
-    channel : of the entries that name none in a document that names none.
+    channel : of entries without a channel in a document without one.
 
     Raises
     ------
@@ -309,7 +309,7 @@ def _axes(entry: Any) -> dict[str, tuple[Any, ...]]:
 
 
 def _faults(entry: Any, channel: str, taken: set[str], *, is_grid: bool) -> Iterator[Fault]:
-    """Yield the faults of an atom or a grid; the names they are given are added to those `taken`."""
+    """Yield the faults of an atom or a grid; their new names are added to `taken`."""
     axes = _axes(entry)
     fixed = {key: getattr(entry, key) for key in type(entry).model_fields if key not in axes}
     given = {"channel": channel, "onset_s": 0.0} | {key: value for key, value in fixed.items() if value is not None}
@@ -334,7 +334,7 @@ def _faults(entry: Any, channel: str, taken: set[str], *, is_grid: bool) -> Iter
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dictionary:
-    """The faults to look for, each with a name of its own.
+    """The faults to look for, each with a unique name.
 
     Attributes
     ----------
@@ -383,21 +383,21 @@ def load_dictionary(
     allow_outside: bool = False,
     channel: str = CHANNEL,
 ) -> Dictionary:
-    """Return the dictionary of a YAML file, of a mapping, or of a document validated already.
+    """Return the dictionary of a YAML file, of a mapping, or of a validated document.
 
     Parameters
     ----------
     source : a `str` is a path, or the name of a dictionary of `SHIPPED`.
-    where : what messages call it; default the path, or "dictionary".
-    folder : what the sample files of a mapping are relative to, default the working directory; those of a file are
+    where : name of the dictionary in messages; default the path, or "dictionary".
+    folder : to which the sample files of a mapping are relative, default the working directory; those of a file are
         relative to the file.
-    allow_outside : sample files may lie outside that folder. They may for a mapping without a folder: its sample files
-        are named by the caller.
-    channel : of the entries that name none in a dictionary that names none.
+    allow_outside : sample files may lie outside that folder. They may in any case for a mapping without a folder, whose
+        sample files the caller names.
+    channel : of entries without a channel in a dictionary without one.
 
     Raises
     ------
-    DictionaryError : everything that is wrong, in one line. Sample files are only checked to exist.
+    DictionaryError : all complaints in one line. Sample files are only checked to exist.
     """
     sha256 = None
     if isinstance(source, str | Path):
@@ -462,13 +462,13 @@ def signals(
 
 
 def dead_reason(fault: Fault, start_s: float, stop_s: float, *, outputs: Sequence[str] | None = None) -> str | None:
-    """Return why the fault leaves no trace in the window, as a sentence; None where it may.
+    """Return why a fault leaves no trace in a window, as a sentence; None where it may leave one.
 
     Parameters
     ----------
     fault : with times on the log's axis, see `Dictionary.resolved`.
     start_s, stop_s : the analysed window.
-    outputs : the analysed channels; None not to look.
+    outputs : the analysed channels; None to skip their check.
     """
     return next(iter(dead_sentences([fault], start_s, stop_s, outputs=outputs)), None)
 
@@ -487,11 +487,11 @@ def dead_reason_of_kind(fault: Fault, start_s: float, stop_s: float, outputs: Se
 def dead_sentences(
     faults: Sequence[Fault], start_s: float, stop_s: float, *, outputs: Sequence[str] | None = None
 ) -> tuple[str, ...]:
-    """Return why faults leave no trace in the window, a sentence for all of which the same is true.
+    """Return why faults leave no trace in a window, a sentence for each reason, with all faults of that reason.
 
     Parameters
     ----------
-    faults, start_s, stop_s, outputs : see `dead_reason`; faults that may leave a trace are not spoken of.
+    faults, start_s, stop_s, outputs : see `dead_reason`; faults that may leave a trace are not mentioned.
     """
     heard = [one for one in faults if outputs is None or one.channel in outputs]
     sentences = [
@@ -523,7 +523,7 @@ def dead_sentences(
 
 
 def no_signal(fault: Fault) -> str:
-    """Return why an analysis that needs signals, and has no log, leaves out a fault that has none, as a sentence."""
+    """Return, as a sentence, why a fault without a signal is left out of an analysis of signals without a log."""
     if SHAPES[fault.shape].acts_on == "course":
         return f"'{fault.name or fault.shape}' has no signal of its own; bfi identify estimates its course"
     if SHAPES[fault.shape].lines is not None:

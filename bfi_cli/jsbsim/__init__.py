@@ -1,6 +1,6 @@
 """Flights of JSBSim, an open-source flight dynamics model with aircraft that nobody here wrote (extra `jsbsim`).
 
-`run` asks a process of its own, see `bfi_cli.jsbsim.flight`.
+`run` flies in a separate process, see `bfi_cli.jsbsim.flight`.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Which of JSBSim's properties are the channels of a log, and in which units."""
+"""The properties of JSBSim that are channels of a log, and their units."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from ..units import FOOT, POUND, G
 
-# The file of a flight's folder that says which part of it is flown.
+# File in the folder of a flight with the part of the flight that is done.
 FLOWN = "flown.txt"
 
 RANKINE = 5.0 / 9.0  # K
@@ -26,8 +26,8 @@ CONTROLS = {
 class Recorded:
     """An output: its standard name, JSBSim's property, and value = property x scale + offset in SI.
 
-    `per_mass` marks a force, lb, that is divided by the mass in slugs first, `per_engine` a property that each engine
-    has and all together are recorded.
+    `per_mass` marks a force, lb, that is divided by the mass in slugs first, `per_engine` a property of each engine, of
+    which the sum is recorded.
     """
 
     name: str

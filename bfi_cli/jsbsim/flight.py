@@ -1,9 +1,9 @@
-"""A flight of JSBSim in a process of its own, `python -m bfi_cli.jsbsim.flight FOLDER`.
+"""A flight of JSBSim in a separate process, `python -m bfi_cli.jsbsim.flight FOLDER`.
 
 JSBSim writes to stdout, some of its aircraft write files into the working folder, and an aircraft that it cannot read
-may end the process: none of that reaches the caller, who starts this module in a folder that is deleted afterwards.
-FOLDER holds `request.json` and, for a flight, `request.npz`; `answer.json` and `answer.npz` are added, and while it
-flies, in a file of its own, the part of the flight that is flown.
+may end the process. The caller is not affected: it starts this module in a folder that is deleted afterwards. FOLDER
+holds `request.json` and, for a flight, `request.npz`; `answer.json` and `answer.npz` are added, and during the flight a
+file with the part that is done.
 """
 
 from __future__ import annotations
@@ -26,12 +26,12 @@ from ..units import FOOT
 from .channels import CONTROLS, FLOWN, RECORDED
 from .pilot import Pilot
 
-# True airspeeds, m/s, at which level flight is sought where none is asked for: from a light aircraft's to a jet's.
+# True airspeeds, m/s, from a light aircraft's to a jet's, at which level flight is tried if none is stated.
 SPEEDS = (20.0, 30.0, 45.0, 65.0, 90.0, 120.0, 160.0, 200.0, 240.0)
-# rad; of the speeds at which an aircraft trims that is taken whose angle of attack is nearest to this: neither slow
-# flight near the stall nor a dive at full throttle.
+# Wanted angle of attack, rad, in the choice among the speeds at which an aircraft trims: neither slow flight near the
+# stall nor a dive at full throttle.
 CRUISE_AOA = 0.04
-HEADING = 45.0  # degrees; a heading of 0 would be recorded as 0 and 360 in turns
+HEADING = 45.0  # degrees; one of 0 would be recorded as 0 and 360 alternately
 FULL_THROTTLE = 0.97  # above it a trim has no thrust left to fly a manoeuvre with
 # JSBSim's kind of trim (1 with wings and pedals, 0 lengthwise only) and the lever of a propeller's pitch: some aircraft
 # have thrust with the one setting of it, some with the other.
@@ -40,18 +40,18 @@ ATTEMPTS = ((1, 0.0), (1, 1.0), (0, 0.0))
 LEAST, MOST, ROUND_OFF = np.array([-1.0, -1.0, -1.0, 0.0]), np.ones(4), 1e-9
 LEAD_IN_S = 1.0  # flown before the log begins, in calm air, in which fuel flow and forces settle after the trim
 INTEGRATION_HZ = 120.0  # at least; JSBSim's own default
-# Of a flight that is no longer one, rad: a spin or a tumble, beyond the tables of most aircraft.
+# Limits of normal flight, rad: beyond them the aircraft spins or tumbles, outside the tables of most aircraft.
 LARGEST_AOA = 0.6
 LARGEST_ROLL = 1.4  # 80 degrees
 RETRACTABLE = re.compile(r"<\s*retractable\s*>\s*1|retractable\?:\s*yes|RETRACT")
 
 
 class FlightError(Exception):
-    """What the user is told, without the name of the aircraft."""
+    """An error for the user; the caller adds the name of the aircraft."""
 
 
 def trimmed(name: str, *, tas_m_s: float, altitude_m: float, rate_hz: float) -> Any:
-    """Return JSBSim with the aircraft in steady level flight to the northeast, its gear up; None for no trim.
+    """Return JSBSim with the aircraft in steady level flight to the northeast, its gear up; None if it does not trim.
 
     Parameters
     ----------
@@ -92,7 +92,7 @@ def trimmed(name: str, *, tas_m_s: float, altitude_m: float, rate_hz: float) -> 
         for k in range(engines):
             fdm[f"fcs/advance-cmd-norm[{k}]"] = fine_pitch
         fdm["propulsion/set-running"] = -1.0
-        # A trim that was not found leaves the controls anywhere; the next attempt begins anew.
+        # A failed trim leaves the controls anywhere; the next attempt starts from the initial conditions.
         with suppress(jsbsim.BaseError, RuntimeError):
             fdm.do_trim(kind)
             return fdm
@@ -100,11 +100,11 @@ def trimmed(name: str, *, tas_m_s: float, altitude_m: float, rate_hz: float) -> 
 
 
 def cruise_airspeed(name: str, *, tas_m_s: float | None, altitude_m: float) -> float:
-    """Return the airspeed, m/s, at which the aircraft is trimmed: the one asked for, or one that suits it.
+    """Return the airspeed, m/s, at which the aircraft is trimmed: `tas_m_s`, or a suitable one for None.
 
     Raises
     ------
-    FlightError : it does not trim.
+    FlightError : the aircraft does not trim.
     """
     best, least_off = None, math.inf
     for speed in SPEEDS if tas_m_s is None else (tas_m_s,):
@@ -133,7 +133,7 @@ def fly(
     gusts: FloatArray,
     report: Report = silent,
 ) -> tuple[FloatArray, FloatArray, tuple[str, ...]]:
-    """Return the positions of the controls, (n, 4), the recorded outputs, (n, n_y), and the controls that met a stop.
+    """Return the positions of the controls, (n, 4), the recorded outputs, (n, n_y), and the controls that hit a stop.
 
     Outputs are in the order of `channels`.
 
@@ -142,7 +142,7 @@ def fly(
     request : tas_m_s, altitude_m, rate_hz, tour (whether the pilot flies climbs and turns).
     sticks : (n, 4) added to the trimmed positions of `CONTROLS`, in parts of their travel, held between samples.
     gusts : (n, 3) headwind, gust from the right and upward, m/s, interpolated between samples; (0, 3) for calm air.
-    report : told the part that is flown, at every sample.
+    report : called at every sample with the part of the flight that is done.
 
     Raises
     ------
@@ -185,7 +185,7 @@ def fly(
 
 
 def _move(fdm: Any, sticks: FloatArray, engines: range) -> None:
-    """Move the controls to where they are wanted, within their stops."""
+    """Move the controls to the wanted positions, within their stops."""
     positions = np.clip(sticks, LEAST, MOST)
     for position, command in zip(positions[:3], CONTROLS.values(), strict=False):
         fdm[command] = float(position)
@@ -194,7 +194,7 @@ def _move(fdm: Any, sticks: FloatArray, engines: range) -> None:
 
 
 def _blow(fdm: Any, gust: FloatArray) -> None:
-    """Turn a gust (headwind, from the right, upward) into the axes of the earth, along the aircraft's heading."""
+    """Set a gust (headwind, from the right, upward) in the axes of the earth, by the aircraft's heading."""
     along, across, heading = -float(gust[0]) / FOOT, -float(gust[1]) / FOOT, fdm["attitude/psi-rad"]
     fdm["atmosphere/gust-north-fps"] = along * math.cos(heading) - across * math.sin(heading)
     fdm["atmosphere/gust-east-fps"] = along * math.sin(heading) + across * math.cos(heading)
@@ -202,7 +202,7 @@ def _blow(fdm: Any, gust: FloatArray) -> None:
 
 
 def _read(fdm: Any, engines: range) -> tuple[FloatArray, FloatArray]:
-    # The right aileron, trailing edge down; where only the left one has a name, that one turned over.
+    # The right aileron, positive trailing edge down, or minus the left one if only that has a property.
     aileron = fdm["fcs/right-aileron-pos-rad"] or -fdm["fcs/left-aileron-pos-rad"]
     surfaces = [fdm["fcs/elevator-pos-rad"], aileron, fdm["fcs/rudder-pos-rad"], fdm["fcs/throttle-pos-norm"]]
     values = []
@@ -218,7 +218,7 @@ def _read(fdm: Any, engines: range) -> tuple[FloatArray, FloatArray]:
 
 
 def _written_to(file: Path) -> Report:
-    """Return what writes the part that is done to a file, a hundred times on the way."""
+    """Return a function that writes the part that is done to a file, at every percent."""
     told = 0
 
     def write(done: float) -> None:

@@ -1,6 +1,6 @@
 """The pilot of a simulated flight: keeps the wings level, or flies climbs, descents and turns.
 
-Works with the true motion, not with what sensors show, so that a fault of a sensor never moves the aircraft.
+The feedback is the true motion, not that of sensors, so that a fault of a sensor never moves the aircraft.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ ROLL_RATE, CLIMB_RATE, SPEED_RATE = 0.08, 0.01, 0.01  # per s: how fast the want
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Pilot:
-    """Sticks beside those of the trim and the manoeuvre, by feedback; without a tour the wings are kept level only."""
+    """Feedback that adds to the controls of trim and manoeuvre; without a tour it only keeps the wings level."""
 
     tas_m_s: float
     pitch_rad: float

@@ -1,4 +1,4 @@
-"""Start a flight in a process and a folder of its own, and read what it gives."""
+"""Run a flight in a separate process and folder, and read its answer."""
 
 from __future__ import annotations
 
@@ -21,9 +21,7 @@ from ..kernels.progress import Report, silent
 from .channels import FLOWN
 
 PACKAGE_FOLDER = Path(__file__).resolve().parents[2]
-
-
-# Seconds between two looks at how far a flight is.
+# Seconds between two readings of the part of the flight that is done.
 LOOK_S = 0.1
 
 
@@ -33,18 +31,18 @@ def run(
     arrays: Mapping[str, FloatArray] | None = None,
     report: Report = silent,
 ) -> tuple[dict[str, Any], dict[str, FloatArray]]:
-    """Return what a request to JSBSim gives: values and arrays by name.
+    """Return the answer of JSBSim to a request: values and arrays by name.
 
     Parameters
     ----------
-    who : what the messages begin with.
+    who : start of the messages.
     request : see `bfi_cli.jsbsim.flight.main`.
-    arrays : of a flight, its `sticks` and `gusts`.
-    report : told the part of the flight that is flown.
+    arrays : `sticks` and `gusts` of a flight.
+    report : called with the part of the flight that is done.
 
     Raises
     ------
-    ConfigError : JSBSim is not installed, or cannot fly what is asked for.
+    ConfigError : JSBSim is not installed, or cannot fly the request.
     """
     if find_spec("jsbsim") is None:
         raise ConfigError(f"{who}: needs the package jsbsim, which is not installed; pip install 'bfi-cli[jsbsim]'")
@@ -81,7 +79,7 @@ def run(
 
 
 def _wait(flight: subprocess.Popen[bytes], flown: Path, report: Report) -> int:
-    """Return the exit code of a flight, and tell `report` the number that it leaves in the file `flown`."""
+    """Return the exit code of a flight; until it ends, call `report` with the number in the file `flown`."""
     while True:
         with suppress(subprocess.TimeoutExpired):
             return flight.wait(LOOK_S)

@@ -1,10 +1,10 @@
 """Closed-loop flights with faulty rate gyros: nonlinear dynamic inversion, and an observer of the rates.
 
 Wang, Tang, Chen (F-16 diagnosability), eq. 3-10. The inversion goes from commanded aoa, sideslip and roll to body rates
-and from these to control surfaces. Its five inputs drive three rates, so the inverse of (5) needs a rule: the surfaces
-act first, and the thrust-vectoring nozzle adds the pitch and yaw that is beyond them. The observer knows the
-nominal aircraft; the one that flies has other moment coefficients (8). The inner loop is fed by the gyros, so a fault
-moves the aircraft too.
+and from these to control surfaces. Five inputs drive three rates, so that the inverse of (5) needs a rule: the surfaces
+act first, and the thrust-vectoring nozzle adds the pitch and yaw beyond their limits. The observer has the model of the
+nominal aircraft; the aircraft that flies has other moment coefficients (8). The gyros feed the inner loop, so that
+their fault moves the aircraft too.
 """
 
 from __future__ import annotations
@@ -195,7 +195,7 @@ def observe(
     variation : (3, n) relative changes of Cl, Cm, Cn.
     noise : (m, 3, n) of the gyros, rad/s; one row per recorded sample, held until the next.
     fault : (3, n) added to the gyros at a time in s, rad/s.
-    report : receives how many samples of all are flown.
+    report : called with the number of samples flown, and of all.
     """
     n, body = variation.shape[1], setting.inversion.body
     samples = np.arange(round(setting.duration_s / setting.record_s))

@@ -1,4 +1,4 @@
-"""What acts on the F-16 in flight: aerodynamic coefficients, thrust, weight; one column per aircraft, SI and radians.
+"""Loads of the F-16 in flight: aerodynamic coefficients, thrust, weight; one column per aircraft, SI and radians.
 
 Body axes, forces positive forward, right and down. A positive elevator pitches down, a positive aileron rolls to the
 left, a positive rudder yaws to the left. Source: `tables.yaml`, and the engine and standard atmosphere of Stevens and
@@ -102,7 +102,7 @@ def thrust(power: FloatArray, altitude: FloatArray, mach: FloatArray) -> FloatAr
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Conditions:
-    """The loads of n states as far as they are known before rates and controls.
+    """The parts of the loads of n states that do not depend on rates and controls.
 
     Attributes
     ----------

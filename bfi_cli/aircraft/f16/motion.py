@@ -97,7 +97,7 @@ def derivatives(
 
 
 def translation(x: FloatArray, acceleration: FloatArray) -> FloatArray:
-    """Return what tas, aoa and sideslip change by, (3, n) per second, where the aircraft does not rotate."""
+    """Return d(tas, aoa, sideslip)/dt, (3, n), of an aircraft that does not rotate."""
     ax, ay, az = acceleration
     (sin_a, sin_b), (cos_a, cos_b) = np.sin(x[AOA : SIDESLIP + 1]), np.cos(x[AOA : SIDESLIP + 1])
     forward = ax * cos_a + az * sin_a
@@ -152,7 +152,7 @@ def trim(flight: SteadyFlight, body: Body) -> Trim:
 
     Raises
     ------
-    ConfigError : none was found within the tables and the surfaces' limits.
+    ConfigError : no such flight within the tables and the surfaces' limits.
     """
     from scipy.optimize import root
 

@@ -25,6 +25,7 @@ from ..report.text import instant
 from .phases import HOVER, TRANSITION, phases_of
 from .quality import hold_of
 from .rates import AS_FAST
+from .raw import ANGLES
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, frozen_array
 
 # By half length of the gap, in ticks, the errors (n,) of the cubic, and their ratios to the usual error.
@@ -42,7 +43,6 @@ WATCHED += ("latitude", "longitude")
 FEWEST_REPEATS = 20
 # Phases in which airspeeds come and go without a defect, and the margin on both sides, s.
 UNWATCHED, BESIDE_S = ("ground", "take-off", "landing", "stall", HOVER, TRANSITION), 2.0
-TURNING = ("roll", "longitude")  # which wrap around at pi
 # By channel the channels that each predict its motion over some seconds; "+" stands for the integral of a rate.
 _AIRSPEEDS = ("tas", "cas", "ias", "mach", "q_impact")
 RELATIVES: Mapping[str, tuple[str, ...]] = {
@@ -282,7 +282,7 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
     n = int(tick[-1]) + 1
     if not FEWEST_TICKS <= n <= MOST_TICKS:
         return None
-    readings = np.unwrap(channel.values[finite]) if channel.name in TURNING else channel.values[finite]
+    readings = np.unwrap(channel.values[finite]) if channel.name in ANGLES else channel.values[finite]
     values, known = np.full(n, np.nan), np.zeros(n, dtype=bool)
     known[tick] = True
     if is_averaged:

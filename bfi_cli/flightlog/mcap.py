@@ -84,7 +84,7 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
         signals = {name: topic for name, topic in signals.items() if name == chosen}
     first_s = min(times[0] for times, _ in signals.values())
     zero_s = DAY_S * math.floor(first_s / DAY_S)
-    notes = (from_midnight(np.datetime64(int(zero_s), "s")),) if zero_s else ()
+    notes = (from_midnight(zero_s),) if zero_s else ()
     names = [field for _, fields in signals.values() for field in fields]
     columns = []
     for topic, (times, fields) in signals.items():

@@ -27,7 +27,7 @@ LARGEST = 4 * 10**9
 DAY_S = 86_400.0  # without leap seconds, which clocks of recorders do not count
 BESIDE_TIME = "holds dates or times beside the time axis"
 # Angles that wrap around.
-ANGLES = frozenset({"roll", "yaw"})
+ANGLES = frozenset({"roll", "yaw", "longitude"})
 # Discrete states: held from sample to sample, never interpolated or filtered.
 FLAGS = frozenset({"valid_airspeed", "hover", "gear"})
 # Limit of the channels of a file; the largest recorders have about 4000 parameters.
@@ -180,9 +180,9 @@ def unlike_time(name: str, n: int, n_times: int) -> str:
     return f"has {n} samples, the time axis {n_times},; keep it with --keep {name}"
 
 
-def from_midnight(day: np.datetime64) -> Note:
-    """Return the note on a time axis that counts from the beginning of a day."""
-    return Note.method(f"time counts from midnight of {day.astype('datetime64[D]')} UTC")
+def from_midnight(time_s: float, zone: str = " UTC") -> Note:
+    """Return the note on a time axis that counts from the beginning of a day, given in s since 1970."""
+    return Note.method(f"time counts from midnight of {np.datetime64(int(time_s), 's').astype('datetime64[D]')}{zone}")
 
 
 def different_length(path: str, name: str, n: int, n_times: int) -> LogError:

@@ -40,11 +40,11 @@ FASTEST, SLOWEST_S = 1e6, 1e4
 
 @dataclass(frozen=True, slots=True)
 class _Clock:
-    """Time of a waveform: its first sample, seconds from midnight of `day` if that is known, and its step."""
+    """Time of a waveform: its first sample, s from midnight of `day` (since 1970) if that is known, and its step, s."""
 
     start_s: float
     step_s: float
-    day: np.datetime64 | None
+    day: int | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -105,7 +105,7 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
     elif all(one.clock is not None for one in signals):
         day = min((one.clock.day for one in signals if one.clock and one.clock.day is not None), default=None)
         if day is not None:
-            notes.append(from_midnight(day))
+            notes.append(from_midnight(DAY_S * day))
         times = [_times(one, day) for one in signals]
         if len({(one.clock, one.values.size) for one in signals}) > 1:
             columns = [replace(column, time_s=time_s) for column, time_s in zip(made.columns, times, strict=True)]
@@ -173,7 +173,7 @@ def _clock(properties: Mapping[str, Any]) -> _Clock | None:
     if not isinstance(start, np.datetime64) or np.isnat(start) or start < np.datetime64("1970-01-02"):
         return _Clock(offset_s, step_s, None)
     day = start.astype("datetime64[D]")
-    return _Clock(offset_s + float((start - day) / np.timedelta64(1, "us")) * 1e-6, step_s, day)
+    return _Clock(offset_s + float((start - day) / np.timedelta64(1, "us")) * 1e-6, step_s, int(day.astype(np.int64)))
 
 
 def _number(stated: object) -> float | None:
@@ -183,11 +183,11 @@ def _number(stated: object) -> float | None:
     return number if math.isfinite(number) else None
 
 
-def _times(signal: _Signal, day: np.datetime64 | None) -> FloatArray:
+def _times(signal: _Signal, day: int | None) -> FloatArray:
     """Return the times of a waveform, counted from midnight of `day` where that is given."""
     clock = signal.clock
     assert clock is not None
-    days = 0.0 if day is None or clock.day is None else float((clock.day - day) / np.timedelta64(1, "D"))
+    days = 0 if day is None or clock.day is None else clock.day - day
     return DAY_S * days + clock.start_s + clock.step_s * np.arange(signal.values.size, dtype=np.float64)
 
 
@@ -204,6 +204,6 @@ def _with_time(signals: Sequence[_Signal]) -> RawLog:
             has_axis = True
             known = signal.values[np.isfinite(signal.values)]
             first = np.floor(known[0] / DAY_S) * DAY_S if known.size else 0.0
-            notes.append(from_midnight(np.datetime64(int(first), "s")))
+            notes.append(from_midnight(first))
             kept.append(Track(source=signal.source, values=signal.values - first, unit="s", channel="time"))
     return RawLog(columns=kept, notes=tuple(notes), left_out=left_out)

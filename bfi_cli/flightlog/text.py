@@ -24,7 +24,7 @@ from ..errors import LogError
 from ..filters import filters_from_json
 from ..notes import Note
 from ..units import si_unit
-from .raw import BESIDE_TIME, DAY_S, Asked, RawLog, Track, require_few
+from .raw import BESIDE_TIME, DAY_S, Asked, RawLog, Track, from_midnight, require_few
 from .record import CLEAN, FloatArray, faults_from_json, segments_from_json
 from .topics import maps_of
 
@@ -364,9 +364,7 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
     if rows.any() and time_s[rows][0] >= DAY_S:
         first = np.floor(time_s[rows][0] / DAY_S) * DAY_S
         time_s -= first
-        notes.append(
-            Note.method(f"time counts from midnight of {date.fromordinal(EPOCH + round(first / DAY_S)).isoformat()}")
-        )
+        notes.append(from_midnight(first, zone=""))
     if not rows.all():
         notes.append(Note.method(f"{np.count_nonzero(~rows)} rows without a time are left out"))
     steps = np.diff(time_s[rows])

@@ -55,13 +55,14 @@ def test_the_ends_of_a_log_are_left_and_a_gap_counts_as_missing_time():
     assert part.n_samples == 199
 
 
+@pytest.mark.parametrize("name", ["yaw", "roll", "longitude"])
 @pytest.mark.parametrize("turn", [0.05, -0.05])
-def test_an_angle_takes_the_shorter_way_and_a_flag_its_last_value(turn: float):
-    yaw = (3.0 + turn * np.arange(200) + np.pi) % (2.0 * np.pi) - np.pi
+def test_an_angle_takes_the_shorter_way_and_a_flag_its_last_value(turn: float, name: str):
+    angle = (3.0 + turn * np.arange(200) + np.pi) % (2.0 * np.pi) - np.pi
     valid = np.repeat([1.0, 0.0], 100)
-    log = made_log(TIME_S, yaw=holed(yaw, (1, 8), (60, 65)), valid_airspeed=holed(valid, (98, 102)))
+    log = made_log(TIME_S, **{name: holed(angle, (1, 8), (60, 65))}, valid_airspeed=holed(valid, (98, 102)))
     filled = with_filled(log, 1.0)
-    np.testing.assert_allclose(np.exp(1j * filled.channels["yaw"].values), np.exp(1j * yaw), atol=1e-12)
+    np.testing.assert_allclose(np.exp(1j * filled.channels[name].values), np.exp(1j * angle), atol=1e-12)
     np.testing.assert_array_equal(filled.channels["valid_airspeed"].values[98:102], 1.0)
 
 

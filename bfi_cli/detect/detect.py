@@ -38,7 +38,7 @@ def detect_faults(log: FlightLog, config: Config, *, report: Report = silent) ->
     log : in SI units, see `bfi_cli.flightlog.read_log`.
     config : see `bfi_cli.config.Config`; `detect` holds what is special to the detection. Where inputs and outputs are
         not given, they are the controls and accelerations, and the flight data, that the log has.
-    report : receives the part of the channels that are declared so far.
+    report : called with the share of the channels that have failed so far.
 
     Raises
     ------
@@ -49,55 +49,56 @@ def detect_faults(log: FlightLog, config: Config, *, report: Report = silent) ->
     with threadpool_limits(1):
         prepared = prepare_detection(log, config)
         tolerances = tolerances_of(log, prepared.part, prepared.outputs, config)
-        found = detect_exactly(prepared) if method == "exact" or (method == "auto" and prepared.exact) else None
-        if found is None or (method == "auto" and not found.is_calibrated):
-            found = detect_by_parity(prepared, config, report)
-    candidates = _candidates(prepared, found, tolerances)
-    unseen = [one.channel for one in candidates if one.state == "not_seen"]
-    notes = _notes(prepared, config, found, unseen)
-    evidence = Evidence(source="detector", candidates=candidates, notes=notes)
-    conclusion = conclude([evidence], config.require)
-    failed_s = {alarm.channel: alarm.time_s - found.reach_s for alarm in reversed(found.alarms)}
+        detection = detect_exactly(prepared) if method == "exact" or (method == "auto" and prepared.exact) else None
+        if detection is None or (method == "auto" and not detection.is_calibrated):
+            detection = detect_by_parity(prepared, config, report)
+    candidates = _candidates(prepared, detection, tolerances)
+    unseen = [candidate.channel for candidate in candidates if candidate.state == "not_seen"]
+    notes = _notes(prepared, config, detection, unseen)
+    conclusion = conclude([Evidence(source="detector", candidates=candidates, notes=notes)], config.require)
+    failed_s = {alarm.channel: alarm.time_s - detection.reach_s for alarm in reversed(detection.alarms)}
     return DetectResult(
         log=log_summary(
-            prepared.record.path, found.time_s, rate_hz=found.rate_hz, native_rate_hz=prepared.native_rate_hz
+            prepared.record.path, detection.time_s, rate_hz=detection.rate_hz, native_rate_hz=prepared.native_rate_hz
         ),
         decision=conclusion.decision,
         verdicts=conclusion.verdicts,
         candidates=conclusion.candidates,
         summary=conclusion.summary,
-        method=found.method,
+        method=detection.method,
         inputs=prepared.inputs,
         outputs=prepared.outputs,
         false_alarm=false_alarm,
-        alarms=found.alarms,
-        is_calibrated=found.is_calibrated,
-        ready_s=found.ready_s,
+        alarms=detection.alarms,
+        is_calibrated=detection.is_calibrated,
+        ready_s=detection.ready_s,
         train=prepared.train,
         watched=prepared.watched,
-        calibration=found.calibration,
-        model=found.model,
-        width=found.width,
-        time_s=frozen_array(found.time_s),
+        calibration=detection.calibration,
+        model=detection.model,
+        width=detection.width,
+        time_s=frozen_array(detection.time_s),
         series=tuple(
             ChannelSeries(
                 channel=name,
                 unit=prepared.units[k],
-                measured=frozen_array(found.y[:, k]),
-                statistic=frozen_array(found.statistic[:, k]),
-                threshold=float(found.threshold[k]),
+                measured=frozen_array(detection.y[:, k]),
+                statistic=frozen_array(detection.statistic[:, k]),
+                threshold=float(detection.threshold[k]),
                 watched_until_s=failed_s.get(name),
             )
             for k, name in enumerate(prepared.outputs)
         ),
-        commands=_commands(prepared, found),
-        notes=(*found.notes, *evidence.notes, *conclusion.notes),
+        commands=_commands(prepared, detection),
+        notes=(*detection.notes, *notes, *conclusion.notes),
     )
 
 
-def _candidates(prepared: PreparedRecord, found: Detection, tolerances: Mapping[str, float]) -> tuple[Candidate, ...]:
-    """Return a step in every channel watched: that it is declared, or how large a one could have stayed unseen."""
-    limits, declared = found.limits, {alarm.channel: alarm.size for alarm in reversed(found.alarms)}
+def _candidates(
+    prepared: PreparedRecord, detection: Detection, tolerances: Mapping[str, float]
+) -> tuple[Candidate, ...]:
+    """Return a candidate per channel watched: the step that is declared, or how large a step could stay unseen."""
+    limits, declared = detection.limits, {alarm.channel: alarm.size for alarm in reversed(detection.alarms)}
     candidates = []
     for i, (channel, unit) in enumerate(zip(prepared.outputs, prepared.units, strict=True)):
         bounded = limits is not None and len(limits.onset_s) > 0 and channel not in declared
@@ -107,7 +108,7 @@ def _candidates(prepared: PreparedRecord, found: Detection, tolerances: Mapping[
             clearest = int(np.argmax(np.abs(limits.size[:, i]) / np.maximum(limits.sd[:, i], np.finfo(float).tiny)))
             if limits.sd[clearest, i] > 0.0:
                 size, sd = finite(limits.size[clearest, i]), finite(limits.sd[clearest, i])
-        one = candidate_of(
+        candidate = candidate_of(
             Fault(shape="bias", channel=channel),
             unit,
             name="bias" if len(prepared.outputs) == 1 else f"bias on {channel}",
@@ -119,18 +120,18 @@ def _candidates(prepared: PreparedRecord, found: Detection, tolerances: Mapping[
             effect=hidden,
             tolerance=tolerances[channel],
         )
-        if limits is not None and one.state == "not_seen" and hidden is not None:
+        if limits is not None and candidate.state == "not_seen" and hidden is not None:
             worst = instant(limits.onset_s[limits.hidden[:, i].argmax()])
-            usual = shown_limit(replace(one, effect=float(np.quantile(limits.hidden[:, i], USUAL))))
+            usual = shown_limit(replace(candidate, effect=float(np.quantile(limits.hidden[:, i], USUAL))))
             note = f"worst for a step at {worst} s; {usual} at most for {100.0 * USUAL:g} % of the onsets"
-            one = replace(one, note=note)
-        candidates.append(one)
+            candidate = replace(candidate, note=note)
+        candidates.append(candidate)
     return tuple(candidates)
 
 
-def _notes(prepared: PreparedRecord, config: Config, found: Detection, unseen: list[str]) -> tuple[Note, ...]:
-    """Say which onsets the claims cover, what would help with what is not seen, and what is not looked for."""
-    limits, notes = found.limits, []
+def _notes(prepared: PreparedRecord, config: Config, detection: Detection, unseen: list[str]) -> tuple[Note, ...]:
+    """Return which onsets the claims cover, what would help where steps are not seen, and what is not looked for."""
+    limits, notes = detection.limits, []
     if limits is not None and len(limits.onset_s):
         first_s, last_s = (float(limits.onset_s[k]) for k in (0, -1))
         notes.append(onsets_checked("for steps", first_s, last_s, "earlier ones pass for normal"))
@@ -158,11 +159,11 @@ def _notes(prepared: PreparedRecord, config: Config, found: Detection, unseen: l
     return tuple(notes)
 
 
-def _commands(prepared: PreparedRecord, found: Detection) -> tuple[str, ...]:
+def _commands(prepared: PreparedRecord, detection: Detection) -> tuple[str, ...]:
     """Return the command that identifies the failure of the first channel."""
-    if not found.alarms:
+    if not detection.alarms:
         return ()
-    record, first = prepared.record, found.alarms[0]
+    record, first = prepared.record, detection.alarms[0]
     from_s = max(float(record.time_s[0]), first.onset_s - AROUND_S)
     to_s = min(float(record.time_s[-1]), first.onset_s + AROUND_S)
     inputs = "".join(f" --input {name}" for name in prepared.inputs)

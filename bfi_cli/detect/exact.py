@@ -76,7 +76,7 @@ def _criterion(record: Signals, healthy: BoolArray) -> tuple[Criteria, int, int,
 
     Returns
     -------
-    It, its lags, the samples of its window, and whether it explains the healthy time.
+    The criterion, its lags, the samples of its window, and whether it explains the healthy time.
     """
     u = np.column_stack([record.u, np.ones(len(record.u))])
     both = np.hstack([record.y, u])
@@ -112,7 +112,6 @@ def _alarms(prepared: PreparedRecord, channel: FloatArray, levels: FloatArray, w
                 statistic=float(channel[i, k]),
                 threshold=LEVEL,
                 size=None,
-                ci95=None,
                 unit=prepared.units[k],
             )
             for k in np.flatnonzero(above & (last < i - width))

@@ -17,7 +17,7 @@ from ..config import Config
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.exponential_tail import block_maxima, fit_tail, white_level
-from ..kernels.normal import ONE_SIDED_90
+from ..kernels.normal import ONE_SIDED_90, ONE_SIDED_99
 from ..kernels.parity import Drops, StepHeight, drop_at, largest_drops, step_height
 from ..kernels.progress import Report, silent
 from ..kernels.running import running_weights
@@ -47,8 +47,6 @@ FEWEST_BLOCKS = 10
 HIGH = 0.95
 # Independent onsets in the window of a row, of which the largest deviate of white noise is the maximum.
 WHITE_ONSETS = 3.0
-# Quantile of the normal distribution: the one-sided 99 % limit.
-LIMIT = 2.3263478740408408
 # Factors on the magnitudes that parity residuals tell, for a log without a recorder's low-pass and for one that has or
 # may have one. The closed form leaves out that the predictor learns from the rows of the step, that its regressors move
 # with it, and that a recorder smears it. Counted at random onsets: of steps of 1.25, 1.5 and 1.75 times the closed form
@@ -73,10 +71,10 @@ def detect_by_parity(prepared: PreparedRecord, config: Config, report: Report) -
     samples, outputs = decimate_record(prepared, prepared.choice.factor), prepared.outputs
     alarms, passes = detect_sequentially(samples, false_alarm=config.detect.false_alarm, report=report)
     statistic, level = np.full(samples.y.shape, np.nan), np.zeros(len(outputs))
-    for one in passes:  # the last one of a channel counts
-        channels, rows = list(one.channels), one.model.samples[one.model.errors.start :]
-        statistic[:, channels], level[channels] = np.nan, one.threshold.level
-        statistic[rows[:, None], channels] = one.drops.deviate
+    for monitored in passes:  # the last pass of a channel counts
+        channels = list(monitored.channels)
+        statistic[:, channels], level[channels] = np.nan, monitored.threshold.level
+        statistic[monitored.model.predicted[:, None], channels] = monitored.drops.deviate
     model, threshold = passes[0].model, passes[0].threshold
     first_held, last_held = (float(samples.time_s[model.samples[k]]) for k in (model.errors.start, model.n_healthy - 1))
     notes = [
@@ -136,12 +134,12 @@ def slower(prepared: PreparedRecord, config: Config) -> list[str]:
         # The healthy time has too few samples at a lower rate.
         return ["a longer healthy time (--train A:B)"]
     assert prepared.recorder.edge_hz is not None
-    said = [f"--rate {SAMPLES_PER_EDGE['scan'] * prepared.recorder.edge_hz:.2g}"]
-    return said if prepared.recorder.stated else [*said, "--recorder HZ, or none where there is none"]
+    lower = f"--rate {SAMPLES_PER_EDGE['scan'] * prepared.recorder.edge_hz:.2g}"
+    return [lower] if prepared.recorder.stated else [lower, "--recorder HZ, or none where there is none"]
 
 
 def _threshold_notes(prepared: PreparedRecord, threshold: DetectionThreshold) -> list[Note]:
-    """Say what gusts and the held-back healthy time mean for the threshold."""
+    """Return what gusts and the held-back healthy time mean for the threshold."""
     notes = []
     if threshold.gusty:
         notes.append(
@@ -214,7 +212,8 @@ class MonitoringPass:
     Attributes
     ----------
     channels : indices of the outputs watched.
-    drops : whose deviate is the least one over as many rows as it has to last, those whose older steps it tells.
+    drops : their deviate is the least over the last rows, as many as an alarm has to last; `old_size` and `old_sd` are
+        of the onsets about to leave the window in these rows.
     window : rows in which a step is sought.
     decided : (n,) the rows of the drops on which this pass decided, up to the one of its failure.
     """
@@ -230,7 +229,7 @@ class MonitoringPass:
 def detect_sequentially(
     samples: DecimatedRecord, *, false_alarm: float, report: Report = silent
 ) -> tuple[list[Alarm], list[MonitoringPass]]:
-    """Monitor all channels until one fails, then the others from there on, until none fails any more.
+    """Monitor all channels until one fails, then the rest from that failure on, until none fails any more.
 
     Raises
     ------
@@ -255,8 +254,8 @@ def detect_sequentially(
         drops = replace(drops, deviate=np.lib.stride_tricks.sliding_window_view(padded, lasting, axis=0).min(axis=2))
         threshold = _threshold(model, drops, window, false_alarm, patch=patch)
         # The first row, after the onset of the failure before, whose deviate is above its level.
-        at = model.samples[model.errors.start :]
-        decided = np.flatnonzero((np.arange(len(at)) >= model.n_healthy - model.errors.start) & (at >= begin))
+        at = model.predicted
+        decided = np.flatnonzero((np.arange(len(at)) >= model.n_held_back) & (at >= begin))
         above = decided[(drops.deviate[decided] > threshold.level).any(axis=1)]
         passes.append(
             MonitoringPass(
@@ -332,7 +331,7 @@ def _threshold(model: Predictor, drops: Drops, window: int, false_alarm: float, 
     ----------
     patch : rows to each side over which gusts are of one size, 0 where there are none.
     """
-    n_held = model.n_healthy - model.errors.start
+    n_held = model.n_held_back
     n_watched, q = len(drops.deviate) - n_held, drops.deviate.shape[1]
     white = white_level(max(n_watched, 1) * q * window, false_alarm)
     held = drops.deviate[min(window, n_held) : n_held]
@@ -365,27 +364,18 @@ def parity_limits(samples: DecimatedRecord, passes: Sequence[MonitoringPass], *,
     ----------
     factor : on these magnitudes, ABSORBED or SMEARED.
     """
-    q, parts = samples.y.shape[1], []
-    for one in passes:
-        drops, window, lasting = one.drops, one.window, one.drops.old_size.shape[1]
+    keys, of_passes = ("onset_s", "size", "sd", "detectable", "hidden"), []
+    for monitored in passes:
+        drops, window, lasting = monitored.drops, monitored.window, monitored.drops.old_size.shape[1]
         # A row tells of the onset that is the oldest in its window, the rows before it of the same onset.
-        rows = one.decided[one.decided - window + 1 >= one.model.n_healthy - one.model.errors.start]
+        rows = monitored.decided[monitored.decided - window + 1 >= monitored.model.n_held_back]
         run = rows[:, None] - np.arange(lasting)[::-1]
-        place = np.arange(lasting)
-        needed = np.sqrt(drop_at(one.threshold.level, drops.freedom[run][:, :, None]))
-        declared = factor * ((needed + ONE_SIDED_90) * drops.old_sd[run, place]).max(axis=1)
+        needed = np.sqrt(drop_at(monitored.threshold.level, drops.freedom[run][:, :, None]))
+        declared = factor * ((needed + ONE_SIDED_90) * drops.old_sd[run, np.arange(lasting)]).max(axis=1)
         size, sd = drops.old_size[rows, -1], drops.old_sd[rows, -1]
-        each = {
-            "size": size,
-            "sd": sd,
-            "detectable": declared,
-            "hidden": np.maximum(declared, np.abs(size) + LIMIT * sd),
-        }
-        full = {key: np.full((len(rows), q), np.nan) for key in each}
-        for key, values in each.items():
-            full[key][:, one.channels] = values * one.model.unit
-        onset_s = samples.time_s[one.model.samples[one.model.errors.start :][rows - window + 1]]
-        parts.append(StepLimits(onset_s=onset_s, **full))
-    return StepLimits(
-        **{key: np.concatenate([getattr(one, key) for one in parts]) for key in StepLimits.__dataclass_fields__}
-    )
+        hidden = np.maximum(declared, np.abs(size) + ONE_SIDED_99 * sd)
+        steps = np.full((4, len(rows), samples.y.shape[1]), np.nan)
+        steps[:, :, monitored.channels] = np.array([size, sd, declared, hidden]) * monitored.model.unit
+        of_passes.append((samples.time_s[monitored.model.predicted[rows - window + 1]], *steps))
+    joined = (np.concatenate(arrays) for arrays in zip(*of_passes, strict=True))
+    return StepLimits(**dict(zip(keys, joined, strict=True)))

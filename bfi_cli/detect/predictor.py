@@ -57,6 +57,16 @@ class Predictor:
     X: FloatArray
     Y: FloatArray
 
+    @property
+    def predicted(self) -> NDArray[np.intp]:
+        """Samples of the rows that are predicted, not fitted."""
+        return self.samples[self.errors.start :]
+
+    @property
+    def n_held_back(self) -> int:
+        """Rows of the healthy time that are predicted, not fitted."""
+        return self.n_healthy - self.errors.start
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Scaled:

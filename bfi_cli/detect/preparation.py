@@ -56,9 +56,9 @@ class Recorder:
     Attributes
     ----------
     stated : whether it is known: stated or seen, or that there is none; about : a sentence on it.
-    filters : what was recorded went through a low-pass, or may have; reach_s : how far that reaches to either side.
+    filters : whether the record went through a low-pass, or may have; reach_s : how far that reaches to either side.
     edge_hz : the lowest edge that it may have, None where it has none; shown_hz : the lowest that is stated or seen.
-    ahead_s : how far it looks ahead; until_s : when what it told ends, the log's own time.
+    ahead_s : how far it looks ahead; until_s : up to when the log is free of its end, on the log's axis.
     """
 
     stated: bool
@@ -213,8 +213,8 @@ def _cut(
     ConfigError : the healthy time is not in it.
     """
     part, rate_hz = log.window(train[0], stop_s), config.conditioning.rate_hz
-    helping = [name for name in ("pitch_rate",) if bank and name in log.channels and name not in used]
-    needed = (*used, *bank, *helping)
+    helps = bank and "pitch_rate" in log.channels and "pitch_rate" not in used
+    needed = (*used, *bank, *(("pitch_rate",) if helps else ()))
     if must_resample(part, needed, rate_hz):
         assert not isinstance(rate_hz, str)
         part = resample(log, rate_hz, from_s=train[0], to_s=stop_s)
@@ -234,10 +234,12 @@ def recorder_of(log: FlightLog, config: Config) -> Recorder:
     stated = log.filters is not None or config.recorder.edge_hz != "auto"
     through = response_of(filters, log.rate_hz)
     # At the end of a log a recorder that looks ahead has filtered samples that it never had.
-    ahead_s = response_of([one for one in filters if one.stage == "recorder"], log.rate_hz).before / log.rate_hz
+    low_passes = [low_pass for low_pass in filters if low_pass.stage == "recorder"]
+    ahead_s = response_of(low_passes, log.rate_hz).before / log.rate_hz
     # A recorder that the log shows bounds what is excluded, also where a faster one, or none, is stated.
     chains = (filters, *alternatives(filters), log.filters or ())
-    shown_hz = min((one.edge_hz for chain in chains for one in chain if one.stage == "recorder"), default=None)
+    edges_hz = [low_pass.edge_hz for chain in chains for low_pass in chain if low_pass.stage == "recorder"]
+    shown_hz = min(edges_hz, default=None)
     return Recorder(
         stated=stated,
         filters=not stated or len(filters) > 0,
@@ -275,7 +277,7 @@ def _record(part: FlightLog, u: FloatArray, y: FloatArray, until: int | None = N
 def _notes_on_times(
     log: FlightLog, config: Config, train: tuple[float, float], watched: Sequence[tuple[float, float]]
 ) -> list[Note]:
-    """Return what is said of the healthy time, and of the flight that is not watched."""
+    """Return the notes on the healthy time, and on the flight that is not watched."""
     from_s, to_s = config.window.from_s, config.window.to_s
     notes = []
     if config.detect.train is None:

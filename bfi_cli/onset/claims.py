@@ -162,7 +162,8 @@ def claims_of(
     ]
     for (shape, output), of_shape in parts(report, wanted):
         channel, scale, unit = record.output(output)
-        declared = next((one for one in estimates if (one.form.shape, one.form.output) == (shape, output)), None)
+        alike = (fault for fault in estimates if (fault.form.shape, fault.form.output) == (shape, output))
+        declared = next(alike, None)
         peak = None if shape in beside else first.of(shape, output)
         form = _built_up(record, shape, output)[0] if peak is None else peak.form
         form = form if declared is None else declared.form
@@ -188,7 +189,7 @@ def claims_of(
         if kind in claims:
             view = _weighed if shape in WEIGHED else _sized
             of_views = parts(of_shape, views[output])
-            candidate = worst_view([view(record, scan, rule, candidate, form, peak, own) for scan, own in of_views])
+            candidate = worst_view([view(record, scan, rule, candidate, form, peak, part) for scan, part in of_views])
         elif suspicion is None:
             continue
         if suspicion is not None:
@@ -200,18 +201,18 @@ def claims_of(
 
 
 def _narrowed(record: ScanRecord, shape: Shape, output: int, order: int, note: str | None) -> str | None:
-    """Return the note of a claim with its onsets, where those of the dictionary are less than the window could tell."""
-    spans, (earliest_s, latest_s) = _checked(record, shape, output, order), covered_s(record, order)
+    """Return the note of a claim, with its onsets where the dictionary asks for fewer than the window could tell."""
+    spans = _checked(record, shape, output, order)
     if not spans:
         return UNTESTED
-    if spans[0] == (earliest_s, latest_s):
+    if spans[0] == covered_s(record, order):
         return note
-    said = f"that begins from {spans[0][0]:.6g} to {spans[0][1]:.6g} s"
-    return f"{note} {said}" if note and shape == "sine" else said
+    onsets = f"that begins from {spans[0][0]:.6g} to {spans[0][1]:.6g} s"
+    return f"{note} {onsets}" if note and shape == "sine" else onsets
 
 
 def _checked(record: ScanRecord, shape: Shape, output: int, order: int) -> tuple[tuple[float, float], ...]:
-    """Return the onsets that a candidate was looked for at, (from, to), s."""
+    """Return the onsets at which a fault was looked for: (from, to), s, or nothing."""
     earliest_s, latest_s = covered_s(record, order)
     first_s, last_s = record.kinds.onsets_of(shape, output)
     span = (max(earliest_s, first_s), min(latest_s, last_s))
@@ -223,16 +224,17 @@ def views_of(
 ) -> list[tuple[Scan, ...]]:
     """Return, for every output, the record less the declared faults and, where some are on it, as it was measured.
 
-    What is declared may stand for another fault, as a lag does for a slow oscillation: the record less it does not
-    show that fault any more. So nothing is excluded that the record as measured does not exclude, too.
+    A declared fault may stand for another, as a lag does for a slow oscillation, and the record less the lag does not
+    show the oscillation any more. So nothing is excluded that the record as measured does not exclude, too.
     """
     y = subtract_faults(record.y, *estimates)
-    views = []
+    views: list[tuple[Scan, ...]] = []
     for i in range(y.shape[1]):
-        view = [scan_of(record, y, order, output=i)]
-        if any(one.form.output == i for one in estimates):
-            view.append(scan_of(record, record.y, order_as_measured, output=i))
-        views.append(tuple(view))
+        corrected = scan_of(record, y, order, output=i)
+        if any(fault.form.output == i for fault in estimates):
+            views.append((corrected, scan_of(record, record.y, order_as_measured, output=i)))
+        else:
+            views.append((corrected,))
     return views
 
 
@@ -262,13 +264,13 @@ def _sized(
 ) -> Candidate:
     """Return a candidate of a shape that is excluded by the size that it would have needed at the worst onset."""
     forms = _claimed(record, scan, form, peak, report)
-    every = [_limits(record, scan, one, rule.threshold(form.shape)) for one in forms]
-    limits = [one for one in every if one is not None]
-    if not limits:
+    of_forms = [_limits(record, scan, claimed, rule.threshold(form.shape)) for claimed in forms]
+    covered = [limits for limits in of_forms if limits is not None]
+    if not covered:
         return candidate if peak is None else _bounded(record, candidate, form.output, peak.profile, None)
-    worst = max(limits, key=lambda one: float(one.effect.max()))
-    likeliest = max((one.profile for one in limits), key=lambda one: float(one.statistic.max()))
-    detectable = float(np.median([np.median(one.detected) for one in limits]))
+    worst = max(covered, key=lambda limits: float(limits.effect.max()))
+    likeliest = max((limits.profile for limits in covered), key=lambda profile: float(profile.statistic.max()))
+    detectable = float(np.median([np.median(limits.detected) for limits in covered]))
     return _bounded(record, candidate, form.output, likeliest, detectable, *worst.hidden())
 
 
@@ -294,12 +296,13 @@ def _weighed(
     assert candidate.tolerance is not None
     tolerance = candidate.tolerance / float(record.unit[form.output])
     threshold = None if peak is None else rule.threshold(shape)
-    every = [_likeliness(record, scan, one, tolerance, threshold) for one, _ in parts(weighing, forms)]
-    known = [one for one in every if one is not None]
-    if not known:
+    of_forms = [_likeliness(record, scan, claimed, tolerance, threshold) for claimed, _ in parts(weighing, forms)]
+    covered = [likeliness for likeliness in of_forms if likeliness is not None]
+    if not covered:
         return candidate
-    detectable = None if peak is None else float(np.median([one.detected for one in known]))
-    likeliest, values = max(known, key=lambda one: one.beyond), [one.parameter or 0.0 for one in forms]
+    detectable = None if peak is None else float(np.median([likeliness.detected for likeliness in covered]))
+    likeliest = max(covered, key=lambda likeliness: likeliness.beyond)
+    values = [claimed.parameter or 0.0 for claimed in forms]
     if shape == "sine":
         note, named = f"of {min(values):.2g} to {max(values):.2g} Hz", f"an oscillation of {likeliest.parameter:.3g} Hz"
     elif shape == "bias":
@@ -313,7 +316,7 @@ def _weighed(
             f"the log is {likeliest.beyond:.2g} times as likely with {named} beyond the tolerance as without, most of "
             f"all from {likeliest.onset_s[likeliest.profile.best]:.6g} s on; see --shape {shape}"
         )
-    hidden = max(one.hidden() for one in known)
+    hidden = max(likeliness.hidden() for likeliness in covered)
     return _bounded(record, candidate, form.output, likeliest.profile, detectable, *hidden, note=note)
 
 
@@ -359,10 +362,8 @@ def _likeliness(
     if onsets.size == 0:
         return None
     profile = scan_shape(scan, wave, onsets)
-    dispersion = max(1.0, float(np.mean(profile.statistic)))
-    reach: FloatArray = np.maximum.accumulate(np.abs(wave.samples * wave.unit))[scan.n_samples - 1 - onsets]
-    errors = tolerance * ERRORS
-    detected = None
+    errors, detected, dispersion = tolerance * ERRORS, None, profile.dispersion
+    magnitudes = errors[:, None] / wave.largest(scan.n_samples - onsets)
     if threshold is not None:
         some = profile.take(np.linspace(0, len(onsets) - 1, min(SIZED, len(onsets))).astype(np.intp))
         detected = float(np.median(_sizes(scan, wave, some, threshold, dispersion)[0]))
@@ -371,7 +372,7 @@ def _likeliness(
         parameter=form.parameter or 0.0,
         onset_s=record.onsets_s(onsets + record.sampling.lead),
         errors=errors,
-        ratios=likelihood_ratios(scan, wave, onsets, errors[:, None] / reach, dispersion=dispersion),
+        ratios=likelihood_ratios(scan, wave, onsets, magnitudes, dispersion=dispersion),
         tolerance=tolerance,
         detected=detected,
     )
@@ -397,39 +398,41 @@ def limits_near_onsets(
     tolerance_s : how far the onset of a fault may be from that of the dictionary.
     report : called with the fraction that is done.
     """
-    known = dict[ShapeHypothesis, list[Limits | Likeliness | None]]()
+    of_forms = dict[ShapeHypothesis, list[Limits | Likeliness | None]]()
     # An onset lies between two samples of the analysis.
     near_s = tolerance_s + 1.0 / record.settings.rate_hz
-    found: list[ScanLimit | None] = []
+    limits: list[ScanLimit | None] = []
     for fault, _ in parts(report, faults):
         shape = LIKE.get(fault.shape, fault.shape)
         looked_for = shape in (*record.settings.shapes, *BUILT_UP)
         if not looked_for or fault.channel not in record.settings.outputs:
-            found.append(None)
+            limits.append(None)
             continue
         output = record.settings.outputs.index(fault.channel)
         parameter = fault.frequency_hz or fault.time_constant_s or fault.duration_s
         form = ShapeHypothesis(shape=shape, output=output, parameter=parameter, file=fault.file)
         scale, slope = float(record.unit[output]), abs(fault.slope or 1.0)  # a slope is so many times the hypothesis's
-        if form not in known and shape in WEIGHED:
-            tolerance = tolerances[fault.channel] / scale
-            known[form] = [_likeliness(record, scan, form, tolerance) for scan in views[output]]
-        elif form not in known:
-            known[form] = [_limits(record, scan, form, rule.threshold(shape)) for scan in views[output]]
-        own = [_near(one, fault.onset_s, near_s) for one in known[form]]
-        covered = [one for one in own if one is not None]
-        if len(covered) < len(own):
-            found.append(ScanLimit(covered=False))
+        if form not in of_forms:
+            of_forms[form] = [
+                _likeliness(record, scan, form, tolerances[fault.channel] / scale)
+                if shape in WEIGHED
+                else _limits(record, scan, form, rule.threshold(shape))
+                for scan in views[output]
+            ]
+        of_views = [_near(of_view, fault.onset_s, near_s) for of_view in of_forms[form]]
+        covered = [hidden for hidden in of_views if hidden is not None]
+        if len(covered) < len(of_views):
+            limits.append(ScanLimit(covered=False))
             continue
         excluded, effect = max(covered, key=itemgetter(1))
         known_size = not is_any(scale * effect, record.window.log, fault.channel)
-        found.append(
+        limits.append(
             ScanLimit(
                 excluded_above=scale / slope * excluded if known_size else None,
                 effect=scale * effect if known_size else None,
             )
         )
-    return tuple(found)
+    return tuple(limits)
 
 
 def _near(limits: Limits | Likeliness | None, onset_s: float, near_s: float) -> tuple[float, float] | None:
@@ -444,10 +447,10 @@ def _near(limits: Limits | Likeliness | None, onset_s: float, near_s: float) -> 
 def _claimed(
     record: ScanRecord, scan: Scan, form: ShapeHypothesis, peak: Peak | None, report: Report
 ) -> list[ShapeHypothesis]:
-    """Return the hypotheses that a claim about the shape of one must cover: frequencies, time constants or durations.
+    """Return the hypotheses that a claim about a shape must cover: its frequencies, time constants or durations.
 
-    Oscillations are those of some frequencies in the whole band, of those that stand out most on the scan's grid, which
-    one of any other frequency hardly does more, and of the likeliest.
+    Frequencies are some in the whole band, those that stand out most on the scan's grid, between which others hardly
+    stand out more, and the likeliest.
 
     Parameters
     ----------
@@ -457,7 +460,7 @@ def _claimed(
     if shape in BUILT_UP:
         return _built_up(record, shape, output)
     if shape != "sine":
-        return [one for one in record.forms if (one.shape, one.output) == (shape, output)]
+        return [scanned for scanned in record.forms if (scanned.shape, scanned.output) == (shape, output)]
     low, high = record.band_hz
     low = max(low, CLAIMED_CYCLES / record.settings.duration_s)
     if low >= high:
@@ -482,8 +485,8 @@ def _built_up(record: ScanRecord, shape: Shape, output: int) -> list[ShapeHypoth
 def _covered(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> IntArray:
     """Return the onsets that a claim looks at; of an oscillation those with cycles left.
 
-    All of them: one sample beside its onset a fault is another one. With every third onset a sixth of the lags and
-    ramps of five standard deviations were excluded that were in simulated records.
+    Every sample is an onset, for a sample beside it a fault is hardly seen: with every third sample a sixth of the lags
+    and ramps of five standard deviations that were in simulated records were excluded.
     """
     onsets = default_onsets(scan)
     onsets = onsets[record.admits(form, onsets + record.sampling.lead)]
@@ -498,15 +501,14 @@ def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: fl
     if onsets.size == 0:
         return None
     profile = scan_shape(scan, wave, onsets)
-    detected, admitted = _sizes(scan, wave, profile, threshold, max(1.0, float(np.mean(profile.statistic))))
+    detected, admitted = _sizes(scan, wave, profile, threshold, profile.dispersion)
     excluded = np.maximum(detected, admitted)
-    reach: FloatArray = np.maximum.accumulate(np.abs(wave.samples * wave.unit))[scan.n_samples - 1 - onsets]
     return Limits(
         profile=profile,
         onset_s=record.onsets_s(onsets + record.sampling.lead),
         detected=detected,
         excluded=excluded,
-        effect=excluded * reach,
+        effect=excluded * wave.largest(scan.n_samples - onsets),
     )
 
 
@@ -526,8 +528,8 @@ def _sizes(
 def _suspicion(rule: Rule, first: HypothesisScan, estimates: Sequence[Estimate], peak: Peak, order: int) -> str | None:
     """Return why a shape that is not declared is suspected, None where it is not.
 
-    A shape that stood out in the record as measured, and would explain it about as well as the declared faults do, is
-    suspected where the difference is less than what fault-free records show.
+    A shape that stood out in the record as measured is suspected where it explains the record worse than the declared
+    faults by less than fault-free records show.
     """
     shape, threshold = peak.form.shape, rule.threshold(peak.form.shape)
     if peak.statistic <= threshold:

@@ -15,7 +15,7 @@ from ..errors import LogError
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..preprocessing.window import with_inputs_of
-from .estimate import Estimate, subtract_faults
+from .estimate import Estimate, subtract_faults, unit_signals
 from .scan import lasting_peak, scan_of
 from .scan_record import ScanRecord, prepare_record
 
@@ -67,9 +67,7 @@ def unconfirmed(
 def _statistic_of(record: ScanRecord, y: FloatArray, fault: Estimate, order: int) -> float:
     """Return the statistic of a fault as it was estimated, or of one that begins near it where that is larger."""
     likelihood = record.likelihood(y, order)
-    theta = np.zeros((*y.shape, 1))
-    theta[:, fault.form.output, 0] = fault.signal / fault.z
-    same = likelihood.n_rows * (likelihood.fit(theta[:, :, :0]).log_det - likelihood.fit(theta).log_det)
+    same = likelihood.statistic(likelihood.fit(unit_signals(y, [fault])))
     if fault.offset_s is not None:
         return same
     profile = lasting_peak(record, scan_of(record, y, order, output=fault.form.output), fault.form).profile

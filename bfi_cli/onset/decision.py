@@ -81,14 +81,14 @@ class Verdict:
     Attributes
     ----------
     shape : the shape that stands out most; statistic, threshold : its own.
-    p_value : of the largest standardised statistic.
+    p_value : of the largest standardised statistic, None where the null distribution is that of other settings.
     significant : peaks above their thresholds, the likeliest first; empty where there is no fault.
     """
 
     shape: str
     statistic: float
     threshold: float
-    p_value: float
+    p_value: float | None
     significant: tuple[Peak, ...]
 
 
@@ -119,7 +119,7 @@ class Rule:
             shape=top,
             statistic=peaks[top].statistic,
             threshold=self.threshold(top),
-            p_value=self.null.p_value(standardised[top]),
+            p_value=self.null.p_value(standardised[top]) if self.use.matches else None,
             significant=tuple(sorted(beyond, key=bic_change)),
         )
 
@@ -169,16 +169,16 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
             return _rule(table, "self", config, Note.method(_note_on_own(table, windows, "before the analysed one")))
         case "auto":
             shipped = _shipped_tables()
-            fitting = [one for one in shipped if not differences(one, settings)]
+            fitting = [table for table in shipped if not differences(table, settings)]
             if fitting:
                 note = Note.method(
                     f"calibrated on {fitting[0].n_windows} windows of flights recorded and analysed alike"
                 )
                 return _rule(fitting[0], "shipped", config, note)
-            own, why = own_table(log, record, config, progress)
-            if own is None:
+            table_of_log, why = own_table(log, record, config, progress)
+            if table_of_log is None:
                 return _nearest_rule(shipped, "shipped", record, config, why)
-            return _nearest_rule([own], "self", record, config, why)
+            return _nearest_rule([table_of_log], "self", record, config, why)
         case path:
             return _nearest_rule(load_tables(path), path, record, config)
 
@@ -277,7 +277,7 @@ def own_table(
         few = f"only {table.n_windows} of the log's {len(windows)} windows in flight can be analysed alike"
         return None, why or f"{few}, not {FEWEST_WINDOWS}"
     where = "on both sides of the analysed one" if windows[-1][0] >= to_s else "before the analysed one"
-    return table, f"{why}; {own}" if (own := _note_on_own(table, windows, f"{where}, in flight")) and why else own
+    return table, "; ".join(filter(None, [why, _note_on_own(table, windows, f"{where}, in flight")]))
 
 
 def _note_on_own(table: CalibrationTable, windows: Windows, where: str) -> str:
@@ -345,7 +345,7 @@ def windows_of(log: FlightLog, config: Config, *, length_s: float, step_s: float
     Where an airspeed shows when the log flies, only those in flight: an aircraft at rest is no measure for it.
     """
     flown = _flown(log, config)
-    return [window for start_s, stop_s in flown for window in _tiles(start_s, stop_s - start_s, length_s, step_s)]
+    return [window for start_s, stop_s in flown for window in _tiles(start_s, stop_s, length_s, step_s)]
 
 
 def _flown(log: FlightLog, config: Config) -> Windows:
@@ -365,9 +365,8 @@ def own_windows(log: FlightLog, config: Config, length_s: float) -> Windows:
     from_s, to_s = _analysed(log, config)
     before, after = [], []
     for start_s, stop_s in modelled_stretches(log, config.outputs):
-        before += _tiles(start_s, min(stop_s, from_s) - start_s, length_s, length_s / OVERLAPPING["auto"])
-        first_s = max(start_s, to_s)
-        after += _tiles(first_s, stop_s - first_s, length_s, length_s / OVERLAPPING["auto"])
+        before += _tiles(start_s, min(stop_s, from_s), length_s, length_s / OVERLAPPING["auto"])
+        after += _tiles(max(start_s, to_s), stop_s, length_s, length_s / OVERLAPPING["auto"])
     windows = before if len(before) >= FEWEST_WINDOWS else before + after
     spread = np.unique(np.linspace(0, len(windows) - 1, min(len(windows), MOST_WINDOWS)).round().astype(int))
     return [windows[i] for i in spread]
@@ -385,12 +384,11 @@ def earlier_windows(log: FlightLog, config: Config) -> Windows:
     from_s, to_s = _analysed(log, config)
     length_s, first_s = to_s - from_s, float(log.time_s[0])
     stretches = modelled_stretches(log, config.outputs) or [(first_s, from_s)]
-    windows = []
-    for start_s, stop_s in stretches:
-        windows += _tiles(start_s, min(stop_s, from_s) - start_s, length_s, length_s / OVERLAPPING["self"])
+    step_s, before = length_s / OVERLAPPING["self"], [(start_s, min(stop_s, from_s)) for start_s, stop_s in stretches]
+    windows = [window for start_s, stop_s in before for window in _tiles(start_s, stop_s, length_s, step_s)]
     if len(windows) < FEWEST_WINDOWS:
-        needed_s = (1.0 + (FEWEST_WINDOWS - 1) / OVERLAPPING["self"]) * length_s
-        in_flight_s = sum(max(0.0, min(stop_s, from_s) - start_s) for start_s, stop_s in stretches)
+        needed_s = length_s + (FEWEST_WINDOWS - 1) * step_s
+        in_flight_s = sum(max(0.0, stop_s - start_s) for start_s, stop_s in before)
         raise LogError(
             f"{log.path}: --calibration self needs {needed_s:.4g} s in flight before the window, got "
             f"{in_flight_s:.4g} s; choose a later --from or a shorter window, or give a table of bfi calibrate"
@@ -403,9 +401,9 @@ def _analysed(log: FlightLog, config: Config) -> tuple[float, float]:
     return float(part.time_s[0]), float(part.time_s[-1]) + 1.0 / part.rate_hz
 
 
-def _tiles(first: float, duration_s: float, length_s: float, step_s: float) -> Windows:
-    n = int(np.floor((duration_s - length_s) / step_s + 1e-9)) + 1  # 1e-9 of a step is round-off in the times
-    return [(first + i * step_s, first + i * step_s + length_s) for i in range(n)]
+def _tiles(start_s: float, stop_s: float, length_s: float, step_s: float) -> Windows:
+    n = int(np.floor((stop_s - start_s - length_s) / step_s + 1e-9)) + 1  # 1e-9 of a step is round-off in the times
+    return [(start_s + i * step_s, start_s + i * step_s + length_s) for i in range(n)]
 
 
 def table_of_windows(

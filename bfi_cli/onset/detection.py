@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from ..config import Config, merge
 from ..decision import KINDS, Evidence, conclude, onsets_checked
 from ..errors import ConfigError
-from ..faults import Fault, FaultEstimate, magnitude_unit
+from ..faults import Fault, FaultEstimate
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
@@ -27,21 +27,13 @@ from ..shapes import Kind
 from .claims import claims_of, covered_s, limits_near_onsets, views_of, with_views_of
 from .confirmation import unconfirmed
 from .decision import Rule, Verdict, rule_for
-from .estimate import Estimate, estimate, subtract_faults
+from .estimate import Estimate, estimate, subtract_faults, unit_signals
 from .magnitudes import measure
 from .result import OnsetResult
-from .scan import (
-    HypothesisScan,
-    Peak,
-    bic_change,
-    lasting_peak,
-    scan_hypotheses,
-    scan_hypothesis,
-    scan_of,
-)
+from .scan import HypothesisScan, Peak, bic_change, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import ScanRecord, prepare_record
 from .search import OnsetSearch, declared_faults, result_of
-from .shapes import SCANNED_AS, fault_of
+from .shapes import SCANNED_AS
 from .thesis import search_as_published
 
 # A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
@@ -84,16 +76,16 @@ def find_onset(
     if config.method not in ("ml", "risro"):
         raise ConfigError(f"method: start-time has ml and risro, got {config.method}; give --method scan or thesis")
     config = with_inputs_of(log, config)
-    search = search_as_published if config.method == "risro" else search_onsets
-    with threadpool_limits(1):
-        found = search(log, config, progress)
     published = config.method == "risro"
+    search = search_as_published if published else search_onsets
+    with threadpool_limits(1):
+        searched = search(log, config, progress)
     flown = () if published else (manoeuvres_of(log, config.outputs),)
-    said = conclude([found.evidence, *beside, *flown], config.require)
-    helps = None if published else what_would_help(log, config, said.verdicts)
-    of_sources = [note for one in (found.evidence, *beside) for note in one.notes]
-    false_alarm = config.start_time.false_alarm
-    return result_of(found, said, false_alarm, [*said.notes, *of_sources, *filter(None, [helps])])
+    conclusion = conclude([searched.evidence, *beside, *flown], config.require)
+    helps = None if published else what_would_help(log, config, conclusion.verdicts)
+    of_sources = [note for source in (searched.evidence, *beside) for note in source.notes]
+    notes = [*conclusion.notes, *of_sources, *filter(None, [helps])]
+    return result_of(searched, conclusion, config.start_time.false_alarm, notes)
 
 
 def search_onsets(
@@ -134,15 +126,12 @@ def search_onsets(
         config = merge(config, {"start_time.shapes": record.settings.shapes}) if kinds else config
         first = scan_hypotheses(record, record.y, report=partial(progress, "scan of all onsets"))
         rule = rule_for(log, record, config, order=first.order, progress=progress)
-        verdicts, estimates, last = detect_sequentially(record, first, rule, progress)
+        estimates, last = detect_sequentially(record, first, rule, progress)
         order = last.fault_free_order
         if estimates:
             estimates = refine_jointly(record, estimates, order, partial(progress, "every fault again"))
-        eliminate(record, verdicts, estimates, order, rule, progress)
-        doubts = _measure(log, record, estimates, config, progress, order=order)
-        doubted = {(estimates[i].form.shape, estimates[i].form.output): why for i, why in doubts.items()}
-        kept = [i for i in range(len(estimates)) if i not in doubts]
-        verdicts, estimates = [verdicts[i] for i in kept], [estimates[i] for i in kept]
+        estimates = eliminate(record, estimates, order, rule, progress)
+        estimates, doubted = _measured(log, record, estimates, config, progress, order=order)
         tolerances = tolerances_of(log, record.window.log, config.outputs, config)
         of_limits = partial(progress, "what could not have been seen")
         of_entries, limiting = shares(of_limits, len(entries) / 8, 2)
@@ -159,16 +148,16 @@ def search_onsets(
             rule,
             tolerances,
             views,
-            doubted=doubted,
+            doubted={(fault.form.shape, fault.form.output): why for fault, why in doubted},
             claims=claims,
             order=order,
             report=limiting,
         )
         of_limits(1.0)
-    verdict = verdicts[0] if verdicts else rule.verdict(first)
-    p_values = [own.p_value if rule.use.matches else None for own in verdicts]
-    faults, covered = declared_faults(record, estimates, p_values, tolerances), covered_s(record, order)
-    notes = [*map(Note.limit, doubts.values()), *rule.notes, *_notes(record, faults, rule, verdict)]
+    verdict = estimates[0].verdict if estimates else None
+    verdict = verdict or rule.verdict(first)
+    faults, covered = declared_faults(record, estimates, tolerances), covered_s(record, order)
+    notes = [*(Note.limit(why) for _, why in doubted), *rule.notes, *_notes(record, faults, rule, verdict)]
     if not estimates and not rule.use.matches:
         notes.insert(0, _strongest_suspect(record, first.of(verdict.shape), verdict))
     notes.append(onsets_checked("at 95 % for faults", *covered, "earlier ones cannot be excluded"))
@@ -187,24 +176,25 @@ def search_onsets(
     )
 
 
-def _measure(
-    log: FlightLog, record: ScanRecord, estimates: list[Estimate], config: Config, progress: Progress, *, order: int
-) -> dict[int, str]:
-    """Give the faults that stand out with all inputs their magnitudes; return why the others are only suspected."""
+def _measured(
+    log: FlightLog, record: ScanRecord, estimates: Sequence[Estimate], config: Config, progress: Progress, *, order: int
+) -> tuple[list[Estimate], list[tuple[Estimate, str]]]:
+    """Return the faults that are declared, with their magnitudes, and those that are only suspected, each with why."""
     doubts = unconfirmed(log, record, estimates, config, order=order)
-    kept = [i for i in range(len(estimates)) if i not in doubts]
-    sizes = measure(log, record, [estimates[i] for i in kept], config, partial(progress, "magnitudes"))
-    for i, sized in zip(kept, sizes, strict=True):
-        estimates[i] = sized
-        if abs(sized.z) <= TWO_SIDED_95 * sized.sd:
-            doubts[i] = _may_be_nothing(record, sized)
-    return doubts
+    suspected = [(estimates[i], why) for i, why in doubts.items()]
+    kept = [fault for i, fault in enumerate(estimates) if i not in doubts]
+    declared = []
+    for fault in measure(log, record, kept, config, partial(progress, "magnitudes")):
+        if abs(fault.z) <= TWO_SIDED_95 * fault.sd:
+            suspected.append((fault, _may_be_nothing(record, fault)))
+        else:
+            declared.append(fault)
+    return declared, suspected
 
 
 def _may_be_nothing(record: ScanRecord, fault: Estimate) -> str:
     """Return why a fault that the scan declares is only suspected: the interval of its magnitude holds zero."""
-    channel, scale, unit = record.output(fault.form.output)
-    unit = magnitude_unit(fault_of(fault.form, channel), unit)
+    channel, scale, unit = record.magnitude(fault.form)
     low, high = (scale * (fault.z + reach * fault.sd) for reach in (-TWO_SIDED_95, TWO_SIDED_95))
     return (
         f"the {fault.form.shape} of {quantity(scale * fault.z, unit)} on {channel} from {instant(fault.onset_s)} s is "
@@ -214,20 +204,18 @@ def _may_be_nothing(record: ScanRecord, fault: Estimate) -> str:
 
 def detect_sequentially(
     record: ScanRecord, first: HypothesisScan, rule: Rule, progress: Progress
-) -> tuple[list[Verdict], list[Estimate], HypothesisScan]:
+) -> tuple[list[Estimate], HypothesisScan]:
     """Return the faults in the order of their evidence, and the scan that no longer shows one.
 
     Whenever a fault is added, those before it are re-estimated: what an error of the first leaves behind looks like a
     fault.
     """
-    verdicts: list[Verdict] = []
     faults: list[Estimate] = []
     y, last = record.y, first
     while len(faults) < MOST_FAULTS and (verdict := rule.verdict(last)).significant:
         if _begins_with_another(record, verdict.significant[0], faults):
             break
-        verdicts.append(verdict)
-        n = len(verdicts)
+        n = len(faults) + 1
         report = partial(progress, f"fault {n}")
         measuring, again = shares(report, 1, n - 1)
         faults.append(estimate_likeliest(record, y, verdict, last.order, measuring))
@@ -237,7 +225,7 @@ def detect_sequentially(
         y = subtract_faults(record.y, *faults)
         stage = f"scan of all onsets without {n} fault{'s' * (n > 1)}"
         last = scan_hypotheses(record, y, report=partial(progress, stage))
-    return verdicts, faults, last
+    return faults, last
 
 
 def _begins_with_another(record: ScanRecord, peak: Peak, faults: Sequence[Estimate]) -> bool:
@@ -245,11 +233,11 @@ def _begins_with_another(record: ScanRecord, peak: Peak, faults: Sequence[Estima
 
     Faults that begin together are rivals, not a sum: what a wrong recorder leaves of the first is no second one.
     """
-    edges = [one.edge_hz for one in record.window.filters if one.stage == "recorder" and one.uncertain]
+    edges = [low.edge_hz for low in record.window.filters if low.stage == "recorder" and low.uncertain]
     onset_s = record.onset_s(peak.onset)
     return any(
-        abs(onset_s - one.onset_s) <= 1.0 / min(edges) and one.form.output == peak.form.output
-        for one in faults
+        abs(onset_s - fault.onset_s) <= 1.0 / min(edges) and fault.form.output == peak.form.output
+        for fault in faults
         if edges
     )
 
@@ -268,26 +256,26 @@ def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, orde
         [*verdict.significant, *_rival_peaks(record, y, verdict, order)],
         key=lambda peak: (peak.form.shape != "bias", bic_change(peak)),
     )
-    found: list[tuple[float, Estimate]] = []
+    criteria: list[tuple[float, Estimate]] = []
     jump_s, dispersion = None, 1.0
     for n, peak in enumerate(peaks):
-        own = of_steps if n == 0 else silent
-        one = estimate(record, y, peak, order=order, jump_s=jump_s, report=own)
+        fault = estimate(record, y, peak, order=order, jump_s=jump_s, report=of_steps if n == 0 else silent)
         if n == 0:
-            dispersion = _dispersion(record, subtract_faults(y, one), one, order)
+            dispersion = _dispersion(record, subtract_faults(y, fault), fault, order)
         if peak.form.shape == "bias" and jump_s is None:
-            jump_s = one.onset_s
-        is_last_and_alone = not found and n == len(peaks) - 1
-        nameable = record.kinds.may_be(peak.form.shape, peak.form.output) and one.frequency_is_known
+            jump_s = fault.onset_s
+        is_last_and_alone = not criteria and n == len(peaks) - 1
+        nameable = record.kinds.may_be(peak.form.shape, peak.form.output) and fault.frequency_is_known
         if nameable or is_last_and_alone:
             n_parameters = peak.n_parameters + (peak.form.shape == "sine")
-            found.append((n_parameters * log_n * dispersion - one.statistic, one))
+            criteria.append((n_parameters * log_n * dispersion - fault.statistic, fault))
     of_rivals(1.0)
-    least = min(cost for cost, _ in found)
-    told = [one for cost, one in found if cost - least <= NOT_TOLD * dispersion]
-    best = min(told, key=lambda one: (one.form.parameter is not None, -one.statistic))
+    least = min(criterion for criterion, _ in criteria)
+    alike = [fault for criterion, fault in criteria if criterion - least <= NOT_TOLD * dispersion]
+    best = min(alike, key=lambda fault: (fault.form.parameter is not None, -fault.statistic))
     best = _with_likeliest_constant(record, y, best, order)
-    return replace(best, among=tuple(dict.fromkeys((best.form.shape, *(one.form.shape for one in told)))))
+    among = tuple(dict.fromkeys((best.form.shape, *(fault.form.shape for fault in alike))))
+    return replace(best, among=among, verdict=verdict)
 
 
 def _rival_peaks(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int) -> list[Peak]:
@@ -298,7 +286,7 @@ def _rival_peaks(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int
         if form.output in outputs:
             peak = lasting_peak(record, scan_of(record, y, order, output=form.output), form)
             peaks.setdefault((form.shape, form.output), []).append(peak)
-    return [max(own, key=lambda peak: peak.statistic) for own in peaks.values()]
+    return [max(of_shape, key=lambda peak: peak.statistic) for of_shape in peaks.values()]
 
 
 def _with_likeliest_constant(record: ScanRecord, y: FloatArray, found: Estimate, order: int) -> Estimate:
@@ -338,10 +326,7 @@ def refine_jointly(record: ScanRecord, faults: list[Estimate], order: int, repor
             moved = [*faults[:i], reestimate(record, faults, i, order, own), *faults[i + 1 :]]
             if len(moved) > 1:
                 z = np.array([fault.z for fault in moved])
-                theta = np.zeros((*record.y.shape, len(z)))
-                for j, fault in enumerate(moved):
-                    theta[:, fault.form.output, j] = fault.signal / fault.z
-                best = record.likelihood(record.y, order).fit(theta, z).z
+                best = record.likelihood(record.y, order).fit(unit_signals(record.y, moved), z).z
                 moved = [
                     replace(fault, z=float(new), signal=fault.signal * (new / fault.z))
                     for fault, new in zip(moved, best, strict=True)
@@ -366,29 +351,25 @@ def reestimate(record: ScanRecord, faults: list[Estimate], i: int, order: int, r
     scanning, measuring = shares(report, 1, 2)
     peak = scan_hypothesis(record, scan_of(record, y, order, output=form.output), form, scanning)
     again = estimate(record, y, peak, order=order, dispersion=dispersion, report=measuring)
-    return replace(again, among=faults[i].among)
+    return replace(again, among=faults[i].among, verdict=faults[i].verdict)
 
 
-def eliminate(
-    record: ScanRecord, verdicts: list[Verdict], faults: list[Estimate], order: int, rule: Rule, progress: Progress
-) -> None:
-    """Remove from both lists, one by one, the faults without which the others explain the record as well.
+def eliminate(record: ScanRecord, faults: list[Estimate], order: int, rule: Rule, progress: Progress) -> list[Estimate]:
+    """Return the faults without those, the weakest first, without which the others explain the record as well.
 
     A fault detected early may have stood for a part of a later one, as a step does for an oscillation that does not
     begin at zero.
     """
-    dropped = True
-    while dropped and len(faults) > 1:
-        dropped = False
-        report = partial(progress, f"{len(faults)} faults, each left out")
-        whole = _misfit(record, faults, order)
-        for i, own in parts(report, sorted(range(len(faults)), key=lambda k: faults[k].statistic)):
-            others = refine_jointly(record, faults[:i] + faults[i + 1 :], order, own)
-            if _misfit(record, others, order) - whole < rule.threshold(faults[i].form.shape):
-                report(1.0)
-                faults[:], dropped = others, True
-                del verdicts[i]
-                break
+    if len(faults) < 2:
+        return faults
+    report = partial(progress, f"{len(faults)} faults, each left out")
+    whole = _misfit(record, faults, order)
+    for i, of_fault in parts(report, sorted(range(len(faults)), key=lambda k: faults[k].statistic)):
+        others = refine_jointly(record, faults[:i] + faults[i + 1 :], order, of_fault)
+        if _misfit(record, others, order) - whole < rule.threshold(faults[i].form.shape):
+            report(1.0)
+            return eliminate(record, others, order, rule, progress)
+    return faults
 
 
 def _dispersion(record: ScanRecord, y: FloatArray, fault: Estimate, order: int) -> float:
@@ -397,19 +378,18 @@ def _dispersion(record: ScanRecord, y: FloatArray, fault: Estimate, order: int) 
     A fault that ends is scanned as one that lasts: the largest statistic of many ends exceeds 1 for white errors too.
     """
     rest = lasting_peak(record, scan_of(record, y, order, output=fault.form.output), fault.form)
-    return max(1.0, float(np.mean(rest.profile.statistic)))
+    return rest.profile.dispersion
 
 
 def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
     """Return twice the negative log-likelihood of the record less the faults."""
     likelihood = record.likelihood(subtract_faults(record.y, *faults), order)
-    return likelihood.n_rows * likelihood.fit(np.zeros((*record.y.shape, 0))).log_det
+    return likelihood.n_rows * likelihood.fault_free.log_det
 
 
 def _strongest_suspect(record: ScanRecord, peak: Peak, verdict: Verdict) -> Note:
     """Return the note on what stands out most where nothing is declared by a table of other settings."""
-    channel, scale, unit = record.output(peak.form.output)
-    unit = magnitude_unit(fault_of(peak.form, channel), unit)
+    channel, scale, unit = record.magnitude(peak.form)
     size = f"{scale * float(peak.profile.z[peak.profile.best]):.3g} {unit}".rstrip()
     return Note.limit(
         f"the strongest suspect is a {peak.form.shape} of {size} on {channel} from "
@@ -422,7 +402,7 @@ def _strongest_suspect(record: ScanRecord, peak: Peak, verdict: Verdict) -> Note
 def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], rule: Rule, verdict: Verdict) -> list[Note]:
     """Return notes on p-value and record, and on onsets that are hardly known or beside large moves of the inputs."""
     notes = []
-    if rule.use.matches and verdict.p_value <= rule.null.rarest:
+    if verdict.p_value is not None and verdict.p_value <= rule.null.rarest:
         n_windows = rule.use.n_windows
         notes.append(
             Note.method(f"the p-value is at most {verdict.p_value:.2g}, the least that {n_windows} windows can show")

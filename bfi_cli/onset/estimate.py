@@ -18,6 +18,7 @@ from ..kernels.onset import waveform as waveforms
 from ..kernels.onset.scan import Scan, scan_shape
 from ..kernels.progress import Report, Step, silent, steps
 from ..shapes import Shape
+from .decision import Verdict
 from .oscillation import OscillationSearch, Sinusoid, estimate_oscillation, oscillation_search
 from .scan import Peak, lasting_peak, scan_of
 from .scan_record import DECIMALS, ScanRecord
@@ -55,6 +56,7 @@ class Estimate:
     frequency_is_known : False for an oscillation whose frequency the record hardly tells, so that other slow shapes
         would explain it as well.
     among : shapes that explain the record about as well, its own first.
+    verdict : by which the scan declared it, None where the method has no test.
     """
 
     form: ShapeHypothesis
@@ -68,6 +70,7 @@ class Estimate:
     statistic: float
     frequency_is_known: bool = True
     among: tuple[Shape, ...] = ()
+    verdict: Verdict | None = None
 
 
 def as_scanned(record: ScanRecord, peak: Peak) -> Estimate:
@@ -110,6 +113,14 @@ def subtract_faults(y: FloatArray, *faults: Estimate) -> FloatArray:
     for fault in faults:
         y[:, fault.form.output] -= fault.signal
     return y
+
+
+def unit_signals(y: FloatArray, faults: Sequence[Estimate]) -> FloatArray:
+    """Return (n_samples, n_outputs, n_faults) what the faults would add to the outputs y with a magnitude of 1."""
+    theta = np.zeros((*y.shape, len(faults)))
+    for i, fault in enumerate(faults):
+        theta[:, fault.form.output, i] = fault.signal / fault.z
+    return theta
 
 
 def estimate(
@@ -162,7 +173,7 @@ def estimate(
         spread = float(weight @ (fine.z[seen] - fine.z[best]) ** 2) + sd_of_recorder**2
         sd = float(np.sqrt(dispersion * (weight @ fine.sd[seen] ** 2) + spread))
     # The interval ends at the first onsets, on either side, that the profile no longer admits.
-    step_s = -_phases(record).step / record.sampling.factor / record.sampling.rate_hz
+    step_s = -_phases(record).step / record.sampling.native_hz
     edges = np.concatenate([fine.onset_s[:1] - step_s, fine.onset_s, fine.onset_s[-1:] + step_s])
     return Estimate(
         form=form,
@@ -196,11 +207,8 @@ def with_likeliest_recorder(
     if not chains or peak.end is not None or peak.form.shape == "sine":
         return record, peak, 0.0
     scan = scan_of(record, y, order, output=peak.form.output)
-    native_hz = record.sampling.rate_hz * record.sampling.factor
-    records = [record]
-    records += [
-        replace(record, sampling=replace(record.sampling, response=response_of(chain, native_hz))) for chain in chains
-    ]
+    responses = [response_of(chain, record.sampling.native_hz) for chain in chains]
+    records = [record, *(replace(record, sampling=replace(record.sampling, response=own)) for own in responses)]
     peaks = []
     for through in records:
         nearby = np.arange(peak.onset - BESIDE, peak.onset + BESIDE + 1) - through.sampling.lead
@@ -228,7 +236,7 @@ def _profile_of_starts(
 ) -> SubsampleProfile:
     """Return an oscillation at other starts: conditioned samples within half a period, the log's own near the best."""
     factor = record.sampling.factor
-    half = int(np.ceil(0.5 * record.sampling.rate_hz * factor / sinusoid.frequency_hz))
+    half = int(np.ceil(0.5 * record.sampling.native_hz / sinusoid.frequency_hz))
     near = range(-BESIDE * factor, BESIDE * factor + 1, -_phases(record).step)
     earliest = (order + record.sampling.lead) * factor
     latest = (record.sampling.n_samples - order) * factor if sinusoid.end is None else sinusoid.end - factor

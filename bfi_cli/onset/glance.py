@@ -72,9 +72,9 @@ def glance(log: FlightLog, config: Config) -> Glance:
         magnitude=float(peak.profile.z[best]),
         sd=float(peak.profile.sd[best]),
         onset_s=record.onset_s(peak.onset),
-        frequency_hz=peak.form.parameter if peak.form.shape in ("sine", "cosine") else None,
+        frequency_hz=peak.form.frequency_hz,
         statistic=peak.statistic,
         threshold=rule.threshold(peak.form.shape),
-        p_value=verdict.p_value if rule.use.matches else None,
+        p_value=verdict.p_value,
         doubt=doubts.get(0, ""),
     )

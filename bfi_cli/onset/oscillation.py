@@ -95,7 +95,6 @@ class OscillationSearch:
     ----------
     form : the hypothesis, of phase 0; begin : the oscillation at the peak.
     first, last : earliest and latest start, samples of the log's own rate.
-    log_det : of the residual covariance without the oscillation.
     """
 
     likelihood: Likelihood
@@ -103,17 +102,11 @@ class OscillationSearch:
     begin: Sinusoid
     first: int
     last: int
-    log_det: float
 
     @property
     def record(self) -> ScanRecord:
         """The record that was scanned."""
         return self.likelihood.record
-
-    @property
-    def native_hz(self) -> float:
-        """Rate of the log."""
-        return self.record.sampling.rate_hz * self.record.sampling.factor
 
     def end(self, wave: Sinusoid) -> int:
         """Return the sample at which a sinusoid ends, the last where it lasts."""
@@ -121,7 +114,7 @@ class OscillationSearch:
 
     def duration_s(self, wave: Sinusoid) -> float:
         """Return the time from start to end."""
-        return (self.end(wave) - wave.start) / self.native_hz
+        return (self.end(wave) - wave.start) / self.record.sampling.native_hz
 
     def signals(self, wave: Sinusoid) -> FloatArray:
         """Return (n_samples, 1), phase 0 at the start, or for a free phase (n_samples, 2), sine and cosine.
@@ -142,10 +135,6 @@ class OscillationSearch:
         theta[:, self.form.output] = signals
         return self.likelihood.fit(theta, start)
 
-    def statistic(self, fit: Fit) -> float:
-        """Return 2 log of the likelihood ratio of a fit."""
-        return self.likelihood.n_rows * (self.log_det - fit.log_det)
-
     def ranked(self, candidates: Sequence[Sinusoid]) -> list[Sinusoid]:
         """Return the candidates with their magnitudes, the likeliest first."""
         fits = [self.fit(self.signals(wave), wave.sizes) for wave in candidates]
@@ -157,7 +146,9 @@ class OscillationSearch:
         points = []
         for start in starts:
             fit = self.fit(self.signals(replace(wave, start=start)), wave.sizes)
-            points.append((self.statistic(fit), float(np.linalg.norm(fit.z)) if wave.free else float(fit.z[0])))
+            points.append(
+                (self.likelihood.statistic(fit), float(np.linalg.norm(fit.z)) if wave.free else float(fit.z[0]))
+            )
         return np.array(points).T
 
 
@@ -181,7 +172,6 @@ def oscillation_search(likelihood: Likelihood, peak: Peak) -> OscillationSearch:
         ),
         first=(order + lead) * factor,
         last=(n - 1 - order) * factor,
-        log_det=likelihood.fit(np.zeros((*likelihood.layout.y.shape, 0))).log_det,
     )
 
 
@@ -242,14 +232,14 @@ def _refine_frequency(search: OscillationSearch, wave: Sinusoid) -> Sinusoid:
         turned = replace(
             search.form, parameter=wave.frequency_hz, phase_rad=float(np.arctan2(fit.z[1], fit.z[0])), anchor=middle
         )
-        phase = turned.phase_at(wave.start, search.native_hz)
+        phase = turned.phase_at(wave.start, search.record.sampling.native_hz)
     along = fit.z / z if z else np.ones(k)
     return replace(
         wave,
         z=z,
         sd=float(np.sqrt(along @ covariance @ along)),
         phase_rad=phase,
-        statistic=search.statistic(fit),
+        statistic=search.likelihood.statistic(fit),
         sizes=fit.z,
         frequency_sd_hz=(1.0 / float(np.sqrt(own)) if own > 0.0 else np.inf) / size,
         duration_s=duration_s,
@@ -258,7 +248,7 @@ def _refine_frequency(search: OscillationSearch, wave: Sinusoid) -> Sinusoid:
 
 def _move_edges(search: OscillationSearch, wave: Sinusoid) -> Sinusoid:
     """Move start, then end, to the largest statistic, in strides that shrink from a twelfth of a period to a sample."""
-    period = search.native_hz / wave.frequency_hz
+    period = search.record.sampling.native_hz / wave.frequency_hz
     stride, reach = max(1, round(period / PARTS)), PARTS // 2
     while True:
         starts = (wave.start + k * stride for k in range(-reach, reach + 1))
@@ -275,7 +265,7 @@ def _move_edges(search: OscillationSearch, wave: Sinusoid) -> Sinusoid:
 
 def _with_phase_zero(search: OscillationSearch, free: Sinusoid) -> Sinusoid:
     """Return the likeliest sinusoid of phase 0 at its start, sought at the free one's zero crossings and the peak."""
-    period = search.native_hz / free.frequency_hz
+    period = search.record.sampling.native_hz / free.frequency_hz
     since = free.phase_rad / (2.0 * np.pi) * period
     crossings = [round(free.start - since + 0.5 * k * period) for k in range(-2, 4)]
     latest = search.end(free) - MIN_CYCLES * period

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ..config import Config
 from ..decision.calibration import CalibrationSettings
 from ..dictionary import Dictionary
 from ..errors import ConfigError, LogError
-from ..faults import Fault
+from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
 from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.atom_signals import AtomSignals
@@ -22,7 +23,7 @@ from ..kernels.progress import Report, Step, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
 from ..shapes import sample_bytes
-from .shapes import KindsOfFault, Sampling, ShapeHypothesis, every_kind, kinds_of_entries, shape_hypotheses
+from .shapes import KindsOfFault, Sampling, ShapeHypothesis, every_kind, fault_of, kinds_of_entries, shape_hypotheses
 
 # Without --frequency an oscillation has at least three periods in the window, since two are the least that can be told
 # from a drift, and at least five samples per period.
@@ -86,6 +87,11 @@ class ScanRecord:
         name = self.settings.outputs[index]
         return name, float(self.unit[index]), self.window.log.channel(name).unit
 
+    def magnitude(self, form: ShapeHypothesis) -> tuple[str, float, str]:
+        """Return the channel of a hypothesis, what makes of its scaled magnitudes those in SI, and their unit."""
+        channel, scale, unit = self.output(form.output)
+        return channel, scale, magnitude_unit(fault_of(form, channel), unit)
+
     def onset_s(self, sample: int, phase: int = 0) -> float:
         """Return the time of a conditioned sample, or of one of the log's own samples before it."""
         after = (sample + phase / self.sampling.factor) / self.sampling.rate_hz
@@ -97,7 +103,7 @@ class ScanRecord:
 
     def native(self, time_s: float) -> int:
         """Return the sample of the log's own rate at a time, counted from the first conditioned one."""
-        return round((time_s - float(self.time_s[0])) * self.sampling.rate_hz * self.sampling.factor)
+        return round((time_s - float(self.time_s[0])) * self.sampling.native_hz)
 
     def admits(self, form: ShapeHypothesis, onsets: IntArray) -> BoolArray:
         """Return (n_onsets,) whether faults of a hypothesis may begin at onsets, conditioned samples."""
@@ -110,14 +116,14 @@ class ScanRecord:
     def without_fault(self, y: FloatArray, order: int) -> FitRows:
         """Return the fault-free model of scaled outputs y (n_samples, n_outputs), evaluated on its rows."""
         likelihood = self.likelihood(y, order)
-        return unfold(likelihood.layout, likelihood.fit(np.zeros((*y.shape, 0))))
+        return unfold(likelihood.layout, likelihood.fault_free)
 
     def likelihood(self, y: FloatArray, order: int, step: Step | None = None) -> Likelihood:
         """Return the likelihood of scaled outputs y (n_samples, n_outputs) at an order of the model."""
         return Likelihood(record=self, layout=replace(self.layout, y=y, first=order), step=step)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Likelihood:
     """The likelihood of a record at one order of the model, maximised over the magnitudes of given signals.
 
@@ -135,6 +141,15 @@ class Likelihood:
     def n_rows(self) -> int:
         """Rows of the regression."""
         return len(self.layout.y) - self.layout.first
+
+    @cached_property
+    def fault_free(self) -> Fit:
+        """The maximum without a fault."""
+        return self.fit(np.zeros((*self.layout.y.shape, 0)))
+
+    def statistic(self, fit: Fit) -> float:
+        """Return 2 log of the likelihood ratio of a fit against no fault."""
+        return self.n_rows * (self.fault_free.log_det - fit.log_det)
 
     def fit(self, theta: FloatArray, start: FloatArray | None = None) -> Fit:
         """Return the maximum over the magnitudes of signals theta (n_samples, n_outputs, n_signals)."""

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ..decision import Conclusion, Evidence, ScanLimit, estimate_of
-from ..faults import Fault, FaultEstimate, magnitude_unit
+from ..faults import Fault, FaultEstimate
 from ..flightlog.record import frozen_array
 from ..kernels.whiteness import exceedances, robust_sd
 from ..notes import Note
@@ -79,7 +79,7 @@ class OnsetSearch:
                 shape=peak.form.shape,
                 channel=self.record.output(peak.form.output)[0],
                 onset_s=self.record.onset_s(peak.onset),
-                frequency_hz=peak.form.parameter if peak.form.shape == "sine" else None,
+                frequency_hz=peak.form.frequency_hz,
                 name=f"{peak.form.shape}_{instant(self.record.onset_s(peak.onset))}",
             )
             for peak in self.peaks
@@ -88,22 +88,14 @@ class OnsetSearch:
 
 
 def declared_faults(
-    record: ScanRecord,
-    estimates: Sequence[Estimate],
-    p_values: Sequence[float | None],
-    tolerances: Mapping[str, float],
+    record: ScanRecord, estimates: Sequence[Estimate], tolerances: Mapping[str, float]
 ) -> tuple[FaultEstimate, ...]:
-    """Return faults in SI.
-
-    Parameters
-    ----------
-    p_values : of each; tolerances : by output.
-    """
-    found = []
-    for estimate, p_value in zip(estimates, p_values, strict=True):
+    """Return faults in SI; `tolerances` are those of the outputs."""
+    faults = []
+    for estimate in estimates:
         channel, scale, unit = record.output(estimate.form.output)
         magnitude, onset_s, offset_s = scale * estimate.z, estimate.onset_s, estimate.offset_s
-        found.append(
+        faults.append(
             estimate_of(
                 fault_of(estimate.form, channel, magnitude=magnitude, onset_s=onset_s, offset_s=offset_s),
                 magnitude,
@@ -113,14 +105,14 @@ def declared_faults(
                 tolerance=tolerances[channel],
                 onset_ci95=estimate.onset_ci95,
                 statistic=estimate.statistic,
-                p_value=p_value,
+                p_value=estimate.verdict.p_value if estimate.verdict else None,
                 among=estimate.among,
             )
         )
-    return tuple(found)
+    return tuple(faults)
 
 
-def result_of(search: OnsetSearch, said: Conclusion, false_alarm: float, notes: Sequence[Note]) -> OnsetResult:
+def result_of(search: OnsetSearch, conclusion: Conclusion, false_alarm: float, notes: Sequence[Note]) -> OnsetResult:
     """Return the answer of a search and a conclusion from its evidence, in SI.
 
     Parameters
@@ -132,18 +124,18 @@ def result_of(search: OnsetSearch, said: Conclusion, false_alarm: float, notes: 
     statistic = search.estimates[0].statistic if search.estimates else 0.0
     return OnsetResult(
         log=record.window.summary,
-        decision=said.decision,
-        verdicts=said.verdicts,
-        candidates=said.candidates,
-        summary=said.summary,
+        decision=conclusion.decision,
+        verdicts=conclusion.verdicts,
+        candidates=conclusion.candidates,
+        summary=conclusion.summary,
         covered_s=search.covered_s,
         of_dictionary=search.of_dictionary,
         false_alarm=false_alarm,
-        p_value=verdict.p_value if rule and verdict and rule.use.matches else None,
+        p_value=verdict.p_value if verdict else None,
         statistic=verdict.statistic if verdict else statistic,
         threshold=verdict.threshold if verdict else None,
         calibration=rule.use if rule else None,
-        faults=said.faults,
+        faults=conclusion.faults,
         model=search.model,
         method=search.method,
         profiles=tuple(_profile_of(record, peak, rule) for peak in search.peaks),
@@ -175,13 +167,12 @@ def _series_of(search: OnsetSearch) -> tuple[OnsetSeries, ...]:
 
 def _profile_of(record: ScanRecord, peak: Peak, rule: Rule | None) -> ShapeProfile:
     """Return the profile of a hypothesis in SI."""
-    channel, scale, unit = record.output(peak.form.output)
-    fault = fault_of(peak.form, channel)
+    channel, scale, unit = record.magnitude(peak.form)
     return ShapeProfile(
         shape=peak.form.shape,
         channel=channel,
-        unit=magnitude_unit(fault, unit),
-        frequency_hz=fault.frequency_hz,
+        unit=unit,
+        frequency_hz=peak.form.frequency_hz,
         onset_s=frozen_array(record.onsets_s(peak.profile.onsets)),
         statistic=frozen_array(peak.profile.statistic),
         magnitude=frozen_array(scale * peak.profile.z),

@@ -52,8 +52,13 @@ class Sampling:
     @property
     def lead(self) -> int:
         """Samples by which the filters show a fault before its onset."""
-        own = self.lowpass.half_width if self.factor > 1 and self.lowpass.kind == "linear-phase" else 0
-        return own + -(-self.response.before // self.factor)
+        half_width = self.lowpass.half_width if self.factor > 1 and self.lowpass.kind == "linear-phase" else 0
+        return half_width + -(-self.response.before // self.factor)
+
+    @property
+    def native_hz(self) -> float:
+        """Rate of the log."""
+        return self.rate_hz * self.factor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,6 +80,11 @@ class ShapeHypothesis:
     file: str | None = None
     phase_rad: float = 0.0
     anchor: int | None = None
+
+    @property
+    def frequency_hz(self) -> float | None:
+        """Of a sine."""
+        return self.parameter if self.shape == "sine" else None
 
     def phase_at(self, sample: int, rate_hz: float) -> float:
         """Return the phase of a sine that starts at a sample of the log's own rate, radians in -pi..pi."""
@@ -221,7 +231,7 @@ def waveform(form: ShapeHypothesis, sampling: Sampling, phase: int = 0) -> Wavef
     taps = lowpass_taps(factor, sampling.lowpass).size
     before = response.after + lost_samples(factor, sampling.lowpass)[0] + sampling.lead * factor + phase
     length = response.after + taps + (n - 1) * factor + response.before
-    native = _ideal(form, length - before, sampling.rate_hz * factor)
+    native = _ideal(form, length - before, sampling.native_hz)
     signals = np.zeros((length, 1 + len(native.tails)))
     signals[before:] = np.vstack([native.samples, native.tails]).T
     conditioned = decimate(response.filtered(signals), factor, sampling.lowpass).T
@@ -258,8 +268,8 @@ def signal(
     native = np.zeros(before + (n - 1) * factor + 1 + after + response.before)
     first = before + start[0] * factor + start[1]
     last = len(native) if end is None else before + end[0] * factor + end[1]
-    begun = replace(form, phase_rad=form.phase_at(first - before, sampling.rate_hz * factor), anchor=None)
-    wave = _ideal(begun, len(native) - first, sampling.rate_hz * factor)
+    begun = replace(form, phase_rad=form.phase_at(first - before, sampling.native_hz), anchor=None)
+    wave = _ideal(begun, len(native) - first, sampling.native_hz)
     native[first:last] = wave.unit * wave.samples[: last - first]
     return decimate(response.filtered(native), factor, sampling.lowpass)
 

@@ -21,6 +21,7 @@ from ..kernels.lagged import compress
 from ..kernels.onset.scan import Profile, Scan, default_onsets
 from ..kernels.progress import Progress, Report, parts, unseen
 from ..kernels.risro_varx import sparse_varx
+from ..kernels.sparsity import SparseStage
 from ..kernels.variable_projection import project_inputs
 from ..notes import Note
 from ..preprocessing.regression import decides_by_rule, solve, stage_of
@@ -32,7 +33,7 @@ from .search import OnsetSearch, declared_faults
 from .shapes import ShapeHypothesis, fault_of, signal
 
 # The shapes of known form of the published figures.
-SHAPES = ("bias", "drift")
+PUBLISHED = ("bias", "drift")
 # Round-off beside the outputs, whose standard deviation is 1.
 ROUND_OFF = 1e-10
 NOTE = "the published method declares the peak of the magnitude; it has no test of whether there is a fault at all"
@@ -55,16 +56,22 @@ def search_as_published(log: FlightLog, config: Config, progress: Progress = uns
     ConfigError : several outputs, a search for ends, or no shape of this method.
     LogError, ExcitationError : the log cannot be used.
     """
-    _check_it_can(config)
+    wanted = config.start_time
+    if len(config.outputs) > 1:
+        raise ConfigError(f"--method thesis: works on one output, got {len(config.outputs)}; give one --output")
+    if wanted.ends:
+        raise ConfigError("--method thesis: finds no ends; leave --ends out, or give --method scan")
+    if not set(wanted.shapes) & set(PUBLISHED):
+        raise ConfigError(f"--method thesis: knows {' and '.join(PUBLISHED)} only, got {', '.join(wanted.shapes)}")
     record = prepare_record(log, config, partial(progress, "the window"))
     y, orders = record.y, record.orders
     plain = [fault_free_bic(record, scan_of(record, y, s, output=0, first=max(orders))) for s in orders]
     order = orders[int(np.argmin(plain))]
     scan = scan_of(record, y, order, output=0)
     stage = None if decides_by_rule(config) else stage_of(config)
-    forms = [form for form in record.forms if form.shape in SHAPES]
+    forms = [form for form in record.forms if form.shape in PUBLISHED]
     peaks = [
-        Peak(form=form, profile=_solved(record, scan, form, config, of_form), end=None)
+        Peak(form=form, profile=_solved(record, scan, form, config, stage, of_form), end=None)
         for form, of_form in parts(partial(progress, "a solution for every onset"), forms)
     ]
     largest = [int(np.argmax(np.abs(peak.profile.z))) for peak in peaks]
@@ -79,14 +86,11 @@ def search_as_published(log: FlightLog, config: Config, progress: Progress = uns
         without_fault=tuple(plain),
         with_fault=tuple(plain),
     )
-    left = ", ".join(shape for shape in config.start_time.shapes if shape not in SHAPES)
     notes = [Note.limit(NOTE)]
     if stage is not None:
-        zeros = sum(int(np.sum(peak.profile.z == 0.0)) for peak in peaks)
-        notes = [
-            Note.limit(STAGE_NOTE.format(kind=stage.kind, zeros=zeros, n=sum(peak.profile.z.size for peak in peaks)))
-        ]
-    if left:
+        z = np.concatenate([of_shape.profile.z for of_shape in peaks])
+        notes = [Note.limit(STAGE_NOTE.format(kind=stage.kind, zeros=np.count_nonzero(z == 0.0), n=z.size))]
+    if left := ", ".join(shape for shape in wanted.shapes if shape not in PUBLISHED):
         notes.append(Note.limit(f"the published method is for steps and ramps; left out: {left}"))
     # The published method has no interval and no test, so it excludes nothing.
     channel, scale, unit = record.output(0)
@@ -101,7 +105,7 @@ def search_as_published(log: FlightLog, config: Config, progress: Progress = uns
         for of_shape, k in zip(peaks, largest, strict=True)
     ]
     tolerances = tolerances_of(log, record.window.log, config.outputs, config)
-    faults = declared_faults(record, estimates, [None] * len(estimates), tolerances)
+    faults = declared_faults(record, estimates, tolerances)
     return OnsetSearch(
         method="thesis",
         record=record,
@@ -113,20 +117,10 @@ def search_as_published(log: FlightLog, config: Config, progress: Progress = uns
     )
 
 
-def _check_it_can(config: Config) -> None:
-    """Refuse what the published method does not do."""
-    wanted = config.start_time
-    if len(config.outputs) > 1:
-        raise ConfigError(f"--method thesis: works on one output, got {len(config.outputs)}; give one --output")
-    if wanted.ends:
-        raise ConfigError("--method thesis: finds no ends; leave --ends out, or give --method scan")
-    if not set(wanted.shapes) & set(SHAPES):
-        raise ConfigError(f"--method thesis: knows {' and '.join(SHAPES)} only, got {', '.join(wanted.shapes)}")
-
-
-def _solved(record: ScanRecord, scan: Scan, form: ShapeHypothesis, config: Config, report: Report) -> Profile:
+def _solved(
+    record: ScanRecord, scan: Scan, form: ShapeHypothesis, config: Config, stage: SparseStage | None, report: Report
+) -> Profile:
     """Return the profile of a shape by a solution for every onset, with the magnitudes that the stage leaves."""
-    stage = None if decides_by_rule(config) else stage_of(config)
     price = float(np.log(scan.n_rows)) + config.selection.evidence
     onsets, tiny = default_onsets(scan), np.finfo(float).tiny
     z, rss = np.zeros(len(onsets)), np.zeros(len(onsets))

@@ -279,6 +279,11 @@ class Profile:
         """Index of the largest statistic."""
         return int(np.argmax(self.statistic))
 
+    @property
+    def dispersion(self) -> float:
+        """Mean of the statistic over the onsets, which is 1 for white noise; at least 1."""
+        return max(1.0, float(np.mean(self.statistic)))
+
     def take(self, some: IntArray) -> Profile:
         """Return the profile at some of its onsets, (n_some,) indices."""
         of_onsets = {name: getattr(self, name)[some] for name in ("onsets", "z", "sd", "rss", "statistic")}

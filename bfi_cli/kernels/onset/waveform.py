@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import FloatArray
+from .. import FloatArray, IntArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -32,6 +32,11 @@ class Waveform:
     tails: FloatArray
     weights: FloatArray
     shortest: int = 1
+
+    def largest(self, lengths: IntArray) -> FloatArray:
+        """Return the largest error that a magnitude of 1 makes within `lengths` samples after the onset."""
+        largest: FloatArray = np.maximum.accumulate(np.abs(self.samples * self.unit))[lengths - 1]
+        return largest
 
 
 def bias(n_samples: int) -> Waveform:

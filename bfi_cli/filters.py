@@ -25,8 +25,6 @@ FloatArray = NDArray[np.float64]
 EQUIVALENT: dict[Kind, float] = {"gaussian": 1.0, "fir": 1.77, "butterworth": 1.67, "causal": 1.35, "sinc": 1.77}
 # Shares of these edges that are tried: spectra of steepening motion give too low an edge, of noisy channels too high.
 LIKELY: dict[Kind, tuple[float, ...]] = {"gaussian": (0.7, 0.85, 1.0, 1.2), "fir": (0.65, 0.8, 1.0, 1.2)}
-
-
 # Standard deviation of a magnitude, as a share of it, by what lies between the responses that are tried for a recorder
 # that is uncertain. With it 88 to 99 % of intervals held on recorded flights whose faults went through other recorders.
 BETWEEN_RECORDERS = 0.05
@@ -97,29 +95,37 @@ def filters_from_json(text: str, *, where: str) -> tuple[Filter, ...]:
     return tuple(filters)
 
 
+def of_recorder(filters: Sequence[Filter]) -> list[Filter]:
+    """Return the filters of the recorder, without those of conversions."""
+    return [low_pass for low_pass in filters if low_pass.stage == "recorder"]
+
+
 def response_of(filters: Sequence[Filter], rate_hz: float) -> Response:
     """Return what the filters make of a signal on the samples of a log of this rate."""
     response = IDENTITY
-    for one in filters:
-        factor = max(1, round(one.rate_hz / rate_hz))
-        response = response.then(decimated(low_pass(one.kind, one.edge_hz, rate_hz * factor), factor))
+    for applied in filters:
+        factor = max(1, round(applied.rate_hz / rate_hz))
+        response = response.then(decimated(low_pass(applied.kind, applied.edge_hz, rate_hz * factor), factor))
     return response
 
 
 def alternatives(filters: Sequence[Filter]) -> list[tuple[Filter, ...]]:
-    """Return chains in which an uncertain recorder is another that its spectra might show as well; empty where none is.
+    """Return the chains with other low-passes in place of one that is uncertain; empty where every one is known.
 
-    Gaussian and windowed sinc filters, as steep as recorders are, around the edges that the same spectra give them.
+    The others are Gaussian and windowed sinc filters, as steep as recorders are, around the edges that the same spectra
+    give them.
     """
-    chains = []
-    for i, one in enumerate(filters):
-        if one.uncertain:
-            as_gaussian_hz = one.edge_hz / EQUIVALENT[one.kind]
-            for kind, shares in LIKELY.items():
-                for share in shares:
-                    other = replace(one, kind=kind, edge_hz=share * EQUIVALENT[kind] * as_gaussian_hz)
-                    chains.append((*filters[:i], other, *filters[i + 1 :]))
-    return chains
+    return [
+        (
+            *filters[:i],
+            replace(guess, kind=kind, edge_hz=share * EQUIVALENT[kind] * (guess.edge_hz / EQUIVALENT[guess.kind])),
+            *filters[i + 1 :],
+        )
+        for i, guess in enumerate(filters)
+        if guess.uncertain
+        for kind, shares in LIKELY.items()
+        for share in shares
+    ]
 
 
 def recorded_signal(

@@ -361,7 +361,7 @@ def _explained(course: FloatArray, theta: FloatArray, config: Config) -> tuple[t
             extended=rules.criterion == "ebic",
         )
         fall = rows * float(np.log(float(rest @ rest) / max(float(left @ left), np.finfo(float).tiny)))
-        if fall <= penalty.per_parameter + penalty.per_atom:
+        if fall <= penalty.per_fault:
             break
         atoms, rest = [*atoms, best], left
     chosen = sorted(atoms)

@@ -16,7 +16,7 @@ from ..decision import KINDS, Candidate, Conclusion, Evidence, conclude, estimat
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
 from ..faults import FaultEstimate
-from ..filters import Filter, alternatives
+from ..filters import Filter, alternatives, of_recorder
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..notes import Note
@@ -215,8 +215,7 @@ def identification(
             outcome = replace(outcome, analysed=(outcome.analysed[0], outcome.analysed[1].without_record()))
         outcome = with_heads(outcome, len(regression.signals.time_s))
         found = _assembled(log, window, regression, config, outcome)
-        of_recorder = (one for one in window.filters if one.stage == "recorder")
-        return found if window is suggested else replace(found, recorder=next(of_recorder, None))
+        return found if window is suggested else replace(found, recorder=of_recorder(window.filters)[0])
 
 
 def _assembled(

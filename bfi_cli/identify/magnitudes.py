@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..kernels import FloatArray
+from ..kernels.model_selection import least_criterion
 from ..kernels.termination import Termination
 from ..notes import Note
 from ..preprocessing.magnitudes import MagnitudeEstimates
@@ -101,7 +102,7 @@ def result_of_selection(
     """
     fit, searches = selection.best.fit, selection.searches
     plain = [search.of(()) for search in searches]
-    lowest = min((scored for scored in plain if scored is not None), key=lambda scored: scored.criterion)
+    lowest = least_criterion(scored for scored in plain if scored is not None)
     several = len(searches) > 1
     return MethodResult(
         atoms=fit.atoms,
@@ -113,7 +114,7 @@ def result_of_selection(
         condition_number=selection.unfolded.condition_number,
         solver=solver,
         orders=regression.orders if several else (),
-        criterion_no_fault=tuple(np.nan if one is None else one.criterion for one in plain) if several else (),
+        criterion_no_fault=tuple(np.nan if scored is None else scored.criterion for scored in plain) if several else (),
         criterion_best=tuple(search.best.criterion for search in searches) if several else (),
         **{"converged": fit.termination is Termination.CONVERGED, **more},
     )

@@ -24,6 +24,7 @@ from ..kernels.model_selection import (
     Proposal,
     ScoredFit,
     full_support,
+    least_criterion,
     refine_supports,
     search_orders,
 )
@@ -116,7 +117,7 @@ def identify_by_likelihood(
     coarse, dispersion, estimates = estimated
     limits = _limits(now, config, coarse, dispersion, estimates, within=not is_stated, progress=progress)
     del coarse, estimated  # its memory is wanted for what follows
-    fit, rows = now.selection.best.fit, now.regression.n_rows
+    fit = now.selection.best.fit
     notes = [Note.limit(f"'{names[n]}' is not declared: {reason}") for n, reason in declined.items()]
     notes += about_signals
     notes += [
@@ -137,16 +138,20 @@ def identify_by_likelihood(
         declined=declined,
         needed=statistic_needed(now.selection.penalty, dispersion),
         analysed=(now.window, now.regression) if now.shifts_s or now.window.sizes else None,
-        criterion=rows * fit.log_det + fit.n_parameters * float(np.log(rows)),
+        criterion=fit.bic(now.regression.n_rows),
         dispersion=float(np.max(dispersion[list(fit.atoms)], initial=1.0)),
         notes=(*notes, *_rival_note(names, now.selection), *_near_miss_note(names, now.selection)),
     )
 
 
 def _declining(now: Selected, failed: tuple[int, str], declined: dict[int, str]) -> Selected:
-    """Return the selection without an atom that failed, and enter the reason into `declined`."""
-    atom, declined[failed[0]] = failed[0], failed[1]
-    return _without(now, atom)
+    """Return the best of the supports visited that leave out an atom which failed; the reason enters `declined`."""
+    atom, declined[failed[0]] = failed
+    searches = [
+        replace(search, visited=tuple(scored for scored in search.visited if atom not in scored.fit.atoms))
+        for search in now.selection.searches
+    ]
+    return replace(now, selection=best_of(now.regression, searches, now.selection.penalty))
 
 
 def _tested(
@@ -242,6 +247,12 @@ def _estimated(now: Selected, config: Config, progress: Progress) -> Estimated:
     return coarse, dispersion, estimates
 
 
+def _is_sized(window: PreparedWindow, n: int) -> bool:
+    """Say whether the n-th live entry is a fault of a pressure line whose course depends on its magnitude."""
+    shape = window.faults[window.live[n]].shape
+    return shape in OF_LINES and SHAPES[shape].has_magnitude
+
+
 def _at_own_sizes(
     window: PreparedWindow, regression: RegressionData, config: Config
 ) -> tuple[PreparedWindow, RegressionData]:
@@ -249,11 +260,7 @@ def _at_own_sizes(
 
     So that a large loss is compared with other faults by its own course, and not by the first order of it.
     """
-    sized = {
-        n: entry
-        for n, entry in enumerate(window.live)
-        if (shape := window.faults[entry].shape) in OF_LINES and SHAPES[shape].has_magnitude
-    }
+    sized = {n: entry for n, entry in enumerate(window.live) if _is_sized(window, n)}
     if not sized:
         return window, regression
 
@@ -264,8 +271,7 @@ def _at_own_sizes(
         }
 
     plain = [fit_magnitudes(regression.problem(order), ()) for order in regression.orders]
-    rows = regression.n_rows
-    order = min(plain, key=lambda fit: rows * fit.log_det + fit.n_parameters * np.log(rows)).order
+    order = min(plain, key=lambda fit: fit.bic(regression.n_rows)).order
     for _ in range(SECANTS_ALONE):
         sizes: dict[int, float] = {}
         for entry, size in alone(regression, order).items():
@@ -292,11 +298,7 @@ def _with_secants(now: Selected, config: Config, choose: Callable[..., Selection
     choose : returns the selection on another regression.
     """
     fit, z = now.selection.best.fit, now.selection.best.fit.z
-    sized = [
-        k
-        for k, n in enumerate(fit.atoms)
-        if (shape := now.window.faults[now.window.live[n]].shape) in OF_LINES and SHAPES[shape].has_magnitude
-    ]
+    sized = [k for k, n in enumerate(fit.atoms) if _is_sized(now.window, n)]
     if not sized:
         return now, []
     window, regression = now.window, now.regression
@@ -354,7 +356,7 @@ def _by_threshold(regression: RegressionData, selection: Selection, threshold: f
             f"{regression.signals.path}: too few samples to estimate all magnitudes at once; choose a longer window or "
             "a smaller dictionary"
         )
-    fit = min(scored, key=lambda one: one.criterion).fit
+    fit = least_criterion(scored).fit
     z = fit.z * regression.magnitude_unit
     atoms = tuple(int(j) for j in np.flatnonzero(np.abs(z) >= threshold * np.linalg.norm(z)))
     start = replace(fit, atoms=atoms, z=fit.z[list(atoms)])
@@ -364,23 +366,14 @@ def _by_threshold(regression: RegressionData, selection: Selection, threshold: f
         none = search.of(())
         searches.append(replace(search, visited=(chosen,) if none is None or not atoms else (none, chosen)))
     fits = tuple(search.visited[-1] for search in searches)
-    best = min(fits, key=lambda one: one.criterion)
+    best = least_criterion(fits)
     unfolded = regression.unfold(best.fit)
     return replace(selection, best=best, fits=fits, searches=tuple(searches), unfolded=unfolded)
 
 
-def _without(now: Selected, atom: int) -> Selected:
-    """Return the best selection among the supports visited that leave an atom out."""
-    searches = [
-        replace(search, visited=tuple(scored for scored in search.visited if atom not in scored.fit.atoms))
-        for search in now.selection.searches
-    ]
-    return replace(now, selection=best_of(now.regression, searches, now.selection.penalty))
-
-
 def best_of(regression: RegressionData, searches: Sequence[OrderSearch], penalty: Penalty) -> Selection:
     """Return the best of what was visited, its support fitted at every order."""
-    best = min((search.best for search in searches), key=lambda scored: scored.criterion)
+    best = least_criterion(search.best for search in searches)
     return Selection(
         best=best,
         fits=tuple(_refit(regression, search, best.fit, penalty) for search in searches),
@@ -406,13 +399,14 @@ def _failed_test(now: Selected, estimates: MagnitudeEstimates, dispersion: Float
     if not atoms:
         return None
     (search,) = (search for search in selection.searches if search.order == best.order)
-    needed = penalty.per_parameter + penalty.per_atom
     margins = []
     for atom in atoms:
         kept = [n for n, other in enumerate(atoms) if other != atom]
         smaller = replace(best, atoms=tuple(atoms[n] for n in kept), z=best.z[kept])
         fall = _refit(now.regression, search, smaller, penalty).fit.log_det - best.log_det
-        margins.append(penalty.n_effective * fall / ((needed + now.prices.get(atom, 0.0)) * dispersion[atom]))
+        margins.append(
+            penalty.n_effective * fall / ((penalty.per_fault + now.prices.get(atom, 0.0)) * dispersion[atom])
+        )
     if min(margins) < 1.0:
         atom = atoms[int(np.argmin(margins))]
         return atom, (

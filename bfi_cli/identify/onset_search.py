@@ -155,7 +155,7 @@ def _hopeful_fits(
     """
     added, without = support.each_of(theta), support.fit
     gains = np.nan_to_num(added.magnitude**2 / added.variance)
-    needed = penalty.per_parameter + penalty.per_atom + price
+    needed = penalty.per_fault + price
     if float(gains.max(initial=0.0)) * penalty.n_effective / penalty.n_rows < HOPEFUL * needed:
         return []
 

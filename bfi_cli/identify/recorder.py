@@ -13,7 +13,7 @@ import numpy as np
 from ..config import Config, merge
 from ..dictionary import Dictionary
 from ..errors import DictionaryError, LogError
-from ..filters import BETWEEN_RECORDERS, alternatives
+from ..filters import BETWEEN_RECORDERS, alternatives, of_recorder
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..notes import Note
@@ -45,12 +45,11 @@ def with_likeliest_recorder(
     chains = alternatives(window.filters)
     if not chains or not outcome.atoms:
         return window, regression, outcome
-    rate_hz: float | str = "none" if window.rate.factor == 1 else window.signals.rate_hz
-    alike = merge(config, {"conditioning.rate_hz": rate_hz, "model.orders": regression.orders})
+    alike = merge(config, {"conditioning.rate_hz": window.same_rate, "model.orders": regression.orders})
     trials = [(window, regression, outcome)]
     for k, chain in enumerate(chains):
         progress("the recorder", k / len(chains))
-        recorder = next(one for one in chain if one.stage == "recorder")
+        recorder = of_recorder(chain)[0]
         stated = merge(alike, {"recorder.edge_hz": recorder.edge_hz, "recorder.kind": recorder.kind})
         try:
             other = prepare_window(log, dictionary, stated)
@@ -60,15 +59,15 @@ def with_likeliest_recorder(
             continue
         if other.live == window.live and factorised.n_rows == regression.n_rows:
             trials.append((other, factorised, identified))
-    outcomes = [tried for _, _, tried in trials]
+    outcomes = [result for _, _, result in trials]
     likeliest, of_likeliest, best = min(trials, key=lambda trial: trial[2].criterion)
     value = best.magnitudes.value
-    weight = np.exp(-0.5 * np.array([one.criterion - best.criterion for one in outcomes]) / best.dispersion)
-    same = np.array([one.atoms == best.atoms for one in outcomes])
-    others = np.array([one.magnitudes.value for one in outcomes])[same]
+    weight = np.exp(-0.5 * np.array([result.criterion - best.criterion for result in outcomes]) / best.dispersion)
+    same = np.array([result.atoms == best.atoms for result in outcomes])
+    others = np.array([result.magnitudes.value for result in outcomes])[same]
     spread = (weight[same, None] * (others - value) ** 2).sum(axis=0) / weight[same].sum()
     variance = best.magnitudes.variance + spread + (BETWEEN_RECORDERS * value) ** 2
-    recorder = next(one for one in likeliest.filters if one.stage == "recorder")
+    recorder = of_recorder(likeliest.filters)[0]
     note = Note.method(
         f"the recorder's low-pass is uncertain; the fault suits {recorder.kind} with gain one half at "
         f"{recorder.edge_hz:.3g} Hz best of {len(trials)}, and the intervals hold their spread"

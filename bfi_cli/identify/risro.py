@@ -124,7 +124,7 @@ def _summary_of(
     stage: SparseStage, penalty: Penalty, runs: Sequence[StageRun], names: Sequence[str], left_out: tuple[str, ...]
 ) -> SparsitySummary:
     """Return what the stage did at every order, and which entries it set to zero."""
-    alpha, r, _ = penalty_constants(stage, penalty.per_parameter + penalty.per_atom)
+    alpha, r, _ = penalty_constants(stage, penalty.per_fault)
     return SparsitySummary(
         kind=stage.kind,
         alpha=alpha if stage.kind == "exp-l0" else None,

@@ -104,7 +104,7 @@ def _shares(window: PreparedWindow, regression: RegressionData, atoms: tuple[int
     rows = both.layout.earlier
     assert rows is not None
     fits = [fit_magnitudes(alone.problem(order), atoms) for order in alone.orders]
-    shortest = min(fits, key=lambda fit: alone.n_rows * fit.log_det + fit.n_parameters * np.log(alone.n_rows))
+    shortest = min(fits, key=lambda fit: fit.bic(alone.n_rows))
     independent = alone.effective_rows(alone.unfold(shortest).weighted_error) / alone.n_rows
     price = float(np.log(independent * both.n_rows))
     shared = [fit_magnitudes(both.problem(order), atoms) for order in both.orders]

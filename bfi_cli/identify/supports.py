@@ -39,10 +39,10 @@ def stage_runs(
     report: Report = silent,
 ) -> tuple[StageRun, ...]:
     """Solve every order by RISRO and follow the stage from its starts."""
-    runs, price = [], penalty.per_parameter + penalty.per_atom
+    runs = []
     for order, _ in parts(report, orders):
         whole, problem = risro_varx(regression.at_order(order), settings=settings), regression.problem(order)
-        visits = sparse_varx(problem, whole, n_atoms=penalty.n_candidates, stage=stage, price=price)
+        visits = sparse_varx(problem, whole, n_atoms=penalty.n_candidates, stage=stage, price=penalty.per_fault)
         runs.append(StageRun(order=order, whole=whole, visits=visits))
     return tuple(runs)
 
@@ -59,8 +59,7 @@ def propose_supports(regression: RegressionData, penalty: Penalty, report: Repor
     short = [regression.problem(order) for order in regression.orders if order not in determined]
     if short:
         problem = min(short, key=lambda problem: penalty.criterion(fit_magnitudes(problem, ())))
-        price = penalty.per_parameter + penalty.per_atom
-        visits = sparse_varx(problem, None, n_atoms=n_atoms, stage=DERIVED, price=price)
+        visits = sparse_varx(problem, None, n_atoms=n_atoms, stage=DERIVED, price=penalty.per_fault)
         runs.append(StageRun(order=problem.order, whole=None, visits=visits))
     return proposals_of(runs)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from operator import attrgetter
 
 import numpy as np
 
@@ -53,6 +54,11 @@ class Penalty:
         """On top of `per_parameter`."""
         return self.evidence + (2.0 * float(np.log(max(self.n_candidates, 1))) if self.extended else 0.0)
 
+    @property
+    def per_fault(self) -> float:
+        """Fall of the criterion that one more atom needs, its magnitude included."""
+        return self.per_parameter + self.per_atom
+
     def criterion(self, fit: Fit) -> float:
         """Return the criterion of a fit; smaller is better."""
         cost = fit.n_parameters * self.per_parameter + len(fit.atoms) * self.per_atom
@@ -65,6 +71,11 @@ class ScoredFit:
 
     criterion: float
     fit: Fit
+
+
+def least_criterion(scored: Iterable[ScoredFit]) -> ScoredFit:
+    """Return the fit with the least criterion."""
+    return min(scored, key=attrgetter("criterion"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -90,7 +101,7 @@ class OrderSearch:
 
     @property
     def best(self) -> ScoredFit:
-        return min(self.visited, key=_criterion)
+        return least_criterion(self.visited)
 
     def of(self, atoms: Iterable[int]) -> ScoredFit | None:
         """Return the visit of a support, None where it was not visited."""
@@ -175,7 +186,7 @@ def refine_supports(
                     visits.search_backward(visited)
     agreed, seen = True, set()
     while True:
-        best = min((visits.result().best for visits in every), key=_criterion)
+        best = least_criterion(visits.result().best for visits in every)
         for visits in every:
             if best.fit.atoms not in visits.scored and len(best.fit.atoms) <= visits.limit:
                 visits.visit(best.fit.atoms, [best.fit.z])
@@ -190,7 +201,7 @@ def refine_supports(
         for visits in every:
             # An atom more may pay at an order at which the support itself is worse by less than its price.
             same = visits.scored.get(best.fit.atoms)
-            if same and same.criterion < best.criterion + penalty.per_parameter + penalty.per_atom:
+            if same and same.criterion < best.criterion + penalty.per_fault:
                 visits.search_beside(same.fit, candidates, exchanging=visits is at)
         agreed = agreed and min(visits.result().best.criterion for visits in every) == best.criterion
 
@@ -247,7 +258,7 @@ class _Visits:
         while len(current.fit.atoms) < self.limit and since < PATIENCE:
             current = self.best_addition(current.fit, candidates)
             since = 0 if current.criterion < best.criterion else since + 1
-            best = min(best, current, key=_criterion)
+            best = least_criterion((best, current))
         return best
 
     def best_addition(self, base: Fit, candidates: Sequence[int]) -> ScoredFit:
@@ -291,8 +302,8 @@ class _Visits:
         current, since, best = start, 0, start.criterion
         while current.fit.atoms and (since < PATIENCE or len(current.fit.atoms) > self.limit):
             atoms, z = current.fit.atoms, current.fit.z
-            current = min(
-                (self.visit(atoms[:j] + atoms[j + 1 :], [np.delete(z, j)]) for j in range(len(atoms))), key=_criterion
+            current = least_criterion(
+                self.visit(atoms[:j] + atoms[j + 1 :], [np.delete(z, j)]) for j in range(len(atoms))
             )
             since = 0 if current.criterion < best else since + 1
             best = min(best, current.criterion) if len(current.fit.atoms) <= self.limit else current.criterion
@@ -309,7 +320,3 @@ def _visits(
     limit = len(candidates) if max_active is None else min(max_active, len(candidates))
     fits = [[scored.fit for scored in search.visited] for search in known] or [[] for _ in problems]
     return [_Visits(problem, penalty, limit, of_order) for problem, of_order in zip(problems, fits, strict=True)]
-
-
-def _criterion(scored: ScoredFit) -> float:
-    return scored.criterion

@@ -99,6 +99,10 @@ class Fit:
     iterations: int
     termination: Termination
 
+    def bic(self, n_rows: int) -> float:
+        """Return the Bayesian information criterion over so many rows."""
+        return n_rows * self.log_det + self.n_parameters * float(np.log(n_rows))
+
 
 def project_inputs(data: Compressed, order: int, *, floor: float = 0.0) -> ProjectedRegression:
     """Return the regression of `order` on the rows of `data`, constant and inputs projected out."""

@@ -44,10 +44,9 @@ def unconfirmed(
     more = [name for name in with_all.inputs if name not in config.inputs]
     if not more:
         return {}
-    rate_hz = "none" if record.sampling.factor == 1 else record.settings.rate_hz
-    inputs = (*config.inputs, *more)
+    alike = {"inputs": (*config.inputs, *more), "conditioning.rate_hz": record.window.same_rate}
     try:
-        wider = prepare_record(log, merge(with_all, {"inputs": inputs, "conditioning.rate_hz": rate_hz}))
+        wider = prepare_record(log, merge(with_all, alike))
     except LogError:
         return {}
     if wider.y.shape != record.y.shape or order > max(wider.orders):

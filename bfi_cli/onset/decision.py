@@ -265,10 +265,8 @@ def own_table(
         windows = next((shorter for shorter in lengths if len(shorter) >= FEWEST_WINDOWS), [])
         if not windows or (windows[0][1] - windows[0][0]) * record.settings.rate_hz < FEWEST_SAMPLES:
             return None, why
-    rate_hz: float | str = config.conditioning.rate_hz
-    if rate_hz == "auto":
-        rate_hz = "none" if record.sampling.factor == 1 else record.settings.rate_hz
-    alike, pieces = merge(config, {"conditioning.rate_hz": rate_hz}), [(log, window) for window in windows]
+    pieces, rate_hz = [(log, window) for window in windows], config.conditioning.rate_hz
+    alike = merge(config, {"conditioning.rate_hz": record.window.same_rate if rate_hz == "auto" else rate_hz})
     try:
         table = table_of_windows(pieces, alike, _of_windows(progress, windows), like=None if why else record.settings)
     except LogError as problem:

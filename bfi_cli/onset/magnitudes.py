@@ -16,7 +16,7 @@ from ..config import Config
 from ..dictionary import Dictionary
 from ..errors import DictionaryError, LogError
 from ..flightlog import FlightLog
-from ..kernels.model_selection import Penalty
+from ..kernels.model_selection import Penalty, least_criterion
 from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import fit_magnitudes
 from ..preprocessing.fault_free_model import scored_by
@@ -42,17 +42,17 @@ def measure(
     """
     if not faults:
         return []
-    if any(one.uncertain for one in record.window.filters):
+    if any(low_pass.uncertain for low_pass in record.window.filters):
         return list(faults)
     atoms = []
     for n, fault in enumerate(faults, 1):
         channel, _, _ = record.output(fault.form.output)
         atom = fault_of(fault.form, channel, onset_s=fault.onset_s, offset_s=fault.offset_s)
         atoms.append(replace(atom, name=f"fault {n}"))
-    found = Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path="start-time")
+    dictionary = Dictionary(atoms=tuple(atoms), relative_to="log", sha256="", path="start-time")
     preparing, fitting, elsewhere, halving, sizing = shares(report, 1, 1, 2, 1, 2)
     try:
-        window = prepare_window(log, found, config, preparing)
+        window = prepare_window(log, dictionary, config, preparing)
         regression = regression_of(window, config)
     except (DictionaryError, LogError):
         return list(faults)
@@ -67,7 +67,7 @@ def measure(
         for order, _ in parts(fitting, regression.orders)
     ]
     scored, penalty = scored_by(regression, fits, penalty)
-    dispersion = overdispersion(window, regression, min(scored, key=lambda one: one.criterion).fit, elsewhere)
+    dispersion = overdispersion(window, regression, least_criterion(scored).fit, elsewhere)
     coarse = at_half_rate(window, regression, config, halving)
     estimates = estimate_magnitudes(regression, scored, penalty, dispersion, coarse, sizing)
     z, sd = estimates.value / units, np.sqrt(estimates.variance) / units

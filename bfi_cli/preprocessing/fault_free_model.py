@@ -12,7 +12,7 @@ from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.coherence import detectable_deviations
 from ..kernels.covariance import FitRows, single_additions, unfold
-from ..kernels.model_selection import Penalty, ScoredFit
+from ..kernels.model_selection import Penalty, ScoredFit, least_criterion
 from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..kernels.whiteness import exceedances
 from ..notes import Note
@@ -54,8 +54,7 @@ class FaultFreeModel:
 
 def detectable_at(penalty: Penalty) -> float:
     """Return how many standard deviations of a magnitude make it detectable under a criterion."""
-    charge = penalty.per_parameter + penalty.per_atom
-    return detectable_deviations(penalty.n_candidates, charge=charge, false_alarm=FALSE_ALARM, power=POWER)
+    return detectable_deviations(penalty.n_candidates, charge=penalty.per_fault, false_alarm=FALSE_ALARM, power=POWER)
 
 
 def without_injected_faults(log: FlightLog) -> FlightLog:
@@ -76,7 +75,7 @@ def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
     """
     regression = build_regression(window.signals, (), config, orders=window.orders)
     fits, penalty = fault_free_fits(regression, config, len(window.live))
-    best = min(fits, key=lambda one: one.criterion).fit
+    best = least_criterion(fits).fit
     theta = window.signals.theta.of(window.live).over(regression.unit)
     unfolded = unfold(replace(regression.layout, theta=theta), best)
     return FaultFreeModel(

@@ -20,7 +20,7 @@ from ..errors import LogError
 from ..faults import Fault
 from ..kernels import FloatArray
 from ..kernels.covariance import Adding, adding_to, additions_and_covariance
-from ..kernels.model_selection import Penalty, ScoredFit
+from ..kernels.model_selection import Penalty, ScoredFit, least_criterion
 from ..kernels.normal import ONE_SIDED_90
 from ..kernels.progress import Report, parts, shares, silent
 from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes, with_unit_root, without_signal
@@ -124,7 +124,7 @@ def estimate_magnitudes(
     # What sampling does not explain of the change between the rates.
     excess = (other.value - estimates.value) ** 2 - np.maximum(estimates.variance, other.variance)
     variance = estimates.variance + RATE_WEIGHT * np.nan_to_num(np.maximum(excess, 0.0))
-    wider = np.sqrt(variance / np.where(estimates.variance > 0, estimates.variance, 1.0))[active]
+    wider = _widening(variance, estimates.variance)[active]
     estimates = replace(estimates, variance=variance, covariance=estimates.covariance * np.outer(wider, wider))
     return replace(estimates, minimal_detectable=_minimal_detectable(estimates, penalty, dispersion))
 
@@ -162,14 +162,12 @@ def averaged_magnitudes(
         active = list(fit.atoms)
         z, variance, unit = single.magnitude.copy(), single.variance.copy(), regression.magnitude_unit
         z[active], variance[active] = fit.z, np.diag(scaled)
-        own = single.variance.copy()
-        own[active] = np.diag(scaled)
-        sampling[n] = own * overdispersion * unit**2
+        sampling[n] = variance * overdispersion * unit**2
         wider = np.sqrt(overdispersion[active])
         if unit_root and fit.order > 1:
             free = variance[active]
             z, variance = _with_unit_root(regression, fits[n], z, variance, penalty, overdispersion)
-            wider *= np.sqrt(variance[active] / np.where(free > 0.0, free, 1.0))
+            wider *= _widening(variance[active], free)
         values[n], variances[n] = z * unit, variance * overdispersion * unit**2
         covariances[n] = scaled * np.outer(wider * unit[active], wider * unit[active])
     value, cov = values[best], covariances[best]
@@ -179,8 +177,7 @@ def averaged_magnitudes(
     variance = np.where(total > 0.0, np.nansum(weight * np.nan_to_num(spread), axis=0), np.nan)
     variance /= np.where(total > 0.0, total, 1.0)
     fit, n_outputs = fits[best].fit, regression.layout.y.shape[1]
-    active, own = list(fit.atoms), np.diag(cov)
-    wider = np.sqrt(variance[active] / np.where(own > 0.0, own, 1.0))
+    wider = _widening(variance[list(fit.atoms)], np.diag(cov))
     estimates = MagnitudeEstimates(
         value=value,
         variance=variance,
@@ -192,10 +189,14 @@ def averaged_magnitudes(
     return replace(estimates, minimal_detectable=_minimal_detectable(estimates, penalty, overdispersion))
 
 
+def _widening(variance: FloatArray, before: FloatArray) -> FloatArray:
+    """Return the factors on standard deviations whose variances were `before`; of a variance of 0, their root."""
+    return np.asarray(np.sqrt(variance / np.where(before > 0.0, before, 1.0)))
+
+
 def statistic_needed(penalty: Penalty, overdispersion: FloatArray) -> FloatArray:
     """Return (n_live,) the statistic over all rows from which on an atom passes criterion and overdispersion test."""
-    charge = penalty.per_parameter + penalty.per_atom
-    return charge * overdispersion * penalty.n_rows / penalty.n_effective
+    return penalty.per_fault * overdispersion * penalty.n_rows / penalty.n_effective
 
 
 def _minimal_detectable(estimates: MagnitudeEstimates, penalty: Penalty, overdispersion: FloatArray) -> FloatArray:
@@ -277,16 +278,16 @@ def limits_within_tolerance(
     coarse : the regression at half the rate, None where there is none.
     report : receives the progress.
     """
-    best = min(fits, key=lambda one: one.criterion).fit
+    best = least_criterion(fits).fit
     limits = np.full(len(window.live), np.nan)
-    others = {entry: n for n, entry in enumerate(window.live) if n not in best.atoms}
-    shifts = {entry: shifts_within(window, entry, config.onset_tolerance_s) for entry in others}
+    absent = {entry: n for n, entry in enumerate(window.live) if n not in best.atoms}
+    shifts = {entry: shifts_within(window, entry, config.onset_tolerance_s) for entry in absent}
 
     def limits_at(moves: dict[int, float], report: Report) -> FloatArray:
         moving, sizing = shares(report, 1, 1)
         moved = with_onsets(window, moves)
         there = regression.with_dictionary(moved.signals.theta, regression.atoms, moving, slopes=moved.signals.slopes)
-        charged = searched(penalty, max(own.size for own in shifts.values()))
+        charged = searched(penalty, max(of_entry.size for of_entry in shifts.values()))
         at_half = None
         if coarse is not None:
             native, rate = moved.native, (coarse.signals.factor, window.lowpass)
@@ -295,21 +296,18 @@ def limits_within_tolerance(
         estimates = estimate_magnitudes(there, fits, charged, overdispersion, at_half, sizing)
         return profiled_limits(there, best, estimates, charged, overdispersion)
 
-    for end, own_report in parts(report, (0, -1)):
-        moves = {entry: float(own[end]) for entry, own in shifts.items() if own.size}
-        if not moves:
-            return limits
-        own_limits = limits_at(moves, own_report)
-        for entry in moves:
-            n = others[entry]
-            limits[n] = np.fmax(limits[n], own_limits[n])
+    for end, of_end in parts(report, (0, -1)):
+        moves = {entry: float(of_entry[end]) for entry, of_entry in shifts.items() if of_entry.size}
+        if moves:
+            moved = [absent[entry] for entry in moves]
+            limits[moved] = np.fmax(limits[moved], limits_at(moves, of_end)[moved])
     return limits
 
 
 def searched(penalty: Penalty, n_onsets: int) -> Penalty:
-    """Return the penalty of an entry whose onset was chosen among so many more.
+    """Return the penalty of an entry whose onset was chosen among `n_onsets` beside the stated one.
 
-    Each of them counts as a candidate, and that a fault is there at another time than stated needs evidence of its own.
+    Each onset counts as a candidate, and a fault at another time than stated needs as much evidence once more.
     Without that, 6 instead of 3 of 137 fault-free windows of two recorded flights raised an alarm, the elevator the
     only input.
     """
@@ -328,7 +326,7 @@ def fault_free_limits(window: PreparedWindow, config: Config) -> tuple[FloatArra
     """
     regression = regression_of(window, config)
     scored, penalty = fault_free_fits(regression, config, len(window.live))
-    best = min(scored, key=lambda one: one.criterion).fit
+    best = least_criterion(scored).fit
     dispersion = overdispersion(window, regression, best)
     dispersion = overdispersion_if_declared(window, regression, best, dispersion)
     coarse = at_half_rate(window, regression, config)
@@ -370,7 +368,7 @@ def at_half_rate(
     window: PreparedWindow, regression: RegressionData, config: Config, report: Report = silent
 ) -> RegressionData | None:
     """Return the regression at half the rate; None where the record is exact, so nothing is to be learnt, or short."""
-    if window.exact and window.rate.factor == 1:
+    if window.exact_at_rate:
         return None
     try:
         signals, _ = decimate_native(window.native, 2 * window.rate.factor, window.lowpass)

@@ -12,7 +12,7 @@ from ..config import Config, merge
 from ..dictionary import Dictionary, dead_reason, no_signal
 from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
-from ..filters import Filter, response_of
+from ..filters import Filter, of_recorder, response_of
 from ..flightlog import Channel, FlightLog, require_usable, resample, resample_with
 from ..flightlog.derived import with_derived
 from ..flightlog.injection import added_by, line_signals
@@ -107,6 +107,16 @@ class PreparedWindow:
         return self.native.window_start_s
 
     @property
+    def exact_at_rate(self) -> bool:
+        """Whether a VARX explains the record to round-off at the rate of the analysis."""
+        return self.exact and self.rate.factor == 1
+
+    @property
+    def same_rate(self) -> float | str:
+        """What `conditioning.rate_hz` has to be for another window to be analysed at the rate of this one."""
+        return "none" if self.rate.factor == 1 else self.signals.rate_hz
+
+    @property
     def summary(self) -> LogSummary:
         """What was analysed."""
         return log_summary(
@@ -163,7 +173,7 @@ def prepare_window(
     native = replace(native, earlier=_earlier_signals(log, part.rate_hz, config, resamples=resamples))
     lowpass = replace(WHITE, kind=config.conditioning.filter)
     exact = is_exact(native.between(slice(EXACT_SAMPLES)))
-    recorder_hz = min((one.edge_hz for one in filters if one.stage == "recorder"), default=None)
+    recorder_hz = min((low_pass.edge_hz for low_pass in of_recorder(filters)), default=None)
     seen = [faults[j] for j in native.seen]
     rate = choose_rate(native, seen, exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose)
     decimated, largest = decimate_native(native, rate.factor, lowpass)
@@ -307,10 +317,10 @@ def shifts_within(window: PreparedWindow, entry: int, tolerance_s: float) -> Flo
     """
     start_s, stop_s = float(window.native.time_s[0]), float(window.native.time_s[-1])
     onset_s = window.faults[entry].onset_s
-    if tolerance_s <= 0.0 or (window.exact and window.rate.factor == 1) or not start_s < onset_s < stop_s:
+    if tolerance_s <= 0.0 or window.exact_at_rate or not start_s < onset_s < stop_s:
         return np.zeros(0)
-    own_s = 1.0 / window.native.rate_hz
-    step_s = own_s * max(1, round(ONSET_STEP / window.signals.rate_hz / own_s))
+    native_s = 1.0 / window.native.rate_hz
+    step_s = native_s * max(1, round(ONSET_STEP / window.signals.rate_hz / native_s))
     far = int(np.floor(tolerance_s / step_s * (1.0 + SAME_RATE)))
     shifts = step_s * np.concatenate([np.arange(-far, 0), np.arange(1, far + 1)])
     return np.asarray(shifts[(onset_s + shifts > start_s) & (onset_s + shifts < stop_s)])

@@ -8,7 +8,7 @@ import math
 import reprlib
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -85,6 +85,20 @@ class Fault:
             raise DictionaryError(f"fault: shape: {_unknown_shape(self.shape)}")
         if not self.channel and has_channel(self.shape):
             object.__setattr__(self, "channel", "tas")
+
+    @property
+    def called(self) -> str:
+        """Its name, or its shape where it has none."""
+        return self.name or self.shape
+
+    def later(self, shift_s: float) -> Fault:
+        """Return the fault that begins and ends later by some seconds."""
+        return replace(
+            self,
+            onset_s=self.onset_s + shift_s,
+            offset_s=None if self.offset_s is None else self.offset_s + shift_s,
+            onset_range_s=self.onset_range_s and (self.onset_range_s[0] + shift_s, self.onset_range_s[1] + shift_s),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,7 +180,7 @@ def unit_signal(fault: Fault, time_s: FloatArray, *, window_start_s: float) -> F
     active = active_samples(fault, time_s)
     for key in SHAPES[fault.shape].keys:
         if key.required and getattr(fault, key.name) in (None, ""):
-            raise DictionaryError(f"{fault.name or fault.shape}: {_missing(key.name, fault.shape)}")
+            raise DictionaryError(f"{fault.called}: {_missing(key.name, fault.shape)}")
     parameters = _parameters(fault)
     if parameters.pop("phase_reference", "onset") == "window":
         since_s = time_s[active] - window_start_s

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -56,16 +57,17 @@ def name_of(injected: Fault) -> str:
 
 def is_same_fault(one: Fault, other: Fault) -> bool:
     """Say whether two faults have the same definition but for name and magnitude, times on the same axis."""
-    # A cabin that no altitude is given of is held at sea level.
-    free = {"name": None, "magnitude": None}
-    mine, others = (
-        {**fault_to_dict(fault), **free, "cabin_altitude_m": fault.cabin_altitude_m or 0.0} for fault in (one, other)
-    )
-    return mine == others
+
+    def definition(fault: Fault) -> dict[str, Any]:
+        # A cabin that no altitude is given of is held at sea level.
+        at = {"cabin_altitude_m": fault.cabin_altitude_m or 0.0}
+        return {**fault_to_dict(fault), **at, "name": None, "magnitude": None}
+
+    return definition(one) == definition(other)
 
 
 def compare_by_onset(declared: Sequence[FaultEstimate], injected: Sequence[Fault], *, tolerance_s: float) -> Comparison:
-    """Compare faults whose onset was estimated: one is the injected one if it has its shape, its channel and its onset.
+    """Compare faults of which the onset was estimated with injected ones of the same shape, channel and onset.
 
     Parameters
     ----------
@@ -73,13 +75,14 @@ def compare_by_onset(declared: Sequence[FaultEstimate], injected: Sequence[Fault
     injected : on the same time axis; signs do not count, since half a period turns that of an oscillation.
     tolerance_s : onsets that differ by no more are the same.
     """
-    sizes = {one.name: abs(one.magnitude) for one in declared}
+    sizes = {estimate.name: abs(estimate.magnitude) for estimate in declared}
     paired: dict[str, float] = {}
     unknown: list[str] = []
     for fault in injected:
         place = (fault.shape, fault.channel)
-        same = (one for one in declared if (one.fault.shape, one.fault.channel) == place and one.name not in paired)
-        near = (one.name for one in same if abs(one.fault.onset_s - fault.onset_s) <= tolerance_s)
+        rest = [estimate for estimate in declared if estimate.name not in paired]
+        same = [estimate for estimate in rest if (estimate.fault.shape, estimate.fault.channel) == place]
+        near = (estimate.name for estimate in same if abs(estimate.fault.onset_s - fault.onset_s) <= tolerance_s)
         if (name := next(near, None)) is not None:
             paired[name] = abs(fault.magnitude)
         else:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..report.content import Curve, Drawing, Panel, Table, curve
+from ..report.content import Curve, Drawing, Panel, Style, Table, curve
 from ..report.text import number
 
 Plain = Mapping[str, Any]
@@ -70,10 +70,11 @@ def comparison_drawings(scenarios: Sequence[Plain]) -> tuple[Drawing, ...]:
     shares = {method: of for method, of in shares.items() if of}
     aside = SPREAD / _per_panel(len(shares)) if shares else 0.0
     detection = [
-        _bars(
+        curve_of_shares(
             method,
             [k + aside * (n % _per_panel(len(shares)) + 0.5) - 0.5 * SPREAD for k, _ in of],
-            [one for _, one in of],
+            [share for _, share in of],
+            style="points",
         )
         for n, (method, of) in enumerate(shares.items())
     ]
@@ -125,13 +126,14 @@ def _has(of: Mapping[str, Plain], fault: str) -> bool:
     return fault in of and bool(of[fault]["equal_rate"]) and of[fault]["equal_rate"]["detected"]["rate"] is not None
 
 
-def _bars(label: str, x: Sequence[float], shares: Sequence[Plain]) -> Curve:
+def curve_of_shares(label: str, x: Sequence[float], shares: Sequence[Plain], *, style: Style) -> Curve:
+    """Return the curve of proportions in percent, with their intervals."""
     ends = [share["ci95"] or (math.nan, math.nan) for share in shares]
     return curve(
         label,
         x,
         [100.0 * (math.nan if share["rate"] is None else share["rate"]) for share in shares],
-        style="points",
+        style=style,
         low=[100.0 * low for low, _ in ends],
         high=[100.0 * high for _, high in ends],
     )

@@ -124,21 +124,14 @@ def faults_of(
     drawn = {
         name: replace(_begun(atom, span_s, rng), magnitude=truth[name])
         for atom in setting.dictionary.resolved(span_s[0])
-        if (name := atom.name or atom.shape) in truth
+        if (name := atom.called) in truth
     }
     return drawn | injected
 
 
 def _on_axis(injected: InjectedFault, setting: Setting, start_s: float, later_s: float = 0.0) -> Fault:
     """Return an injected fault, times on the log's axis, so much later than stated."""
-    fault = injected.fault()
-    later = later_s + (start_s if setting.dictionary.relative_to == "window" else 0.0)
-    return replace(
-        fault,
-        onset_s=fault.onset_s + later,
-        offset_s=None if fault.offset_s is None else fault.offset_s + later,
-        onset_range_s=fault.onset_range_s and (fault.onset_range_s[0] + later, fault.onset_range_s[1] + later),
-    )
+    return injected.fault().later(later_s + (start_s if setting.dictionary.relative_to == "window" else 0.0))
 
 
 def _begun(fault: Fault, span_s: tuple[float, float], rng: np.random.Generator) -> Fault:
@@ -150,9 +143,9 @@ def _begun(fault: Fault, span_s: tuple[float, float], rng: np.random.Generator) 
 
 
 def onsets_within(onsets_s: tuple[float, float], start_s: float, stop_s: float) -> tuple[float, float]:
-    """Return between which times a fault begins, where an end is infinite from 10 %, or to 90 %, of a window."""
+    """Return the times between which a fault begins; an infinite one is at 10 %, or 90 %, of the window."""
     ends = [start_s + part * (stop_s - start_s) for part in ANY_TIME]
-    first, last = (one if np.isfinite(one) else end for one, end in zip(onsets_s, ends, strict=True))
+    first, last = (at_s if np.isfinite(at_s) else end for at_s, end in zip(onsets_s, ends, strict=True))
     return first, last
 
 
@@ -170,13 +163,13 @@ def check_onsets(log: FlightLog, setting: Setting, *, drawing: bool, where: str)
     start_s, stop_s = _window_s(log, setting)
     injected = [_on_axis(one, setting, start_s) for one in setting.injected]
     entries = setting.dictionary.resolved(start_s) if drawing else ()
-    for key, one in (*(("inject", fault) for fault in injected), *(("dictionary", atom) for atom in entries)):
-        if one.onset_range_s is None:
+    for key, fault in (*(("inject", fault) for fault in injected), *(("dictionary", atom) for atom in entries)):
+        if fault.onset_range_s is None:
             continue
-        first, last = onsets_within(one.onset_range_s, start_s, stop_s)
+        first, last = onsets_within(fault.onset_range_s, start_s, stop_s)
         if not start_s <= first < last <= stop_s:
             raise ConfigError(
-                f"{where}: {key}: onset_s: '{one.name or one.shape}' would begin at {first:g} to {last:g} s, and the "
+                f"{where}: {key}: onset_s: '{fault.called}' would begin at {first:g} to {last:g} s, and the "
                 f"window of {log.path} is {start_s:g} to {stop_s:g} s; move from or to"
             )
 

@@ -32,7 +32,7 @@ def is_one_of(fault: Fault, entry: Fault) -> bool:
     Onsets that are not stated agree where both could be the same; a kind without a frequency, time constant or duration
     has any.
     """
-    ends = [one.onset_range_s or (one.onset_s, one.onset_s) for one in (fault, entry)]
+    ends = [either.onset_range_s or (either.onset_s, either.onset_s) for either in (fault, entry)]
     if max(low for low, _ in ends) > min(high for _, high in ends):
         return False
     if entry.onset_range_s is not None:
@@ -77,7 +77,7 @@ class Setting:
         if injected.right is not None:
             return injected.right
         fault = injected.fault()
-        return tuple(atom.name or atom.shape for atom in self.dictionary.atoms if is_one_of(fault, atom))
+        return tuple(atom.called for atom in self.dictionary.atoms if is_one_of(fault, atom))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -248,13 +248,13 @@ def _check_drawn(dictionary: Dictionary, n_active: int, where: str) -> None:
             if key.required and getattr(atom, key.name) is None:
                 raise ConfigError(
                     f"{where}: active: a fault that is drawn needs a {key.name}, and {dictionary.path} states none "
-                    f"of '{atom.name or atom.shape}'; add it there, or make active 0"
+                    f"of '{atom.called}'; add it there, or make active 0"
                 )
 
 
 def _configs(rules: SweepRules, where: str) -> list[tuple[str, tuple[dict[str, Any], Config]]]:
     """Return (label, (value by key, configuration)) of every combination of the grid."""
-    found, complaints = [], []
+    configs, complaints = [], []
     for values in product(*rules.grid.values()):
         settings = dict(zip(rules.grid, values, strict=True))
         try:
@@ -266,10 +266,10 @@ def _configs(rules: SweepRules, where: str) -> list[tuple[str, tuple[dict[str, A
             for key in (key for key, several in rules.grid.items() if len(several) > 1):
                 value = settings[key]
                 words.append(f"{key}={value if isinstance(value, str) else json.dumps(value, default=str)}")
-            found.append((" ".join(words), (settings, config)))
+            configs.append((" ".join(words), (settings, config)))
     if complaints:
         raise ConfigError(f"{where}: " + " | ".join(f"grid.{text}" for text in dict.fromkeys(complaints)))
-    return found
+    return configs
 
 
 def size_of(fault: Fault) -> float:
@@ -279,7 +279,7 @@ def size_of(fault: Fault) -> float:
 
 def _check_injected(setting: Setting, n_active: int, where: str) -> None:
     """Refuse injected faults whose right answers, or whose names, the dictionary does not leave clear."""
-    path, names = setting.dictionary.path, [atom.name or atom.shape for atom in setting.dictionary.atoms]
+    path, names = setting.dictionary.path, [atom.called for atom in setting.dictionary.atoms]
     if len(setting.right) < len(setting.injected):
         called = ", ".join(f"'{name}'" for name in setting.right)
         raise ConfigError(f"{where}: name: two faults are called the same, got {called}; give each a name")

@@ -20,7 +20,7 @@ from ..report.text import counted, number
 from ..serialization import SCHEMA, to_plain
 from ..shapes import Kind
 from . import comparison
-from .comparison import MOST_CURVES, comparison_drawings, comparison_tables
+from .comparison import MOST_CURVES, comparison_drawings, comparison_tables, curve_of_shares
 from .scenarios import Sweep
 from .trial import Row, rounded
 
@@ -339,11 +339,8 @@ def _side_by_side(curves: Mapping[str, Sequence[Plain]], draw: Any) -> list[Curv
 
 
 def _rates(name: str, scenarios: Sequence[Plain], shift: float) -> Curve:
-    shares = [scenario["isolation_rate"] for scenario in scenarios]
-    ends = 100.0 * np.array([share["ci95"] or (math.nan, math.nan) for share in shares]).reshape(-1, 2)
-    rates = 100.0 * np.array([share["rate"] for share in shares], dtype=np.float64)
     active = [scenario["axes"]["active"] + shift for scenario in scenarios]
-    return curve(name, active, rates, style="bars", low=ends[:, 0], high=ends[:, 1])
+    return curve_of_shares(name, active, [scenario["isolation_rate"] for scenario in scenarios], style="bars")
 
 
 def _errors(name: str, scenarios: Sequence[Plain], shift: float) -> Curve:

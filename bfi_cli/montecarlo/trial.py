@@ -141,10 +141,10 @@ def run_trial(trial: Trial) -> Row:
 def draw(trial: Trial, rng: np.random.Generator) -> dict[str, float]:
     """Return magnitude by name of the faults of a trial, in the order of the dictionary; that of a whole one is 1."""
     taken = {name for right in trial.scenario.setting.right.values() for name in right}
-    atoms = [atom for atom in trial.scenario.setting.dictionary.atoms if _name(atom) not in taken]
+    atoms = [atom for atom in trial.scenario.setting.dictionary.atoms if atom.called not in taken]
     active = np.sort(rng.choice(len(atoms), trial.scenario.n_active, replace=False))
     sizes = rng.choice(trial.scenario.sizes, trial.scenario.n_active)
-    return {_name(atoms[j]): size_of(replace(atoms[j], magnitude=float(z))) for j, z in zip(active, sizes, strict=True)}
+    return {atoms[j].called: size_of(replace(atoms[j], magnitude=float(z))) for j, z in zip(active, sizes, strict=True)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -191,7 +191,7 @@ def _identified(row: Row, trial: Trial, flown: Flown) -> Row:
     outside = tuple(own for own in setting.right if own not in entries)
     comparison = compare_faults(estimate, {k: z for k, z in truth.items() if k not in outside}, unknown=outside)
     error = comparison.magnitude_error
-    shapes = {_name(atom): atom.shape for atom in setting.dictionary.atoms}
+    shapes = {atom.called: atom.shape for atom in setting.dictionary.atoms}
     if any(own in estimate and shapes[entry] != added[own].shape for own, entry in entries.items()):
         error = None  # magnitudes of different shapes have nothing in common
     window = setting.config.window
@@ -298,12 +298,13 @@ def _whole_answer(log: FlightLog, setting: Setting) -> _Answer:
 def _kinds_of(faults: Sequence[FaultEstimate], kinds: Sequence[Fault]) -> dict[str, str]:
     """Return the name of the kind that each fault is one of, by its own name; a second of a kind keeps its own."""
     called: dict[str, str] = {}
-    for one in faults:
+    for estimate in faults:
+        fault = estimate.fault
         for kind in kinds:
-            first_s, last_s = kind.onset_range_s or (one.fault.onset_s, one.fault.onset_s)
-            alike = (kind.shape, kind.channel) == (one.fault.shape, one.fault.channel)
-            if alike and first_s <= one.fault.onset_s <= last_s and _name(kind) not in called.values():
-                called[one.name] = _name(kind)
+            first_s, last_s = kind.onset_range_s or (fault.onset_s, fault.onset_s)
+            alike = (kind.shape, kind.channel) == (fault.shape, fault.channel)
+            if alike and first_s <= fault.onset_s <= last_s and kind.called not in called.values():
+                called[estimate.name] = kind.called
                 break
     return called
 
@@ -317,7 +318,7 @@ def _shared_answer(setting: Setting, truth: Mapping[str, float]) -> _Answer | No
     if z is None or not z.any():
         return None
     estimate = {name: float(value) for name, value in zip(shared.names, z, strict=True) if value}
-    kinds = {kind_of(atom, declared=True) for atom in setting.dictionary.atoms if _name(atom) in estimate}
+    kinds = {kind_of(atom, declared=True) for atom in setting.dictionary.atoms if atom.called in estimate}
     return _Answer(
         decision="fault",
         estimate=estimate,
@@ -325,10 +326,6 @@ def _shared_answer(setting: Setting, truth: Mapping[str, float]) -> _Answer | No
         verdicts={kind: "fault" if kind in kinds else "inconclusive" for kind in KINDS},
         states={name: "declared" if name in estimate else "not_seen" for name in truth},
     )
-
-
-def _name(atom: Fault) -> str:
-    return atom.name or atom.shape
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -195,7 +195,7 @@ def kinds_of_entries(entries: Sequence[Fault], outputs: Sequence[str], duration_
         key = (shape, outputs.index(entry.channel))
         first, last = ranges_s.get(key, entry.onset_range_s)
         ranges_s[key] = (min(first, entry.onset_range_s[0]), max(last, entry.onset_range_s[1]))
-        names.setdefault(key, entry.name or entry.shape)
+        names.setdefault(key, entry.called)
         detected.append(SCANNED_AS.get(shape, shape))
         stated = entry.frequency_hz or entry.time_constant_s or entry.duration_s
         if shape == "sine":

@@ -420,9 +420,8 @@ def overdispersion_if_declared(
 
 
 def _family(fault: Fault) -> Fault:
-    """Return what all faults have in common that differ by their onset only."""
-    lasting = None if fault.offset_s is None else fault.offset_s - fault.onset_s
-    return replace(fault, name=None, magnitude=1.0, onset_s=0.0, offset_s=lasting)
+    """Return the nameless fault of magnitude 1 at 0 s that stands for all which differ from it by their onset only."""
+    return replace(fault.later(-fault.onset_s), name=None, magnitude=1.0)
 
 
 def _factor(window: PreparedWindow, regression: RegressionData, adding: Adding, family: Fault) -> float:
@@ -431,14 +430,11 @@ def _factor(window: PreparedWindow, regression: RegressionData, adding: Adding, 
     onsets = time_s[0] + np.linspace(*INSIDE, N_ONSETS) * (time_s[-1] - time_s[0])
     in_stretches, n_values = window.signals.theta.in_stretches, N_ONSETS * len(window.signals.y)
     n_parts = 1 if in_stretches else min(N_ONSETS, -(-n_values // MOST_VALUES))
-    lasting, squares = family.offset_s, np.empty(0)
+    squares = np.empty(0)
     # Each shifted signal is added alone to the fit.
-    for some in np.array_split(onsets, n_parts):
-        shifted = [
-            replace(family, onset_s=onset, offset_s=None if lasting is None else onset + lasting)
-            for onset in some.tolist()
-        ]
-        added = adding.each_of(signals_of_faults(window, shifted).over(regression.unit))
+    for part in np.array_split(onsets, n_parts):
+        shifted = signals_of_faults(window, [family.later(onset) for onset in part.tolist()])
+        added = adding.each_of(shifted.over(regression.unit))
         squares = np.append(squares, added.magnitude**2 / added.variance)
     seen = squares[np.isfinite(squares)]
     return max(1.0, float(np.mean(seen))) if seen.size else 1.0

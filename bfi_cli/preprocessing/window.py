@@ -177,7 +177,7 @@ def prepare_window(
     seen = [faults[j] for j in native.seen]
     rate = choose_rate(native, seen, exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose)
     decimated, largest = decimate_native(native, rate.factor, lowpass)
-    names = tuple(fault.name or fault.shape for fault in faults)
+    names = tuple(fault.called for fault in faults)
     reasons |= unusable_atoms(decimated.theta, names, native.seen, report)
     live = tuple(j for j in native.seen if j not in reasons)
     if not live and not free:
@@ -338,7 +338,7 @@ def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float
     (n_samples, n_outputs, n_shifts), filtered, decimated and held as those of the window are.
     """
     fault, size = window.faults[entry], window.sizes.get(entry, 0.0)
-    return signals_of_faults(window, [_later(fault, shift_s) for shift_s in shifts_s], [size] * len(shifts_s))
+    return signals_of_faults(window, [fault.later(shift_s) for shift_s in shifts_s], [size] * len(shifts_s))
 
 
 def signals_of_faults(window: PreparedWindow, faults: Sequence[Fault], sizes: Sequence[float] = ()) -> AtomSignals:
@@ -367,7 +367,7 @@ def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> Prepar
     ----------
     shifts_s : seconds by entry.
     """
-    moved = {entry: _later(window.faults[entry], shift_s) for entry, shift_s in shifts_s.items()}
+    moved = {entry: window.faults[entry].later(shift_s) for entry, shift_s in shifts_s.items()}
     return _with_entries(window, moved, window.sizes) if shifts_s else window
 
 
@@ -406,11 +406,6 @@ def _with_entries(window: PreparedWindow, faults: Mapping[int, Fault], sizes: Ma
         largest=largest,
         sizes=dict(sizes),
     )
-
-
-def _later(fault: Fault, shift_s: float) -> Fault:
-    offset_s = None if fault.offset_s is None else fault.offset_s + shift_s
-    return replace(fault, onset_s=fault.onset_s + shift_s, offset_s=offset_s)
 
 
 def must_resample(part: FlightLog, names: Sequence[str], rate_hz: float | str) -> bool:
@@ -462,9 +457,7 @@ def _of_log(
     own = log.channel(fault.channel).name
     if made and own not in made:
         follow = ", ".join(made)
-        raise DictionaryError(
-            f"'{fault.name or fault.shape}' does not change '{own}'; name one of its channel: {follow}"
-        )
+        raise DictionaryError(f"'{fault.called}' does not change '{own}'; name one of its channel: {follow}")
     for k, name in enumerate(names):
         if name in made:
             values[:, k], slopes[:, k] = made[name].values, made[name].slopes

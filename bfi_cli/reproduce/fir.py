@@ -1,8 +1,8 @@
 """Blind identification of an FIR system: its impulse response and its input from its output alone (thesis chapter 3).
 
 The output is y(k) = sum_i b_i u(k-i), i = 1..n_taps, and the unknown input u(k) = theta(k) z lies in a dictionary of
-known signals. Only the product b z^T can be told from the data (b and z up to a factor), and it is a matrix of rank 1:
-RISRO keeps it one, the nuclear norm asks for small singular values instead and pays with shrunken values.
+known signals. The data determine only the product b z^T (b and z up to a factor), a matrix of rank 1: RISRO keeps the
+rank, the nuclear norm penalises singular values instead, which shrinks them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..report.text import number
 from .page import drawing, joined, load, report_content, table
 from .record import Settings, thesis_dictionary, thesis_record, trials_of
 
-# A filter and three faults, by their number in the dictionary, that nothing singles out.
+# An arbitrary filter, and three arbitrary faults by their number in the dictionary.
 TAPS = np.array([1.0, 0.5, -0.3])
 SIZES = {1: 4.0, 2: 2.0, 6: 1.0}
 METHODS = {"RISRO": None, "nuclear norm, penalty 0.001": 1e-3, "nuclear norm, penalty 1e-06": 1e-6}  # penalties
@@ -44,9 +44,9 @@ IMBALANCE, RESCALE = 10.0, 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class NuclearSolution:
-    """The minimiser found: (p1, p2), of low rank exactly, after so many steps, and why no more were made.
+    """The minimiser X, (p1, p2), exactly of low rank, with the number of steps and the reason of termination.
 
-    `gap` is the duality gap over 1/2 ||y||^2: the objective lies no more than that above its minimum.
+    `gap` is the duality gap over 1/2 ||y||^2, a bound on how far the objective lies above its minimum.
     """
 
     X: FloatArray
@@ -60,10 +60,10 @@ def nuclear_least_squares(
 ) -> NuclearSolution:
     """Minimise 1/2 ||y - A(X)||^2 + penalty ||X||_* over X, the convex stand-in for a rank constraint (section 3-1).
 
-    The penalty takes the same amount off every singular value of the unpenalised answer (exactly so for orthonormal
-    covariates): directions survive, sizes shrink. The solver is the alternating direction method of multipliers on the
-    singular value decomposition of the covariates, so its steps do not depend on the number of samples; it stops on the
-    duality gap, which bounds the distance to the minimum without knowing it.
+    The penalty lowers every singular value of the unpenalised solution by the same amount (exactly for orthonormal
+    covariates), so that directions stay and sizes shrink. The solver is the alternating direction method of multipliers
+    on the singular value decomposition of the covariates, whose steps do not depend on the number of samples; it stops
+    on the duality gap, which bounds the distance to the minimum.
 
     Parameters
     ----------
@@ -133,12 +133,11 @@ class FirResult:
     product : (n_taps, n_atoms) b z^T, of rank 1.
     taps : (n_taps,) b, of unit norm and with its largest entry positive.
     magnitudes : (n_atoms,) z, so that product = taps magnitudes^T.
-    rank_one_share : largest singular value of the matrix found over their sum; 1 where the method keeps rank 1.
-    shrinkage : how much of its size the product has lost, as a fraction: product / (1 - shrinkage) fits the output
-        best; 0 for RISRO.
+    rank_one_share : largest singular value of the solution over the sum of all; 1 for a method that keeps rank 1.
+    shrinkage : fraction by which the product is too small: product / (1 - shrinkage) fits the output best; 0 for RISRO.
     misfit, vaf : 2-norm of y minus its reconstruction, and 100 (1 - misfit^2 / ||y||^2), over the rows used.
-    condition_number : of the lagged dictionary, columns scaled to unit norm; infinite where it lacks rank.
-    termination : why no more steps were made.
+    condition_number : of the lagged dictionary, columns scaled to unit norm; infinite if it lacks rank.
+    termination : reason of the end of the iteration.
     """
 
     product: FloatArray
@@ -213,7 +212,7 @@ def identify_fir(y: FloatArray, theta: FloatArray, *, n_taps: int, penalty: floa
 
 
 def _atom_scales(theta: FloatArray) -> FloatArray:
-    """Return (n_atoms,) root mean squares, all atoms being alive and different."""
+    """Return (n_atoms,) root mean squares; a zero atom, or one equal to another, is refused."""
     scale = np.sqrt(np.mean(theta**2, axis=0))
     for j in np.flatnonzero(scale == 0.0):
         raise DictionaryError(f"fir: theta[:, {j}] is zero in the whole window; leave it out")
@@ -229,8 +228,8 @@ class Problem:
 
     Attributes
     ----------
-    theta : (n_samples, n_atoms) dictionary; None for one drawn anew in every trial.
-    white : then the share of white noise in it; the rest is slow oscillations, of which lags nearly coincide.
+    theta : (n_samples, n_atoms) dictionary; None to draw one in every trial.
+    white : share of white noise in a drawn dictionary; the rest is slow oscillations, whose lags are nearly equal.
     noise : of the output, over its standard deviation.
     """
 
@@ -241,7 +240,7 @@ class Problem:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Point:
-    """A point of a sweep: its place, its errors (n_trials, n_methods), the median of their bound."""
+    """A point of a sweep: its abscissa, the errors, (n_trials, n_methods), and the median of their bound."""
 
     x: float
     errors: FloatArray
@@ -254,9 +253,9 @@ class _Point:
 
 
 def run(trial: tuple[Problem, tuple[int, ...]]) -> list[float]:
-    """Return of a problem and the seed of a trial the errors by method, their first-order bound, the condition number.
+    """Return the errors by method, their first-order bound and the condition number, of a problem and a trial's seed.
 
-    The seed is all that is random: a dictionary where the problem has none, and the noise of the output.
+    The seed determines the noise of the output, and the dictionary if the problem has none.
     """
     problem, seed = trial
     rng = np.random.default_rng(seed)
@@ -270,7 +269,7 @@ def run(trial: tuple[Problem, tuple[int, ...]]) -> list[float]:
 
 
 def z_of(n_atoms: int) -> FloatArray:
-    """Return (n_atoms,) the true magnitudes, of which three are not zero."""
+    """Return (n_atoms,) the true magnitudes, three of them not zero."""
     return np.array([SIZES.get(j, 0.0) for j in range(n_atoms)])
 
 
@@ -320,7 +319,7 @@ def fir(settings: Settings) -> ReportContent:
     y = output(theta, z)
     solutions = {label: identify_fir(y, theta, n_taps=len(TAPS), penalty=one) for label, one in METHODS.items()}
     ours = {label: error(one.product, z) for label, one in solutions.items()}
-    # The product summed over the taps, which the output tells, and what differs between taps, which it hardly does.
+    # The product summed over the taps, which the output determines well, and its differences between taps, badly.
     rows, parts = [], {}
     for label, one in solutions.items():
         off = one.product - truth

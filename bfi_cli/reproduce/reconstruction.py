@@ -1,4 +1,4 @@
-"""A fault as each method reconstructs it: readings of the thesis's algorithm 3, the program, DMAE, the scan."""
+"""A fault as reconstructed by each method: readings of the thesis's algorithm 3, this program, DMAE, the scan."""
 
 from __future__ import annotations
 
@@ -31,26 +31,26 @@ from ..report.text import interval, number
 from .page import load
 from .record import NOISE_M_S, Settings, thesis_dictionary, thesis_record, true_fault, with_noise
 
-# Methods by the names of their settings in methods.yaml; `who` in thesis.yaml has their labels and says what each is.
-# The readings solve the thesis's problem at the log's own rate: the first four as its algorithm 3 is printed and as its
-# program runs. The methods of the program choose rate and order by themselves.
+# Methods by the names of their settings in methods.yaml; `who` in thesis.yaml has their labels and explains them. The
+# readings solve the thesis's problem at the log's rate, the first four as its algorithm 3 is printed and as its program
+# runs. The methods of this program choose rate and order.
 READINGS = ("sparse", "sparse_2", "rank_only", "listing", "imposed")
 PROGRAM = ("risro", "default")
-COPIES = 60  # fault-free copies of the record behind a threshold: as many as a figure of the scan can wait for
+COPIES = 60  # fault-free copies of the record from which a threshold is estimated, limited by the time of a figure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reconstruction:
-    """A fault, and the measurement with it, as one method sees them.
+    """A fault, and the measurement with it, as reconstructed by a method.
 
     Attributes
     ----------
     label : of the method.
-    time_s, fault : (n_samples,) at the method's own rate, m/s.
-    airspeed : (n_samples,) the measurement as the method reconstructs it, NaN where it does not.
-    vaf_fault, vaf_output : equation 5-2 in %, the airspeed about its mean; below 0 where the error is the larger.
-    declared : in a few words.
-    magnitudes : by name, of the whole dictionary; empty for a method that has none.
+    time_s, fault : (n_samples,) at the rate of the method, m/s.
+    airspeed : (n_samples,) the reconstructed measurement, NaN where there is none.
+    vaf_fault, vaf_output : equation 5-2 in %, the airspeed about its mean; negative if the error exceeds the signal.
+    declared : the declared faults in a few words.
+    magnitudes : of the whole dictionary by name; empty for a method without a dictionary.
     """
 
     label: str
@@ -69,21 +69,21 @@ def method_config(name: str) -> Config:
 
 
 def label_of(name: str) -> str:
-    """Return how figures and tables call a method."""
+    """Return the label of a method in figures and tables."""
     label: str = load("thesis")["shared"]["who"][name][0]
     return label
 
 
 def above(magnitudes: dict[str, float], share: float = THRESHOLD) -> list[str]:
-    """Return the names of the magnitudes above a share of the norm of all of them, the rule of section 5-1."""
+    """Return the names of the magnitudes above a share of the norm of all magnitudes, the rule of section 5-1."""
     size = float(np.linalg.norm(list(magnitudes.values())))
     return [name for name, z in magnitudes.items() if abs(z) > share * size]
 
 
 def by_readings(log: FlightLog, order: int, names: Sequence[str] = READINGS) -> dict[str, Reconstruction]:
-    """Solve a log with injected faults for the thesis's dictionary at its own rate, by each of some readings.
+    """Return the reconstructions of a log with injected faults by some readings, with the thesis's dictionary.
 
-    The rows are those of the order itself, as in the thesis.
+    The rate is that of the log, and the first row follows `order` samples of past, as in the thesis.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def by_readings(log: FlightLog, order: int, names: Sequence[str] = READINGS) -> 
         solution = solve(regression.data, config)
         z = np.zeros(len(window.names))
         z[live] = solution.z * regression.magnitude_unit
-        # The prediction error of the VARX with these K and z: what its inputs and constant leave of the rest.
+        # The prediction error of the VARX with these K and z, its inputs and constant fitted to the rest.
         corrected = np.asarray(layout.y) - np.asarray(layout.theta) @ solution.z
         rest = corrected[order:, 0] - lagged(corrected, range(1, order + 1)) @ solution.K
         error = regression.unit[0] * (rest - base @ np.linalg.lstsq(base, rest, rcond=None)[0])
@@ -122,12 +122,12 @@ def by_readings(log: FlightLog, order: int, names: Sequence[str] = READINGS) -> 
 
 
 def vaf(true: FloatArray, estimate: FloatArray) -> float:
-    """Return the variance accounted for in %, below 0 where the error is larger than the signal (equation 5-2)."""
+    """Return the variance accounted for in %, negative if the error exceeds the signal (equation 5-2)."""
     return float(100.0 * (1.0 - np.sum((true - estimate) ** 2) / np.sum(true**2)))
 
 
 def by_program(log: FlightLog, name: str) -> Reconstruction:
-    """Return what a method of the program finds, which chooses rate and order by itself.
+    """Return the reconstruction by a method of this program, which chooses rate and order.
 
     Raises
     ------
@@ -156,7 +156,7 @@ def declared(answer: IdentifyResult) -> str:
 
 
 def by_dmae(log: FlightLog, filters: DmaeSettings, settings: Settings, *, label: str | None = None) -> Reconstruction:
-    """Return what double-model adaptive estimation makes of a log.
+    """Return the reconstruction by double-model adaptive estimation.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def by_dmae(log: FlightLog, filters: DmaeSettings, settings: Settings, *, label:
 
 
 def by_scan(log: FlightLog, settings: Settings, *, shapes: Sequence[str]) -> Reconstruction:
-    """Return what `bfi start-time` finds at 10 Hz without a dictionary, see `scanning`.
+    """Return the reconstruction by `bfi start-time` at 10 Hz, without a dictionary; see `scanning`.
 
     Raises
     ------
@@ -215,13 +215,13 @@ def dated(one: FaultEstimate) -> str:
 
 @contextmanager
 def scanning(settings: Settings, shapes: Sequence[str]) -> Iterator[Config]:
-    """Yield how to scan at 10 Hz for some shapes.
+    """Yield the configuration of a scan at 10 Hz for some shapes.
 
-    The threshold is the shipped one where the user gave a log, in a quick run, and with sinusoids, whose table would
-    take minutes; otherwise that of 60 fault-free copies of the simulated record with 0.01 m/s of noise, counted as
-    `bfi calibrate` does.
+    The threshold is the shipped one with a log of the user, in a quick run, and with sinusoids, whose table would take
+    minutes; otherwise it is calibrated, as by `bfi calibrate`, on 60 fault-free copies of the simulated record with
+    0.01 m/s of noise.
     """
-    config = merge(Config(), {"conditioning.rate_hz": 10.0, "start_time.shapes": list(shapes)})
+    config = _scan_of(shapes)
     if shipped(settings, shapes):
         yield config
         return
@@ -232,16 +232,19 @@ def scanning(settings: Settings, shapes: Sequence[str]) -> Iterator[Config]:
 
 
 def shipped(settings: Settings, shapes: Sequence[str]) -> tuple[str, ...]:
-    """Return the note that the shipped threshold is taken, none where it is counted anew."""
-    taken = settings.quick or settings.log is not None or "sine" in shapes
-    return (load("thesis")["shared"]["shipped"],) if taken else ()
+    """Return the note on the shipped threshold, () where `scanning` calibrates one."""
+    is_shipped = settings.quick or settings.log is not None or "sine" in shapes
+    return (load("thesis")["shared"]["shipped"],) if is_shipped else ()
+
+
+def _scan_of(shapes: Sequence[str]) -> Config:
+    return merge(Config(), {"conditioning.rate_hz": 10.0, "start_time.shapes": list(shapes)})
 
 
 @lru_cache(maxsize=4)
 def _thresholds(shapes: tuple[str, ...], seed: int) -> str:
     clean = thesis_record(Settings())
-    config = merge(Config(), {"conditioning.rate_hz": 10.0, "start_time.shapes": list(shapes)})
     whole = (float(clean.time_s[0]), float(clean.time_s[-1]) + 1.0 / clean.rate_hz)
     seeds = np.random.SeedSequence([seed, COPIES]).generate_state(COPIES).tolist()
     copies = [(with_noise(clean, NOISE_M_S, seed=one), whole) for one in seeds]
-    return save_tables([table_of_windows(copies, config)], provenance(log_sha256="", seed=seed))
+    return save_tables([table_of_windows(copies, _scan_of(shapes))], provenance(log_sha256="", seed=seed))

@@ -1,4 +1,4 @@
-"""What a reproduction starts from: its settings, the thesis's record or what stands in for it, its dictionary."""
+"""The inputs of a reproduction: its settings, the thesis's record or its stand-in, the thesis's dictionary."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..report.content import Curve, Panel, Span, curve
 
-# White noise added to the airspeed where a page shows what noise changes; the thesis does not state that of its record.
+# White noise added to the airspeed on pages about noise; the thesis does not state the noise of its record.
 NOISE_M_S = 0.01
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Settings:
-    """How a figure is to be made.
+    """Settings of a reproduction.
 
     Attributes
     ----------
@@ -33,8 +33,8 @@ class Settings:
     trials : per point of a Monte Carlo figure, None for the published number (or a few where quick).
     seed : of all random numbers.
     workers : processes of this machine.
-    choices : "key=value" for what a reproduction leaves open; f16-table2 has some.
-    report : told how much is done, (done, total).
+    choices : "key=value" of open choices, which f16-table2 has.
+    report : called with (done, total).
     """
 
     log: FlightLog | None = None
@@ -46,16 +46,17 @@ class Settings:
     report: Callable[[int, int], None] = lambda _done, _total: None
 
     def trials_or(self, published: int, quick: int) -> int:
-        """Return how many trials to run."""
+        """Return the number of trials: as stated, else `quick` in a quick run, else `published`."""
         return self.trials if self.trials is not None else quick if self.quick else published
 
 
 def trials_of(run: Callable[[Any], Any], points: Sequence[object], n_trials: int, settings: Settings) -> FloatArray:
-    """Return what `run` gives of trials of every point, (n_points, n_trials, ...).
+    """Return the outcomes of trials of every point, (n_points, n_trials, ...).
 
     Parameters
     ----------
-    run : a function of a module, of (point, seed); the seed, (settings.seed, point, trial), is all that is random.
+    run : a function at the top of a module, from (point, seed) to an outcome; the seed, (settings.seed, point, trial),
+        determines it.
     """
     trials = [(point, (settings.seed, i, k)) for i, point in enumerate(points) for k in range(n_trials)]
     done = []
@@ -67,7 +68,7 @@ def trials_of(run: Callable[[Any], Any], points: Sequence[object], n_trials: int
 
 
 def thesis_record(settings: Settings) -> FlightLog:
-    """Return the log of the settings, or without one 3172 samples at 100 Hz of the linear Citation, free of noise.
+    """Return the log of the settings, by default 3172 samples at 100 Hz of the linear Citation, free of noise.
 
     Raises
     ------
@@ -91,11 +92,11 @@ def thesis_dictionary() -> Dictionary:
 
 
 def with_fault(clean: FlightLog, *faults: Fault) -> FlightLog:
-    """Return the log with faults whose starts count from its first sample.
+    """Return the log with faults whose onsets count from its first sample.
 
     Raises
     ------
-    DictionaryError : it ends before a fault.
+    DictionaryError : the log ends before a fault.
     """
     start_s = float(clean.time_s[0])
     return inject(clean, [replace(fault, onset_s=fault.onset_s + start_s) for fault in faults])
@@ -110,7 +111,7 @@ def with_noise(log: FlightLog, sd: float, *, seed: int) -> FlightLog:
 
 
 def records_of(log: FlightLog, settings: Settings) -> dict[str, FlightLog]:
-    """Return a log by what is said of its noise; a simulated one with and without noise on its airspeed."""
+    """Return records by their names: a simulated log with and without noise on its airspeed, another as recorded."""
     if settings.log is not None:
         return {"as recorded": log}
     return {"no noise": log, f"noise {NOISE_M_S:g} m/s": with_noise(log, NOISE_M_S, seed=settings.seed)}

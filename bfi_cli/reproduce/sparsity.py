@@ -1,7 +1,7 @@
-"""Does sparsity help? Rules that choose the active faults, on the same data: how often they isolate, and how fast.
+"""Does sparsity help? Rules that choose the active faults, on the same data: isolation rate and time of each.
 
-Every rule starts from the compressed data of one order, those of bfi identify at 10 Hz; what it needs of RISRO counts
-for its time. Atoms are those of the thesis, or steps at regular starts; their numbers and the noise vary.
+Every rule starts from the compressed data of one order, those of bfi identify at 10 Hz; its time includes that of
+RISRO if it needs RISRO. Atoms are those of the thesis, or steps at regular starts; their number and the noise vary.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from .sweeps import rate_curve, with_interval
 
 Support = tuple[int, ...]
 
-# At 100 Hz lags remember so little that white noise becomes a drift; order 6 is among those that identify tries.
+# At 100 Hz lags span so little time that white noise becomes a drift; order 6 is among those that identify tries.
 RATE_HZ, ORDER = 10.0, 6
 STEPS_S = 120.0  # duration of the record of the dictionaries of steps
 THESIS_ATOMS = 7  # in the dictionary of its table 5-2
@@ -46,7 +46,7 @@ STEP_NOISES = (0.2, 0.5)  # m/s, on the steps
 TRIALS, QUICK_TRIALS = 100, 2
 MOST_ACTIVE, LARGEST = 3, 10  # active faults, and their integer magnitudes
 PUBLISHED = SparseStage(kind="exp-l0", alpha=1.0, r=10.0, p0=1.0, updates=1)
-BESIDE = 1.03  # how far points of the next rule stand aside, so that they do not hide each other
+BESIDE = 1.03  # factor between points of successive rules, so that they do not hide each other
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +60,7 @@ class Point:
 
 @dataclass(frozen=True, slots=True)
 class Problem:
-    """What the rules meet in a trial: the data, their form without inputs, the price of an atom, the true support."""
+    """The data of a trial, the same with inputs projected out, the penalty of an atom, and the true support."""
 
     regression: RegressionData
     projected: ProjectedRegression
@@ -98,7 +98,7 @@ def problem_of(point: Point, seed: Sequence[int]) -> Problem:
 
 
 def _by_rule(of: Problem, z: FloatArray) -> Support:
-    """Return what the thesis declares: the magnitudes above a thousandth of the norm of all, in SI units."""
+    """Return the support by the thesis's rule: the magnitudes above a thousandth of the norm of all, in SI units."""
     si = z * of.regression.magnitude_unit
     return _above(np.abs(si) / np.linalg.norm(si), THRESHOLD)
 
@@ -108,14 +108,14 @@ def _above(values: FloatArray, threshold: float) -> Support:
 
 
 def _in_deviations(of: Problem) -> tuple[Fit, FloatArray]:
-    """Return the fit of all atoms that RISRO leads to, and its magnitudes over their standard deviations."""
+    """Return the fit of all atoms from RISRO's solution, and its magnitudes over their standard deviations."""
     whole = risro_varx(of.regression.data)
     fit = fit_magnitudes(of.projected, range(len(whole.z)), whole.z, max_iterations=1)
     return fit, np.abs(fit.z) / np.sqrt(np.diag(np.linalg.pinv(fit.information)))
 
 
 def _cheapest(of: Problem, proposals: Sequence[Proposal]) -> Support:
-    """Return the proposed support with the best criterion, atoms dropped one by one while it falls."""
+    """Return the proposed support with the best criterion, after atoms are dropped one by one while it falls."""
     atoms = range(of.penalty.n_candidates)
     searches, _ = refine_supports([of.projected], atoms, of.penalty, proposals=proposals, dropping_only=True)
     return searches[0].best.fit.atoms

@@ -1,8 +1,8 @@
 """Chapter 5 of the thesis: its record (figure 5-1), its signals (table 2-1, figure 5-2), and cases 1 to 3.
 
-Cases are faults as every method reconstructs them (section 5-3): case 1 is a fault of the dictionary (5-5, 5-6), case 2
-a bias with a perturbation that the dictionary lacks (5-7 to 5-10), case 3 a fault that starts later than the
-dictionary's (5-11, 5-12).
+Cases are faults reconstructed by every method (section 5-3): case 1 is a fault of the dictionary (5-5, 5-6), case 2 a
+bias with a perturbation that the dictionary lacks (5-7 to 5-10), case 3 a fault that starts later than the dictionary's
+(5-11, 5-12).
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ ORDERS = tuple(range(3, 81))  # of the thesis's figure 5-9
 QUICK_ORDERS = (5, 25, 45, 60)  # some of these
 LOW, BEST = 4, 45  # the orders of the thesis: of most of its figures, and the best of figure 5-9
 SHOWN = (3, 4, 5, 10, 25, 40, 44, 45, 50, 60, 80)  # in the table of figure 5-9, and those solved with noise too
-LISTING_SHARE = 0.01  # of the norm of all magnitudes: what the listing of the sweep over orders counts as a fault
+LISTING_SHARE = 0.01  # of the norm of all magnitudes, above which the listing of the sweep over orders counts a fault
 DRAWN = tuple(name for name in READINGS if name != "sparse_2")  # the readings of algorithm 3 in the figures of cases
 
 
@@ -89,7 +89,7 @@ def thesis_5_1(settings: Settings) -> ReportContent:
 
 
 def thesis_5_2(settings: Settings) -> ReportContent:
-    """Return figure 5-2: the signals of the dictionary, with the smallest magnitude of each that could be found."""
+    """Return figure 5-2: the signals of the dictionary, with the minimal detectable magnitude of each."""
     page, log, dictionary = load("thesis")["5-2"], thesis_record(settings), thesis_dictionary()
     answer = identify_faults(with_noise(log, NOISE_M_S, seed=settings.seed), dictionary, Config())
     smallest = {one.name: quantity(one.minimal_detectable, one.unit) for one in answer.candidates}
@@ -115,7 +115,7 @@ def thesis_5_2(settings: Settings) -> ReportContent:
 
 
 def thesis_table_2_1(settings: Settings) -> ReportContent:
-    """Return table 2-1: what blocks a pitot probe and the signal that stands for it, drawn on the record's airspeed."""
+    """Return table 2-1: blockages of a pitot probe and the signals that model them, added to the record's airspeed."""
     page, log = load("thesis")["2-1"], thesis_record(settings)
     faults, panels = [], []
     for blockage, printed, spec in page["faults"]:
@@ -265,7 +265,7 @@ def _draw_orders(
     solved: Mapping[str, Mapping[int, Views]],
     program: Mapping[str, Views],
 ) -> Drawing:
-    """Return VAF, error and number of faults against the order, what chooses its order as horizontal lines."""
+    """Return VAF, error and number of faults against the order; methods that choose the order as horizontal lines."""
     reads: Mapping[str, Callable[[FlightLog, Reconstruction], float]] = {
         "vaf": lambda _, one: one.vaf_fault,
         "error": magnitude_error,
@@ -332,11 +332,11 @@ def _method_tables(seen: Mapping[str, Views], others: Sequence[Reconstruction] =
 
 
 def _reconstructed(figure: str, settings: Settings) -> ReportContent:
-    """Return the page of a faulty log: every method, with and without noise where the log is simulated.
+    """Return the page of a faulty log: every method, with and without noise if the log is simulated.
 
-    The page says which fault it is (the perturbed bias where it names none), the order of the readings of algorithm 3,
-    the settings of DMAE, and the shapes for which the scan over all starts is made too. DMAE with process noise of the
-    fault, which a quick run leaves out, is only tabulated.
+    The page states the fault (default the perturbed bias), the order of the readings of algorithm 3, the settings of
+    DMAE, and the shapes of a scan over all starts, if any. DMAE with process noise of the fault is only tabulated, and
+    left out of a quick run.
     """
     page, shared, name = load("thesis")[figure], load("thesis")["shared"], f"thesis_{figure.replace('-', '_')}"
     clean = thesis_record(settings)
@@ -387,7 +387,7 @@ def _reconstructed(figure: str, settings: Settings) -> ReportContent:
 
 
 def _views_panels(log: FlightLog, views: Views) -> list[Panel]:
-    """Return the airspeed and the fault as methods see them; a fault far outside the true one's axis leaves it."""
+    """Return the reconstructed airspeeds and faults, on axes about the true fault that others may leave."""
     true, spans = true_fault(log), fault_starts(log)[:1]
     # The true fault fills about half of the axis.
     low, high = min(float(true.min()), 0.0), max(float(true.max()), 0.0)
@@ -403,7 +403,7 @@ def _views_panels(log: FlightLog, views: Views) -> list[Panel]:
     ]
 
 
-# What the thesis says of a figure, by what is told of a record.
+# The claim of the thesis about a figure, as a condition on the values of a record.
 HOLDS: Mapping[str, Callable[[Mapping[str, Any]], bool]] = {
     "5-5": lambda of: min(of[one].vaf_fault for one in ("sparse", "dmae")) > 50.0,
     "5-6": lambda of: bool(of["wander"] < 0.1 * abs(of["level"])),

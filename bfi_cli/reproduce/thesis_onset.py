@@ -1,4 +1,4 @@
-"""When a fault started, the thesis's way beside the scan: figures 5-13 to 5-15, and 5-16 with the wrong shape."""
+"""The onset of a fault, by the thesis's method and by the scan: figures 5-13 to 5-15, and 5-16 with the wrong shape."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from .thesis_cases import LOW
 BIAS = Fault(shape="bias", magnitude=5.0, onset_s=15.0)
 DRIFT = Fault(shape="drift", magnitude=5.0, slope=0.05, onset_s=16.0)
 FIRST_S, LAST_S, STEP_S, QUICK_STEP_S = 14.5, 17.0, 0.01, 0.1  # the axis of the published figures, every sample
-METHODS = (*READINGS, "staged")  # that solve the problem anew for every start
+METHODS = (*READINGS, "staged")  # solve the problem anew for every start
 SHAPES: tuple[Shape, ...] = ("bias", "drift")
 UNIT = {"bias": "m/s", "drift": "0.05 m/s^2"}
 TIMES = {"bias": "m/s", "drift": "x 0.05 m/s^2"}
@@ -47,9 +47,9 @@ TIMES = {"bias": "m/s", "drift": "x 0.05 m/s^2"}
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _Case:
-    """A record with one fault: magnitudes over the starts of signals of one shape, and the scan.
+    """A record with one fault: magnitudes over the assumed starts of signals of one shape, and the scan.
 
-    `magnitudes` are those of the readings of algorithm 3 and of our stage by their names, (n_starts,) each.
+    `magnitudes`, (n_starts,) each, are those of the readings of algorithm 3 and of our stage, by name.
     """
 
     label: str
@@ -68,7 +68,7 @@ class _Case:
 
     @property
     def declared(self) -> str:
-        """What the scan says."""
+        """The faults that the scan declares, in words."""
         return "; ".join(map(dated, self.scan.faults)) or "none"
 
     @property
@@ -78,7 +78,7 @@ class _Case:
 
 
 def thesis_5_13(settings: Settings) -> ReportContent:
-    """Return figure 5-13: a bias of 5 m/s from 15 s, whose start is to be found."""
+    """Return figure 5-13: a bias of 5 m/s from 15 s, whose start is sought."""
     page, log = load("thesis")["5-13"], thesis_record(settings)
     faulty = with_fault(log, BIAS)
     spans, scans = fault_starts(faulty), {}
@@ -100,7 +100,7 @@ def thesis_5_13(settings: Settings) -> ReportContent:
 
 
 def _right_shape(fault: Fault, figure: str, size: str, settings: Settings) -> ReportContent:
-    """Return the page of a fault whose start is looked for with signals of its own shape."""
+    """Return the page of a fault whose start is sought with signals of the right shape."""
     page = {**load("thesis")["5-14"], **load("thesis")[figure]}
     cases = _cases(settings, fault, fault.shape)
     first = cases[0]
@@ -208,7 +208,7 @@ def _cases(settings: Settings, fault: Fault, shape: Shape, *, step: int = 0, of:
 
 
 def _by_stage(data: Compressed) -> float:
-    """Return the magnitude of the one atom of the data that our sparsity stage and the criterion leave, 0 for none."""
+    """Return the magnitude of the data's only atom by our sparsity stage and the criterion, 0 if it is dropped."""
     problem, n_rows = project_inputs(data, LOW, floor=ROUND_OFF), data.n_rows
     penalty = Penalty(n_rows=n_rows, n_effective=float(n_rows), n_candidates=1, evidence=STRONG_EVIDENCE)
     price, stage = penalty.per_parameter + penalty.per_atom, SparseStage(kind="exp-l0")

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -33,10 +34,9 @@ from .airframe import (
     tables,
 )
 from .loads import NORMAL_PER_ELEVATOR, SIDE_PER_CONTROL, Body, Conditions, commanded_power, conditions_at
-from .motion import derivatives, rate_derivatives, translation
+from .motion import derivatives, rate_derivatives, runge_kutta, translation
 
 LEAST_THRUST_N = 1.0  # keeps the nozzle's angle finite where the engine gives none
-BEFORE_THE_END = 1.0 - 1e-6  # a fault or a command that jumps at the end of a step belongs to the next one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -171,13 +171,12 @@ class Flights:
     ----------
     time_s : (m,).
     residual : (m, 3, n) measured minus observed p, q, r, rad/s.
-    states, controls : (m, 13, n) and (m, 6, n), in the orders of `STATES` and `CONTROLS`.
+    states : (m, 13, n), in the order of `STATES`.
     """
 
     time_s: FloatArray
     residual: FloatArray
     states: FloatArray
-    controls: FloatArray
 
 
 def observe(
@@ -202,31 +201,25 @@ def observe(
     steps = max(1, round(setting.record_s / setting.step_s))
     h = setting.record_s / steps
 
-    def change(t: float, z: FloatArray, offset: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return dz/dt, of the aircraft's state, (13, n), and the observer's, (3, n), and the controls."""
+    def change(offset: FloatArray, t: float, z: FloatArray) -> FloatArray:
+        """Return dz/dt of the aircraft's state, (13, n), and the observer's, (3, n); the gyros read `offset` more."""
         x, seen, y = z[:-3], z[-3:], z[RATES] + offset + fault(t)
         at = conditions_at(x, body)
         u = setting.inversion.controls(x, y, setting.command(t), throttle=setting.throttle, at=at)
         rates = y if setting.from_measured else seen
         M = at.moments(at.coefficients(rates, u), at.thrust_force(u))
         observed = rate_derivatives(rates, M, body.airframe) + setting.observer_gain * (y - seen)
-        return np.concatenate([derivatives(x, u, body, at=at, variation=variation), observed]), u
+        return np.concatenate([derivatives(x, u, body, at=at, variation=variation), observed])
 
     z = np.zeros((len(STATES) + 3, n))
     z[TAS], z[ALTITUDE], z[POWER] = setting.tas_m_s, setting.altitude_m, commanded_power(np.array(setting.throttle))
-    residual, states, controls = (np.empty((samples.size, rows, n)) for rows in (3, len(STATES), len(CONTROLS)))
+    residual, states = (np.empty((samples.size, rows, n)) for rows in (3, len(STATES)))
     for k in samples:
         start = float(k) * setting.record_s
         residual[k], states[k] = z[RATES] + noise[k] + fault(start) - z[-3:], z[:-3]
         for i in range(steps):
-            t = start + i * h
-            first, u = change(t, z, noise[k])
-            controls[k] = u if i == 0 else controls[k]
-            second, _ = change(t + 0.5 * h, z + 0.5 * h * first, noise[k])
-            third, _ = change(t + 0.5 * h, z + 0.5 * h * second, noise[k])
-            fourth, _ = change(t + BEFORE_THE_END * h, z + h * third, noise[k])
-            z = z + h / 6.0 * (first + 2.0 * (second + third) + fourth)
+            z = runge_kutta(partial(change, noise[k]), start + i * h, z, h)
         if report is not None:
             report(int(k) + 1, samples.size)
     time_s = np.asarray(samples * setting.record_s, dtype=np.float64)
-    return Flights(time_s=time_s, residual=residual, states=states, controls=controls)
+    return Flights(time_s=time_s, residual=residual, states=states)

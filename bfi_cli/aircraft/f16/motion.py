@@ -7,8 +7,9 @@ orthogonal to the velocity.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -47,6 +48,7 @@ ACCELERATIONS = ("longitudinal_acc", "lateral_acc", "normal_acc")
 # Stops of elevator, aileron, rudder and throttle.
 LEAST, MOST = (np.array([*(sign * limit for limit in SURFACE_LIMITS), end]) for sign, end in ((-1.0, 0.0), (1.0, 1.0)))
 LONGEST_STEP = 0.02  # seconds of one Runge-Kutta step, as in the F-16 diagnosability reproduction
+BEFORE_THE_END = 1.0 - 1e-6  # of a Runge-Kutta step, where its last stage lies
 SIDESLIP_RANGE = (-30.0, 30.0)  # degrees, the ends of the tables
 
 # At the tables' own centre of gravity, 0.35, the aircraft is so close to neutral that steps of two degrees of elevator
@@ -94,6 +96,18 @@ def derivatives(
     )
     change[POWER] = power_rate(x[POWER], u[THROTTLE])
     return change
+
+
+def runge_kutta(change: Callable[[float, FloatArray], FloatArray], t: float, x: FloatArray, h: float) -> FloatArray:
+    """Return x(t + h) of dx/dt = change(t, x) by the classical method of order 4.
+
+    The last stage lies just before t + h, so that an input which jumps there belongs to the next step.
+    """
+    first = change(t, x)
+    second = change(t + 0.5 * h, x + 0.5 * h * first)
+    third = change(t + 0.5 * h, x + 0.5 * h * second)
+    fourth = change(t + BEFORE_THE_END * h, x + h * third)
+    return x + h / 6.0 * (first + 2.0 * (second + third) + fourth)
 
 
 def translation(x: FloatArray, acceleration: FloatArray) -> FloatArray:
@@ -223,6 +237,10 @@ def fly(
     steps = max(1, int(np.ceil(1.0 / (rate_hz * LONGEST_STEP))))
     h = 1.0 / (rate_hz * steps)
     x = trimmed.state[:, None].copy()
+
+    def change(held: FloatArray, _t: float, x: FloatArray) -> FloatArray:
+        return derivatives(x, held, STABLE)
+
     for k in range(len(inputs)):
         report(k / len(inputs))
         states[:, k] = x[:, 0]
@@ -233,12 +251,8 @@ def fly(
                     f"f16: {name} leaves the tables, {low:g} to {high:g} degrees, at {k / rate_hz:.3g} s, got "
                     f"{angle:.3g} degrees; give a smaller --amplitude or a shorter --step"
                 )
-        now = u[:, [k]]
         for _ in range(steps if k < len(inputs) - 1 else 0):
-            first = derivatives(x, now, STABLE)
-            second = derivatives(x + 0.5 * h * first, now, STABLE)
-            third = derivatives(x + 0.5 * h * second, now, STABLE)
-            x = x + h / 6.0 * (first + 2.0 * (second + third) + derivatives(x + h * third, now, STABLE))
+            x = runge_kutta(partial(change, u[:, [k]]), 0.0, x, h)
     at = conditions_at(states, STABLE)
     felt = at.accelerations(at.coefficients(states[RATES], u), at.thrust_force(u)) - at.weight
     stops = [name for name, beyond in zip(INPUTS, (wanted != inputs).any(axis=0), strict=True) if beyond]

@@ -67,7 +67,7 @@ def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: floa
 def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | None) -> Audit:
     span, why = _window(dictionary, config, duration_s)
     faults = dictionary.resolved(span.start_s)
-    names = tuple(fault.name or fault.shape for fault in faults)
+    names = tuple(fault.called for fault in faults)
     length_s = span.stop_s - span.start_s
     affordable_hz = min(FINE_HZ, FINE_VALUES / (length_s * len(faults)))
     rate_hz = span.rate_hz or max(SAMPLES / length_s, DRAWN_PER_CYCLE * (fastest_hz(faults) or 0.0), affordable_hz)

@@ -140,7 +140,7 @@ def span_of(faults: Sequence[Fault], from_s: float | None, *, from_zero: bool) -
 
 def oddities(fault: Fault, span: AuditWindow) -> Iterator[str]:
     """Yield why a fault does not show its shape in a window: too short, too slow, too fast, or too early."""
-    name = f"'{fault.name or fault.shape}'"
+    name = f"'{fault.called}'"
     stop_s = span.stop_s if fault.offset_s is None else min(fault.offset_s, span.stop_s)
     shown_s = stop_s - max(fault.onset_s, span.start_s)
     if fault.frequency_hz is not None and fault.frequency_hz * shown_s < FEWEST_CYCLES:
@@ -192,7 +192,7 @@ def remarks_of(
     """
     remarks: dict[int, list[str]] = {}
     for n, (j, fault) in enumerate(faults.items()):
-        sentences, name = list(oddities(fault, span)), fault.name or fault.shape
+        sentences, name = list(oddities(fault, span)), fault.called
         lost = f"the first {span.lags} samples, which the model's lags use up"
         # It starts after the window does, but before the first row of the model.
         early = bool(span.rate_hz and span.lags and 0.0 < (fault.onset_s - span.start_s) * span.rate_hz < span.lags)
@@ -246,7 +246,7 @@ def entries(
 def _audited(fault: Fault, unit: str, note: str | None, least: float | None, *, live: bool) -> AuditedAtom:
     """Return an entry on a channel of some unit, with its minimal detectable magnitude."""
     return AuditedAtom(
-        name=fault.name or fault.shape,
+        name=fault.called,
         fault=fault,
         live=live,
         note=note,
@@ -333,5 +333,5 @@ def with_kinds(
 def _kind(fault: Fault, unit: str, reason: str | None, limit: Candidate | None) -> AuditedAtom:
     note = reason
     if limit is not None and limit.note is not None:
-        note = reason or f"limit of '{fault.name or fault.shape}': {limit.note}"
+        note = reason or f"limit of '{fault.called}': {limit.note}"
     return _audited(fault, unit, note, None if limit is None else limit.minimal_detectable_scan, live=not reason)

@@ -361,18 +361,7 @@ class Dictionary:
 
     def resolved(self, window_start_s: float) -> tuple[Fault, ...]:
         """Return the atoms with onset and offset on the log's time axis."""
-        if self.relative_to == "log":
-            return self.atoms
-        start_s = window_start_s
-        return tuple(
-            replace(
-                one,
-                onset_s=one.onset_s + start_s,
-                offset_s=None if one.offset_s is None else one.offset_s + start_s,
-                onset_range_s=one.onset_range_s and (one.onset_range_s[0] + start_s, one.onset_range_s[1] + start_s),
-            )
-            for one in self.atoms
-        )
+        return self.atoms if self.relative_to == "log" else tuple(one.later(window_start_s) for one in self.atoms)
 
 
 def load_dictionary(
@@ -454,7 +443,7 @@ def signals(
     columns = np.zeros((np.size(time_s), len(outputs), len(faults)))
     for j, fault in enumerate(faults):
         if fault.channel not in outputs:
-            name = f"'{fault.name or fault.shape}'"
+            name = f"'{fault.called}'"
             raise DictionaryError(f"dictionary: {name} acts on {_not_an_output(fault.channel, outputs)}")
         signal = recorded_signal(fault, time_s, response, window_start_s=window_start_s)
         columns[:, outputs.index(fault.channel), j] = signal
@@ -505,7 +494,7 @@ def dead_sentences(
     starts, ends = [one.onset_s for one in late], [one.offset_s or 0.0 for one in early]
 
     def named(group: Sequence[Fault]) -> str:
-        return ", ".join(f"'{one.name or one.shape}'" for one in group)
+        return ", ".join(f"'{one.called}'" for one in group)
 
     for group, verb, key, times_s, where in (
         (late, "start", "onset", starts, f"after the window ends ({stop_s:g} s)"),
@@ -525,10 +514,10 @@ def dead_sentences(
 def no_signal(fault: Fault) -> str:
     """Return, as a sentence, why a fault without a signal is left out of an analysis of signals without a log."""
     if SHAPES[fault.shape].acts_on == "course":
-        return f"'{fault.name or fault.shape}' has no signal of its own; bfi identify estimates its course"
+        return f"'{fault.called}' has no signal of its own; bfi identify estimates its course"
     if SHAPES[fault.shape].lines is not None:
-        return f"'{fault.name or fault.shape}' follows from the pressures that the log shows; give the log"
-    return f"'{fault.name or fault.shape}' is a share of what the log shows; give the log"
+        return f"'{fault.called}' follows from the pressures that the log shows; give the log"
+    return f"'{fault.called}' is a share of what the log shows; give the log"
 
 
 def _not_an_output(channel: str, outputs: Sequence[str]) -> str:

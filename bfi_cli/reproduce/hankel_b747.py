@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..aircraft.catalogue import B747, ELEVATORS, ENGINES
-from ..aircraft.model import LinearModel, response
+from ..aircraft.model import LinearModel, propagate, response
 from ..kernels import FloatArray
 from ..kernels.nullspace import Criteria, criteria
 from ..report.content import Panel, ReportContent, curve
@@ -144,9 +144,7 @@ def blamed(A: FloatArray, gains: tuple[float, float], *, onset: int = ONSET, ste
     """
     i = np.arange(SHORT_N_SAMPLES)
     u = np.asarray(np.sin(0.5 * i) + np.sin(1.3 * i) if step is None else i >= step, dtype=np.float64)
-    y = np.ones((SHORT_N_SAMPLES, 2))
-    for k in range(SHORT_N_SAMPLES - 1):
-        y[k + 1] = A @ y[k] + u[k]
+    y = propagate(A, u[:, None], x0=np.ones(2))
     y[onset:] *= gains
     values = criteria(y, u[:, None], width=WIDTH).channel
     at = max(onset, ONSET)

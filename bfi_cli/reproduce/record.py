@@ -92,14 +92,13 @@ def thesis_dictionary() -> Dictionary:
 
 
 def with_fault(clean: FlightLog, *faults: Fault) -> FlightLog:
-    """Return the log with faults whose onsets count from its first sample.
+    """Return the log with faults whose times count from its first sample.
 
     Raises
     ------
     DictionaryError : the log ends before a fault.
     """
-    start_s = float(clean.time_s[0])
-    return inject(clean, [replace(fault, onset_s=fault.onset_s + start_s) for fault in faults])
+    return inject(clean, [fault.later(float(clean.time_s[0])) for fault in faults])
 
 
 def with_noise(log: FlightLog, sd: float, *, seed: int) -> FlightLog:

@@ -264,8 +264,7 @@ def searched_on_log(
 
     The search is None where all kinds are left out.
     """
-    part = clean.window(config.window.from_s, config.window.to_s)
-    start_s, stop_s = float(part.time_s[0]), float(part.time_s[-1])
+    start_s, stop_s = clean.window(config.window.from_s, config.window.to_s).ends()
     kinds = dictionary.searched.resolved(start_s)
     reasons = [dead_reason_of_kind(one, start_s, stop_s, config.outputs) for one in kinds]
     live = [kind for kind, reason in zip(kinds, reasons, strict=True) if reason is None]

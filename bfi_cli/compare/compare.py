@@ -62,7 +62,7 @@ def compare(
     )
     truth = None
     if window.truth is not None:
-        first_s, last_s = float(window.time_s[0]), float(window.time_s[-1])
+        first_s, last_s = window.ends()
         acting = (
             one
             for one in window.truth.faults

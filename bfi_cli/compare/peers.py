@@ -137,9 +137,9 @@ def by_null_space(problem: Problem) -> Statement:
 
     The score is the largest statistic over its threshold.
     """
-    window = {"window.from_s": problem.config.window.from_s, "window.to_s": problem.config.window.to_s}
-    given = {key: value for key, value in window.items() if value is not None}
-    result = detect_faults(problem.log, merge(problem.asked, given))
+    window = problem.config.window
+    config = merge(problem.asked, {"window.from_s": window.from_s, "window.to_s": window.to_s})
+    result = detect_faults(problem.log, config)
     suspects = tuple(
         Suspect(channel=one.channel, shape="bias", onset_s=one.onset_s, magnitude=one.size, declared_s=one.time_s)
         for one in result.alarms

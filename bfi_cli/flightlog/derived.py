@@ -208,8 +208,7 @@ def with_derived(
 
 def _parts(log: FlightLog, from_s: float | None, to_s: float | None) -> tuple[BoolArray, BoolArray, BoolArray]:
     """Return the samples of the window, of its first quarter in flight, and of the flight before it if long enough."""
-    first = float(log.time_s[0]) if from_s is None else from_s
-    last = float(log.time_s[-1]) if to_s is None else to_s
+    first, last = log.ends(from_s, to_s)
     inside = (log.time_s >= first) & (log.time_s <= last)
     flying = np.ones(log.n_samples, dtype=bool)
     airspeed = next((log.channels[name].values for name in ("tas", "cas", "ias") if name in log.channels), None)

@@ -175,9 +175,9 @@ def _of_parameters(path: str, signals: Mapping[str, _Signal], unlike: Mapping[st
 
 def _number(path: str, name: str, node: h5py.Group, key: str, default: float | None) -> float:
     stated = _attribute(node, key) if key in node.attrs else default
-    if not isinstance(stated, int | float | np.integer | np.floating):
+    if (number := raw.number_of(stated)) is None:
         raise LogError(f"{path}: '{name}' has no number as {key}, got {_text(stated)[:40]!r}; mend the file")
-    return float(stated)
+    return number
 
 
 def _signals(path: str, children: Mapping[str, Any]) -> tuple[dict[str, _Signal], dict[str, str]]:

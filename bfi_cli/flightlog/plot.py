@@ -235,8 +235,8 @@ def plot_logs(
         for log in whole:
             log.signals(chosen)
     parts = [log.window(from_s, to_s) for log in whole]
-    low = min(float(part.time_s[0]) for part in parts) if from_s is None else from_s
-    high = max(float(part.time_s[-1]) for part in parts) if to_s is None else to_s
+    starts, stops = zip(*(part.ends() for part in parts), strict=True)
+    low, high = min(starts) if from_s is None else from_s, max(stops) if to_s is None else to_s
     phases = phases_of(first)
     notes = [*notes, *(note for log in whole for note in log.notes)]
     if len(logs) > 1:
@@ -256,11 +256,11 @@ def plot_logs(
                 path=part.path,
                 rate_hz=part.rate_hz,
                 n_samples=part.n_samples,
-                start_s=float(part.time_s[0]),
-                stop_s=float(part.time_s[-1]),
+                start_s=start_s,
+                stop_s=stop_s,
                 sha256=part.sha256,
             )
-            for part in parts
+            for part, start_s, stop_s in zip(parts, starts, stops, strict=True)
         ),
         from_s=low,
         to_s=high,

@@ -211,11 +211,12 @@ def inspect_log(log: FlightLog) -> LogReport:
         for name in DERIVED
         if name not in log.channels
     )
+    start_s, stop_s = log.ends()
     return LogReport(
         path=log.path,
         n_samples=log.n_samples,
-        start_s=float(log.time_s[0]),
-        stop_s=float(log.time_s[-1]),
+        start_s=start_s,
+        stop_s=stop_s,
         rate_hz=float(f"{log.rate_hz:.9g}"),
         uniform=is_uniform(log.time_s),
         jitter=time_jitter(log.time_s),
@@ -288,8 +289,7 @@ def advice_on_the_ground(
     from_s, to_s : the window; None for the ends of the log.
     suspects : see `bfi_cli.flightlog.phases.phases_of`.
     """
-    first = float(log.time_s[0]) if from_s is None else from_s
-    last = float(log.time_s[-1]) if to_s is None else to_s
+    first, last = log.ends(from_s, to_s)
     phases = phases_of(log, suspects=suspects)
     if not shared((first, last), spans_of(phases, ("ground",))) > MOSTLY * (last - first):
         return None

@@ -232,6 +232,11 @@ def parsing(path: str, what: str, advice: str = "export it again") -> Iterator[N
         raise LogError(f"{path}: damaged or truncated {what}, {first_line(error)}; {advice}") from None
 
 
+def number_of(stated: object) -> float | None:
+    """Return a number that a file states, None for anything else."""
+    return float(stated) if isinstance(stated, int | float | np.integer | np.floating) else None
+
+
 def rate_of(path: str, stated: object) -> float:
     """Return the sample_rate_hz that a file states.
 
@@ -239,9 +244,9 @@ def rate_of(path: str, stated: object) -> float:
     ------
     LogError : `stated` is no number.
     """
-    if not isinstance(stated, int | float | np.integer | np.floating):
+    if (rate_hz := number_of(stated)) is None:
         raise LogError(f"{path}: sample_rate_hz is no number, got {str(stated)[:40]!r}; mend it")
-    return float(stated)
+    return rate_hz
 
 
 def choose_group(path: str, wanted: str | None, groups: Sequence[str], *, has_signals: bool) -> str | None:

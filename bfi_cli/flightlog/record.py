@@ -193,6 +193,11 @@ class FlightLog:
             self._rate_hz.append(float(f"{1.0 / float(np.median(np.diff(self.time_s), overwrite_input=True)):.10g}"))
         return self._rate_hz[0]
 
+    def ends(self, from_s: float | None = None, to_s: float | None = None) -> tuple[float, float]:
+        """Return first and last time, s, of a window; None for those of the log."""
+        first, last = float(self.time_s[0]), float(self.time_s[-1])
+        return first if from_s is None else from_s, last if to_s is None else to_s
+
     def channel(self, name: str) -> Channel:
         """Return a channel by its standard name, or by its name in the file.
 

@@ -7,7 +7,6 @@ units and clocks are properties of the channels.
 from __future__ import annotations
 
 import logging
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -26,6 +25,7 @@ from .raw import (
     Track,
     choose_group,
     from_midnight,
+    number_of,
     parsing,
     rate_of,
     require_few,
@@ -165,8 +165,8 @@ def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], f
 
 def _clock(properties: Mapping[str, Any]) -> _Clock | None:
     """Return the clock of a channel, None where it is no waveform."""
-    step_s, offset_s = _number(properties.get("wf_increment")), _number(properties.get("wf_start_offset", 0.0))
-    if step_s is None or offset_s is None or not 1.0 / FASTEST <= step_s <= SLOWEST_S or abs(offset_s) > 1e12:
+    step_s, offset_s = number_of(properties.get("wf_increment")), number_of(properties.get("wf_start_offset", 0.0))
+    if step_s is None or offset_s is None or not (1.0 / FASTEST <= step_s <= SLOWEST_S and abs(offset_s) <= 1e12):
         return None
     start = properties.get("wf_start_time")
     # A start at LabVIEW's epoch, 1904, was never set.
@@ -174,13 +174,6 @@ def _clock(properties: Mapping[str, Any]) -> _Clock | None:
         return _Clock(offset_s, step_s, None)
     day = start.astype("datetime64[D]")
     return _Clock(offset_s + float((start - day) / np.timedelta64(1, "us")) * 1e-6, step_s, int(day.astype(np.int64)))
-
-
-def _number(stated: object) -> float | None:
-    if not isinstance(stated, int | float | np.integer | np.floating):
-        return None
-    number = float(stated)
-    return number if math.isfinite(number) else None
 
 
 def _times(signal: _Signal, day: int | None) -> FloatArray:

@@ -227,24 +227,25 @@ def test_a_cluster_of_two_workers_does_not_change_a_byte(montecarlo: Callable[..
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("workers", [1, 2])
-def test_ctrl_c(montecarlo: Callable[..., Path], written: Callable, tmp_path: Path, workers: int):
-    whole = (montecarlo("noisy", "whole", "--trials", 24) / "trials.csv").read_bytes()
-    argv = [sys.executable, "-c", RUN, "montecarlo", "-c", written("noisy"), "--out", tmp_path / "part", "--trials", 24]
-    process = subprocess.Popen(
-        [*map(str, argv), "--workers", str(workers)],
-        cwd=ROOT,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
-    journal = tmp_path / "part" / "unfinished" / "trials.csv"
-    for _ in range(600):
-        if journal.exists() and len(journal.read_bytes().splitlines()) > 10:
-            break
-        time.sleep(0.05)
-    os.killpg(process.pid, signal.SIGINT)
-    assert process.communicate(timeout=60)[1] == "bfi: interrupted\n"
-    assert process.returncode == 130
-    assert 10 < len(journal.read_bytes().splitlines()) < 4 * 24 + 1
-    assert (montecarlo("noisy", "part", "--trials", 24, "--resume") / "trials.csv").read_bytes() == whole
+def test_ctrl_c(montecarlo: Callable[..., Path], written: Callable, tmp_path: Path):
+    whole = (montecarlo("noisy", "whole", "--trials", 12) / "trials.csv").read_bytes()
+    for workers in (1, 2):
+        out = tmp_path / f"part_{workers}"
+        argv = [sys.executable, "-c", RUN, "montecarlo", "-c", written("noisy"), "--out", out, "--trials", 12]
+        process = subprocess.Popen(
+            [*map(str, argv), "--workers", str(workers)],
+            cwd=ROOT,
+            stderr=subprocess.PIPE,
+            text=True,
+            start_new_session=True,
+        )
+        journal = out / "unfinished" / "trials.csv"
+        for _ in range(1200):
+            if journal.exists() and len(journal.read_bytes().splitlines()) > 10:
+                break
+            time.sleep(0.05)
+        os.killpg(process.pid, signal.SIGINT)
+        assert process.communicate(timeout=60)[1] == "bfi: interrupted\n"
+        assert process.returncode == 130
+        assert 10 < len(journal.read_bytes().splitlines()) < 4 * 12 + 1
+        assert (montecarlo("noisy", out.name, "--trials", 12, "--resume") / "trials.csv").read_bytes() == whole

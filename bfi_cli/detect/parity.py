@@ -369,9 +369,10 @@ def parity_limits(samples: DecimatedRecord, passes: Sequence[MonitoringPass], *,
         drops, window, lasting = monitored.drops, monitored.window, monitored.drops.old_size.shape[1]
         # A row tells of the onset that is the oldest in its window, the rows before it of the same onset.
         rows = monitored.decided[monitored.decided - window + 1 >= monitored.model.n_held_back]
-        run = rows[:, None] - np.arange(lasting)[::-1]
+        place = np.arange(lasting)
+        run = rows[:, None] - place[::-1]
         needed = np.sqrt(drop_at(monitored.threshold.level, drops.freedom[run][:, :, None]))
-        declared = factor * ((needed + ONE_SIDED_90) * drops.old_sd[run, np.arange(lasting)]).max(axis=1)
+        declared = factor * ((needed + ONE_SIDED_90) * drops.old_sd[run, place]).max(axis=1)
         size, sd = drops.old_size[rows, -1], drops.old_sd[rows, -1]
         hidden = np.maximum(declared, np.abs(size) + ONE_SIDED_99 * sd)
         steps = np.full((4, len(rows), samples.y.shape[1]), np.nan)

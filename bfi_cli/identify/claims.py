@@ -16,17 +16,15 @@ from ..decision import Candidate, candidate_of, finite, untested
 from ..kernels.lagged import constants_and_signals
 from ..kernels.normal import ONE_SIDED_95
 from ..kernels.onset.scan import ENDING, STARTING
-from ..kernels.variable_projection import fit_magnitudes, without_signal
+from ..kernels.variable_projection import fit_magnitudes, log_dets_beside
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.tolerance import is_any
-from ..preprocessing.window import PreparedWindow
+from ..preprocessing.window import DEPENDENT, PreparedWindow
 from .magnitudes import MethodResult
 from .methods import METHODS
 
 # Multiples of the limit at which the profile is asked, until it excludes one.
 MULTIPLES = (1.0, 1.5, 2.25, 3.5, 6.0)
-# Coherence of two entries that are one signal: what `preprocessing.window` calls dependent.
-SAME = 1.0 - 1e-7
 
 
 def claims_of_entries(
@@ -128,10 +126,7 @@ def _limit(regression: RegressionData, outcome: MethodResult, n: int, limit: flo
     without = fit_magnitudes(problem, atoms, start).log_det
     for multiple in MULTIPLES:
         u = multiple * limit / float(regression.magnitude_unit[n])
-        both = [
-            rows * (fit_magnitudes(without_signal(problem, n, sign * u), atoms, start).log_det - without)
-            for sign in (1.0, -1.0)
-        ]
+        both = [rows * (log_det - without) for log_det in log_dets_beside(problem, n, u, atoms, start)]
         if 0.5 * sum(both) >= outcome.needed[n] and min(both) >= 0.0:
             return multiple * limit
     return None
@@ -148,6 +143,6 @@ def _twins(window: PreparedWindow) -> dict[int, int]:
         if norms[entry] > 0.0:
             likeness = [abs(float(flat[:, entry] @ flat[:, j])) / norms[entry] / norms[j] for j in window.live]
             best = int(np.argmax(likeness))
-            if likeness[best] >= SAME:
+            if likeness[best] >= 1.0 - DEPENDENT:
                 twins[entry] = window.live[best]
     return twins

@@ -28,7 +28,7 @@ from ..kernels.model_selection import Penalty
 from ..kernels.progress import Progress, unseen
 from ..kernels.variable_projection import fit_magnitudes
 from ..preprocessing.regression import RegressionData
-from ..preprocessing.window import PreparedWindow, regression_of
+from ..preprocessing.window import DEPENDENT, PreparedWindow, regression_of
 from .magnitudes import FreeOutcome, MethodResult
 
 # Of the walk: a second, in which the motion of an aircraft changes, is as short as a cell is made; and at most so many.
@@ -39,8 +39,6 @@ SAMPLES_PER_CELL = 8
 # Records that are drawn anew for each of two courses, and the share of the course's mean square that its error in them
 # may be: what is drawn accounts for 90 % of the fault.
 DRAWS, LARGEST_ERROR = 6, 0.1
-# Of signals of norm 1: a combination smaller than this is round-off (as in `preprocessing.window`).
-DEPENDENT = 1e-7
 # Models whose risk is worse by more weigh less than exp(-10).
 CLOSE = 20.0
 
@@ -90,7 +88,7 @@ def identify_with_courses(
         gains.append(gain)
         beside.append(named)
         report((n + 1.0) / len(window.free))
-    declared = [n for n, one in enumerate(outcomes) if one.declared]
+    declared = [n for n, outcome in enumerate(outcomes) if outcome.declared]
     if not declared:
         return replace(plain, free=tuple(outcomes))
     best = max(declared, key=lambda n: gains[n])
@@ -123,7 +121,7 @@ def _course_of(
     entry: int,
     without: float,
 ) -> tuple[FreeOutcome, float, tuple[int, ...]]:
-    """Return what is said of an entry of unknown course, how far it lowers the criterion, and the atoms beside it."""
+    """Return the outcome of an entry of unknown course, how far it lowers the criterion, and the atoms beside it."""
     fault = window.faults[entry]
     nothing = np.zeros(len(window.signals.time_s))
     say = partial(FreeOutcome, entry=entry, output=0, declared=False, suspected=False, value=nothing, sd=nothing)

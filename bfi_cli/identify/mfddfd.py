@@ -26,7 +26,7 @@ from ..kernels.variable_projection import fit_magnitudes
 from ..notes import Note
 from ..preprocessing.magnitudes import MagnitudeEstimates
 from ..preprocessing.regression import RegressionData
-from ..preprocessing.window import PreparedWindow
+from ..preprocessing.window import DEPENDENT, PreparedWindow
 from ..report.text import quantity
 from .magnitudes import MethodResult
 from .result import SolverSummary
@@ -36,8 +36,6 @@ from .result import SolverSummary
 PATH, TOLERANCE = np.geomspace(0.7, 0.005, 12), 1e-5
 # Supports of the path in a row that are worse than the best one, after which it ends.
 PATIENCE = 2
-# Coherence of two time courses that are one.
-SAME = 1.0 - 1e-7
 # Share of a block's part that an error of one sensor must explain to be called one. Chosen without a tuning record.
 OF_A_SENSOR = 0.95
 # Time courses in a note.
@@ -66,9 +64,9 @@ def identify_by_mfddfd(
     choices = [
         _chosen(regression, order, config) for order, _ in parts(partial(progress, "every order"), regression.orders)
     ]
-    best = min(choices, key=lambda one: one.fit.criterion)
+    best = min(choices, key=lambda choice: choice.fit.criterion)
     best = _with_those_worth_it(regression, best, config)
-    lowest = min(choices, key=lambda one: one.none.criterion)
+    lowest = min(choices, key=lambda choice: choice.none.criterion)
     problem = regression.problem(best.order)
     of_sensors = as_sensor_faults(problem, best.courses, best.fit)
     named = {j: max(best.courses[j], key=lambda atom: of_sensors[atom][1]) for j in best.fit.support}
@@ -116,7 +114,7 @@ def _with_those_worth_it(regression: RegressionData, best: _Choice, config: Conf
 def _chosen(regression: RegressionData, order: int, config: Config) -> _Choice:
     """Return the best support of one order: the best of the path, with the blocks dropped that are not worth it."""
     problem = regression.problem(order)
-    courses = time_courses(problem, SAME)
+    courses = time_courses(problem, 1.0 - DEPENDENT)
     penalty = regression.penalty(config.selection, len(courses))
     blocks = block_regression(problem, courses)
     none = path = solve_on_support(blocks, (), penalty)

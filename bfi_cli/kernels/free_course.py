@@ -28,6 +28,7 @@ from . import FloatArray
 from .covariance import Layout
 from .lagged import lagged
 from .normal import TWO_SIDED_95
+from .variable_projection import RANK_TOLERANCE
 
 # Cells of the walk at most. In simulated residuals of 4 to 20 minutes the course then differs from that of a cell per
 # sample by less than a tenth of its standard deviation, as long as it has fewer than 30 effective coefficients.
@@ -40,8 +41,6 @@ RATIOS = np.geomspace(1e-4, 1e14, 91)
 # Halvings of the logarithm of the bracket that refine it: to 1e-6 of the ratio.
 REFINEMENTS = 40
 GOLDEN = 0.6180339887498949
-# Below this share of the largest, a direction is round-off (as in `variable_projection`).
-RANK_TOLERANCE = 1e-11
 # Gradients per row at which the quasi-Newton steps end, and their number.
 TOLERANCE, STEPS = 1e-7, 200
 # Ratios of walk to noise, times the inverse square of the walk's largest singular value, that the steps start from:

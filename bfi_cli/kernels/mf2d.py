@@ -20,11 +20,11 @@ from scipy.linalg.blas import dtrmv
 from scipy.linalg.lapack import dtpqrt, dtrtri
 
 from . import FloatArray
+from .admm import RELAXATION, step_change
 from .variable_projection import ProjectedRegression
 
-# Relaxation and the balance of the two residuals by the step size (Boyd et al. 2011, sections 3.4.1 and 3.4.3); the
-# step goes at once to where both would be equal, for every change costs a factorisation.
-RELAXATION, UNBALANCED, LARGEST_CHANGE, EVERY = 1.6, 5.0, 10.0, 30
+# Iterations between changes of the step size, each of which costs a factorisation.
+EVERY = 30
 # The first step size, in weights; the best ones of made records are 2 to 40.
 FIRST_STEP = 5.0
 # Columns that are reflected at once; the time hardly depends on it.
@@ -90,9 +90,9 @@ class _Problem:
         """Return X, ((order + 1) n_outputs, n_signals + n_outputs)."""
         s, n_y, n_z = self.order, self.n_outputs, len(self.outputs)
         X = np.zeros((s + 1, n_y, n_z + n_y))
-        for i, one in enumerate(w):
-            X[:s, i, n_z:] = one[: s * n_y].reshape(s, n_y)
-            X[:s, i, :n_z] = one[s * n_y : self.n_lagged].reshape(s, n_z)
+        for i, coefficients in enumerate(w):
+            X[:s, i, n_z:] = coefficients[: s * n_y].reshape(s, n_y)
+            X[:s, i, :n_z] = coefficients[s * n_y : self.n_lagged].reshape(s, n_z)
         X[s, self.outputs, np.arange(n_z)] = z
         X[s, :, n_z:] = np.eye(n_y)
         return X.reshape(-1, n_z + n_y)
@@ -116,14 +116,13 @@ class _Problem:
     ) -> tuple[list[FloatArray], FloatArray]:
         """Return the coefficients and magnitudes of least misfit near a matrix and magnitudes."""
         s, n_z = self.order, len(self.outputs)
-        target, found, w = X.reshape(s + 1, self.n_outputs, -1), np.zeros(n_z), []
+        target, magnitudes, w = X.reshape(s + 1, self.n_outputs, -1), np.zeros(n_z), []
         for i, ((inverse, explained, squared), of) in enumerate(zip(solvers, self.own, strict=True)):
             near = 0.5 * (target[s, i, of] + z[of])
             wanted = np.concatenate([target[:s, i, n_z:].ravel(), target[:s, i, :n_z].ravel(), near])
-            one = dtrmv(inverse, explained + dtrmv(inverse, squared * wanted, trans=1))
-            w.append(one)
-            found[of] = one[self.n_lagged :]
-        return w, found
+            w.append(dtrmv(inverse, explained + dtrmv(inverse, squared * wanted, trans=1)))
+            magnitudes[of] = w[-1][self.n_lagged :]
+        return w, magnitudes
 
 
 def _problem_of(problem: ProjectedRegression) -> _Problem:
@@ -183,14 +182,13 @@ def solve_mf2d(
         if converged:
             break
         if iteration % EVERY == 0:
-            uneven = (primal / size) / max(dual / max(multiplier, 1e-300), 1e-300)
-            if uneven > UNBALANCED or uneven < 1.0 / UNBALANCED:
-                change = float(np.clip(np.sqrt(uneven), 1.0 / LARGEST_CHANGE, LARGEST_CHANGE))
+            change = step_change(primal / size, dual / max(multiplier, 1e-300))
+            if change != 1.0:
                 step, U, t = step * change, U / change, t / change
                 solvers = split.solvers(step)
     misfit = sum(
-        float(np.sum((problem.y[:, 0, i] - A @ np.concatenate([one[: split.n_lagged], v[of]])) ** 2))
-        for i, (A, one, of) in enumerate(zip(split.columns, w, split.own, strict=True))
+        float(np.sum((problem.y[:, 0, i] - A @ np.concatenate([coefficients[: split.n_lagged], v[of]])) ** 2))
+        for i, (A, coefficients, of) in enumerate(zip(split.columns, w, split.own, strict=True))
     )
     X = split.matrix_of(w, v)
     blocks = X[:-n_y].reshape(split.order, n_y, n_z + n_y)

@@ -25,12 +25,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import FloatArray
+from .admm import RELAXATION, step_change
 from .model_selection import Penalty
 from .variable_projection import RANK_TOLERANCE, ProjectedRegression
 
-# Relaxation and the balance of the two residuals by the step size (Boyd et al. 2011, sections 3.4.1 and 3.4.3). The
-# singular value decomposition serves every step size, so that a change costs nothing.
-RELAXATION, UNBALANCED, LARGEST_CHANGE, EVERY = 1.6, 5.0, 10.0, 20
+# Iterations between changes of the step size, which cost nothing: the singular value decomposition serves every size.
+EVERY = 20
 # Blocks that join those that are solved for at a time, the worst first: it changes the speed only.
 JOINING = 8
 
@@ -252,10 +252,8 @@ def _split(
         if apart <= tolerance * size and moved <= tolerance * multiplier:
             return V, iteration, True
         if iteration % EVERY == 0:
-            uneven = (apart / size) / max(moved / multiplier, 1e-300)
-            if uneven > UNBALANCED or uneven < 1.0 / UNBALANCED:
-                change = float(np.clip(np.sqrt(uneven), 1.0 / LARGEST_CHANGE, LARGEST_CHANGE))
-                step, dual = step * change, dual / change
+            change = step_change(apart / size, moved / multiplier)
+            step, dual = step * change, dual / change
     return V, max_iterations, False
 
 

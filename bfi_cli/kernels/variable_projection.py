@@ -117,6 +117,19 @@ def project_inputs(data: Compressed, order: int, *, floor: float = 0.0) -> Proje
     )
 
 
+def log_dets_beside(
+    problem: ProjectedRegression, atom: int, z: float, atoms: Sequence[int], start: FloatArray
+) -> tuple[float, float]:
+    """Return log det of a support's fit to the outputs less z times an atom's signals, and to those plus as much.
+
+    Parameters
+    ----------
+    atoms : the support; start : (n_active,) magnitudes to start from.
+    """
+    less, more = (fit_magnitudes(without_signal(problem, atom, sign * z), atoms, start).log_det for sign in (1.0, -1.0))
+    return less, more
+
+
 def without_signal(problem: ProjectedRegression, atom: int, z: float) -> ProjectedRegression:
     """Return the regression of the outputs less z times an atom's signals."""
     y = problem.y.copy()

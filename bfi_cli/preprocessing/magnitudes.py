@@ -23,7 +23,7 @@ from ..kernels.covariance import Adding, adding_to, additions_and_covariance
 from ..kernels.model_selection import Penalty, ScoredFit, least_criterion
 from ..kernels.normal import ONE_SIDED_90
 from ..kernels.progress import Report, parts, shares, silent
-from ..kernels.variable_projection import Fit, fit_magnitudes, single_magnitudes, with_unit_root, without_signal
+from ..kernels.variable_projection import Fit, fit_magnitudes, log_dets_beside, single_magnitudes, with_unit_root
 from .fault_free_model import fault_free_fits
 from .regression import RegressionData, build_regression
 from .signals import decimate_native
@@ -217,8 +217,8 @@ def _minimal_detectable(estimates: MagnitudeEstimates, penalty: Penalty, overdis
 def profiled_limits(
     regression: RegressionData, fit: Fit, estimates: MagnitudeEstimates, penalty: Penalty, overdispersion: FloatArray
 ) -> FloatArray:
-    """Return (n_live,) minimal detectable magnitudes, raised where the likelihood profile asks for more; infinite where
-    no multiple tried is enough.
+    """Return (n_live,) minimal detectable magnitudes by the likelihood profile, infinite where no multiple tried is
+    enough; no smaller than those of `estimates`.
 
     A fault m added to the record and analysed without it leaves the likelihood that the record has at -m: that tells
     its statistic exactly, where a model that nearly integrates absorbs it (`kernels.onset.limits` does the same for
@@ -242,11 +242,8 @@ def profiled_limits(
         below = (0.0, 0.0)  # multiple and root of the statistic: nearly a line between two of them
         for multiple in MULTIPLES:
             z = multiple * limits[n] / float(regression.magnitude_unit[n])
-            both = (
-                fit_magnitudes(without_signal(problem, int(n), sign * z), fit.atoms, start).log_det - without
-                for sign in (1.0, -1.0)
-            )
-            root = float(np.sqrt(max(0.5 * rows * sum(both), 0.0)))
+            less, more = log_dets_beside(problem, int(n), z, fit.atoms, start)
+            root = float(np.sqrt(max(0.5 * rows * ((less - without) + (more - without)), 0.0)))
             if root >= roots[n]:
                 step = (roots[n] - below[1]) / (root - below[1])
                 limits[n] *= max(1.0, below[0] + step * (multiple - below[0]))

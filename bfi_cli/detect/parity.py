@@ -37,8 +37,8 @@ LASTING = 2
 # runs on two recorded flights.
 UNEQUAL = 1.3
 # In gusts: seconds whose typical error enlarges the variance, and rows a deviate has to last. Chosen together on two
-# recorded flights, with four choices of channels (docs/theory.md, 11.3). What exceeds the level in such times is of
-# one patch of gusts, and tells as much of those that the healthy time has not met as one excess.
+# recorded flights, with four choices of channels (docs/theory.md, 11.3). All excesses within such a time belong to one
+# patch of gusts, and say as much about gusts that the healthy time did not have as a single excess.
 PATCH_S, LASTING_IN_GUSTS = 10.0, 3
 # Stretches of healthy time with which the rate of false alarms can be relied on: with fewer the tail is mostly that of
 # white noise, known from five excesses.
@@ -249,7 +249,7 @@ def detect_sequentially(
         lasting = LASTING_IN_GUSTS if gusty else LASTING
         patch = patch if gusty else 0
         drops = largest_drops(model.errors, model.basis, window=window, patch=patch, n_old=lasting)
-        # The deviate that counts is the least one over the last rows.
+        # The deviate that counts is the least over the last rows.
         padded = np.vstack([np.zeros((lasting - 1, len(channels))), drops.deviate])
         drops = replace(drops, deviate=np.lib.stride_tricks.sliding_window_view(padded, lasting, axis=0).min(axis=2))
         threshold = _threshold(model, drops, window, false_alarm, patch=patch)
@@ -292,8 +292,8 @@ def detect_sequentially(
 def _height(samples: DecimatedRecord, model: Predictor, onset: int, output: int) -> StepHeight | None:
     """Return the height of a step in one of the watched outputs; None where the record does not determine it.
 
-    What goes on growing is no step and has no height: it is told over one stretch after the onset, and must be the same
-    over the next where the record has one.
+    An error that goes on growing is no step and has no height: the height over a stretch after the onset must be that
+    over the next stretch, where the record has it.
 
     Parameters
     ----------

@@ -156,7 +156,7 @@ def fit_predictor(samples: DecimatedRecord, channels: Sequence[int]) -> Predicto
 
 
 def _with_unseen(data: _Scaled, chosen: _Rows) -> _Rows:
-    """Return the rows with one more regressor per direction in which a long healthy past did not stand out of noise.
+    """Return the rows with a regressor more for each direction of the past that in the healthy time is noise alone.
 
     The healthy time does not tell how the outputs depend on such a direction, and noise in the regressors makes the
     dependence look like zero. With a coefficient known to UNSEEN_SD only, a prediction becomes less certain the further

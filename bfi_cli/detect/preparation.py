@@ -107,7 +107,7 @@ class DecimatedRecord:
     Attributes
     ----------
     path : of the log, for messages; outputs, units : names, and the unit of each.
-    time_s : (n,) of the samples; reach_s : how much later the last sample is that each of them was made of.
+    time_s : (n,) of the samples; reach_s : from a sample to the last sample of the log that it was filtered from.
     smear_s : the time to either side over which the filters, the recorder's among them, spread a step.
     y : (n, n_outputs).
     u : (n, k) mean and first moment, over the time since the sample before, of each direction the inputs move in.
@@ -314,9 +314,9 @@ def _flown(log: FlightLog, from_s: float, to_s: float) -> list[tuple[float, floa
 
 
 def _first_third(flown: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Return the healthy time to take where none is given: a third of the flight, or what one stretch has of it.
+    """Return the healthy time where none is given: a third of the flight, or as much of it as a stretch holds.
 
-    The first stretch that is long enough counts: short ones before it are hops, and are not analysed.
+    It begins with the first stretch that is long enough: shorter stretches before it are hops, and are not analysed.
     """
     third = sum(b - a for a, b in flown) / 3.0
     longest = max(b - a for a, b in flown)

@@ -103,13 +103,13 @@ class StepLimits:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Detection:
-    """What one of the two methods says of a record.
+    """The outcome of a method on a record.
 
     Attributes
     ----------
     time_s : (n_samples,), y : (n_samples, n_outputs) of the analysis.
     statistic : (n_samples, n_outputs), NaN where there is none; threshold : (n_outputs,).
-    reach_s : how much later the last sample is that each of the statistics was made of.
+    reach_s : from a statistic to the last sample of the log that it was made of.
     limits : None where nothing can be said of what was not declared.
 
     The others are those of `DetectResult`.

@@ -67,7 +67,7 @@ LIKE = {"cosine": "sine"}
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Limits:
-    """What is known of one hypothesis at the onsets that a claim covers: magnitudes scaled, (n_onsets,).
+    """The magnitudes of a hypothesis that the scan would declare, and excludes, by onset: scaled, (n_onsets,).
 
     Attributes
     ----------
@@ -91,7 +91,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Likeliness:
-    """How much likelier a record is with a fault of one hypothesis than without, at the onsets that a claim covers.
+    """Likelihood ratios of the record with a fault of a hypothesis against none, by error and onset.
 
     Attributes
     ----------
@@ -241,7 +241,7 @@ def views_of(
 def with_views_of(
     measured: ScanRecord, record: ScanRecord, views: Sequence[tuple[Scan, ...]]
 ) -> list[tuple[Scan, ...]]:
-    """Return views with one more of every output: before any fault was taken off, at an order that suits it."""
+    """Return views and, of every output, the record before known faults were subtracted, at the order of least BIC."""
     if measured.y.shape != record.y.shape:
         return list(views)
     y, more = measured.y * (measured.unit / record.unit), []  # scaled alike
@@ -351,7 +351,7 @@ def _bounded(
 def _likeliness(
     record: ScanRecord, scan: Scan, form: ShapeHypothesis, tolerance: float, threshold: float | None = None
 ) -> Likeliness | None:
-    """Return the likelihood of a hypothesis at every onset and error, scaled; None where no onset is covered.
+    """Return the likelihood ratios of a hypothesis; None where there is no onset that a claim covers.
 
     Parameters
     ----------
@@ -496,7 +496,7 @@ def _covered(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> IntArray:
 
 
 def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: float) -> Limits | None:
-    """Return the limits of a hypothesis at every onset; None where none is covered."""
+    """Return the limits of a hypothesis at every onset that a claim covers; None where there is no such onset."""
     wave, onsets = waveform(form, replace(record.sampling, n_samples=scan.n_samples)), _covered(record, scan, form)
     if onsets.size == 0:
         return None
@@ -551,6 +551,6 @@ def _suspicion(rule: Rule, first: HypothesisScan, estimates: Sequence[Estimate],
 
 
 def covered_s(record: ScanRecord, order: int) -> tuple[float, float]:
-    """Return the first and the last onset for which the claims hold, and which are sought."""
+    """Return the first and the last onset that the scan searches, and for which its claims hold."""
     lead = record.sampling.lead
     return record.onset_s(STARTING * order + lead), record.onset_s(len(record.time_s) - ENDING * order + lead)

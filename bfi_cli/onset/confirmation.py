@@ -1,7 +1,7 @@
 """Whether the faults that a scan declares stand out with all trusted channels of the log as inputs, too.
 
-A change of thrust or wind that the inputs do not tell looks like a fault of the output. What the log's other channels
-explain is none.
+A change of thrust or wind that the inputs do not show looks like a fault of the output. What the log's other channels
+explain is no fault.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ NEAR_S = 1.5
 def unconfirmed(
     log: FlightLog, record: ScanRecord, estimates: Sequence[Estimate], config: Config, *, order: int
 ) -> dict[int, str]:
-    """Return, for the estimates that the log's other channels explain, a sentence that says so.
+    """Return, by the index of each estimate that the log's other channels explain, why it is only suspected.
 
     Empty where all trusted channels are inputs already, or where the window has too few samples for them.
 
@@ -52,13 +52,13 @@ def unconfirmed(
     if wider.y.shape != record.y.shape or order > max(wider.orders):
         return {}
     doubts = {}
-    for i, one in enumerate(estimates):
-        others = [other for other in estimates if other is not one]
-        statistic = _statistic_of(wider, subtract_faults(wider.y, *others), one, order)
-        if statistic < LEAST_SHARE * one.statistic:
+    for i, fault in enumerate(estimates):
+        others = [other for other in estimates if other is not fault]
+        statistic = _statistic_of(wider, subtract_faults(wider.y, *others), fault, order)
+        if statistic < LEAST_SHARE * fault.statistic:
             doubts[i] = (
-                f"the {one.form.shape} from {one.onset_s:.6g} s is only suspected: its statistic falls from "
-                f"{one.statistic:.3g} to {statistic:.3g} with {', '.join(more)} as inputs"
+                f"the {fault.form.shape} from {fault.onset_s:.6g} s is only suspected: its statistic falls from "
+                f"{fault.statistic:.3g} to {statistic:.3g} with {', '.join(more)} as inputs"
             )
     return doubts
 

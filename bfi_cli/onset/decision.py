@@ -80,7 +80,7 @@ class Verdict:
 
     Attributes
     ----------
-    shape : the shape that stands out most; statistic, threshold : its own.
+    shape : that stands out most; statistic, threshold : of this shape.
     p_value : of the largest standardised statistic, None where the null distribution is that of other settings.
     significant : peaks above their thresholds, the likeliest first; empty where there is no fault.
     """
@@ -226,7 +226,7 @@ def _nearest_rule(
 
 
 def shipped_rule(record: ScanRecord, config: Config) -> Rule:
-    """Return the rule of the shipped table that fits, of the nearest one with a wider tail where none does.
+    """Return the rule of the shipped table that fits, else that of the nearest with a wider tail.
 
     Raises
     ------
@@ -355,10 +355,10 @@ def _flown(log: FlightLog, config: Config) -> Windows:
 
 
 def own_windows(log: FlightLog, config: Config, length_s: float) -> Windows:
-    """Return windows of a length in which the log flies, apart from the analysed one and half overlapping.
+    """Return half overlapping windows of a length, in flight and outside the analysed window.
 
-    Those before it where they are enough: a fault in the window may last beyond it. Else those on both sides. Where
-    there are many, `MOST_WINDOWS` spread over them.
+    Those before the analysed window where they are enough, since a fault in it may last beyond it; else those on both
+    sides. Where there are many, `MOST_WINDOWS` spread over them.
     """
     from_s, to_s = _analysed(log, config)
     before, after = [], []

@@ -116,10 +116,9 @@ def search_onsets(
     Parameters
     ----------
     kinds : entries of a dictionary whose onsets are searched, on the axis of the log; without them every kind is.
-    entries : other entries, for which the result says how large each would have to be for the scan.
+    entries : with stated onsets, for each of which the result says how large it would have to be for the scan.
     claims : the kinds of fault of which limits are sought.
-    as_measured : the window before known faults were taken off `log`, of which nothing is excluded that it does not
-        exclude, too.
+    as_measured : the log before known faults were subtracted from it; nothing is excluded that it does not exclude too.
     """
     config = with_inputs_of(log, config)
     with threadpool_limits(1):
@@ -230,9 +229,9 @@ def detect_sequentially(
 
 
 def _begins_with_another(record: ScanRecord, peak: Peak, faults: Sequence[Estimate]) -> bool:
-    """Return whether a peak lies within the response of an uncertain recorder to a fault of its channel.
+    """Say whether a peak lies within the response of an uncertain recorder to a fault of its channel.
 
-    Faults that begin together are rivals, not a sum: what a wrong recorder leaves of the first is no second one.
+    Faults that begin together are rivals, not a sum: what a wrong recorder leaves of a fault is no second fault.
     """
     edges = [low_pass.edge_hz for low_pass in of_recorder(record.window.filters) if low_pass.uncertain]
     onset_s = record.onset_s(peak.onset)
@@ -247,9 +246,9 @@ def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, orde
     """Return the fault of the likeliest kind that what stands out may be.
 
     The shapes above their thresholds compete with the lags and ramps that show as steps, and with an oscillation whose
-    phase has been freed: the scan knows only oscillations of phase 0 at their onset, so that one of another phase may
-    look less likely than a step. Each is estimated at the log's own samples, with the recorder that suits it best where
-    that is uncertain. Of those with about the least criterion the simplest is named, and the others stand beside it.
+    phase has been freed: the scan knows only oscillations of phase 0 at their onset, so that an oscillation of another
+    phase may look less likely than a step. Each is estimated at the log's own samples, with the likeliest recorder
+    where that is uncertain. Of those with about the least criterion the simplest is named, and `among` has the others.
     """
     log_n = float(np.log(len(y) - order))
     of_steps, of_rivals = shares(report, 1, 3)
@@ -290,16 +289,17 @@ def _rival_peaks(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int
     return [max(of_shape, key=lambda peak: peak.statistic) for of_shape in peaks.values()]
 
 
-def _with_likeliest_constant(record: ScanRecord, y: FloatArray, found: Estimate, order: int) -> Estimate:
-    """Return a lag or a ramp with its likeliest time constant or duration, whose spread is in that of the magnitude.
+def _with_likeliest_constant(record: ScanRecord, y: FloatArray, fault: Estimate, order: int) -> Estimate:
+    """Return a lag or a ramp with its likeliest time constant or duration, and its magnitude's spread over these.
 
-    Those tried lie between the neighbours of the one found on the grid, each weighted by its likelihood.
+    Those between the neighbours on the grid are tried, each weighted by its likelihood.
     """
-    stated = len({form.parameter for form in record.kinds.rivals if form.shape == found.form.shape}) == 1
-    if found.form.shape not in SCANNED_AS or found.form.parameter is None or stated:
-        return found
-    scan = scan_of(record, y, order, output=found.form.output)
-    forms = [replace(found.form, parameter=found.form.parameter * 2.0 ** (k / FINER)) for k in range(-FINER, FINER + 1)]
+    form = fault.form
+    stated = len({rival.parameter for rival in record.kinds.rivals if rival.shape == form.shape}) == 1
+    if form.shape not in SCANNED_AS or form.parameter is None or stated:
+        return fault
+    scan = scan_of(record, y, order, output=form.output)
+    forms = [replace(form, parameter=form.parameter * 2.0 ** (k / FINER)) for k in range(-FINER, FINER + 1)]
     peaks = [lasting_peak(record, scan, form) for form in forms]
     best = max(peaks, key=lambda peak: peak.statistic)
     likeliest = estimate(record, y, best, order=order)
@@ -376,7 +376,7 @@ def eliminate(record: ScanRecord, faults: list[Estimate], order: int, rule: Rule
 def _dispersion(record: ScanRecord, y: FloatArray, fault: Estimate, order: int) -> float:
     """Return the mean statistic, over all onsets, of a fault's shape in a record less that fault; 1 for white errors.
 
-    A fault that ends is scanned as one that lasts: the largest statistic of many ends exceeds 1 for white errors too.
+    A fault that ends is scanned as if it lasted: the largest statistic over many ends exceeds 1 for white errors too.
     """
     rest = lasting_peak(record, scan_of(record, y, order, output=fault.form.output), fault.form)
     return rest.profile.dispersion
@@ -389,7 +389,7 @@ def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
 
 
 def _strongest_suspect(record: ScanRecord, peak: Peak, verdict: Verdict) -> Note:
-    """Return the note on what stands out most where nothing is declared by a table of other settings."""
+    """Return the note on what stands out most, where a table of other settings lets nothing be declared."""
     channel, scale, unit = record.magnitude(peak.form)
     size = f"{scale * float(peak.profile.z[peak.profile.best]):.3g} {unit}".rstrip()
     return Note.limit(

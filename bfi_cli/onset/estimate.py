@@ -35,8 +35,8 @@ BESIDE = 2
 # Set by trial; a stride within the filter's smear skips no maximum.
 STRIDE = 3
 ROUNDS = 2
-# Fits and scans after which an estimate is said to be half done. On the logs of data/ a step takes 5 to 10 of them, an
-# oscillation 350 to 850; with a number between them the bar moves for both.
+# Fits and scans after which an estimate is reported as half done. On the logs of data/ a step takes 5 to 10 of them,
+# an oscillation 350 to 850; with a number between them the bar moves for both.
 STEPS = 150
 
 
@@ -234,7 +234,9 @@ def _phases(record: ScanRecord) -> range:
 def _profile_of_starts(
     record: ScanRecord, search: OscillationSearch, sinusoid: Sinusoid, order: int
 ) -> SubsampleProfile:
-    """Return an oscillation at other starts: conditioned samples within half a period, the log's own near the best."""
+    """Return the profile of an oscillation over starts: every conditioned sample within half a period of its start, and
+    the log's own samples near it.
+    """
     factor = record.sampling.factor
     half = int(np.ceil(0.5 * record.sampling.native_hz / sinusoid.frequency_hz))
     near = range(-BESIDE * factor, BESIDE * factor + 1, -_phases(record).step)
@@ -283,8 +285,8 @@ def _move_start_and_end(
 ) -> tuple[SubsampleProfile, SubsampleIndex]:
     """Move end and start in turn to the likeliest of the log's own samples; return the profile over starts and the end.
 
-    The search for both knew sharp edges only. The filter smears them, so the best start of sharp edges may be far off,
-    and starts are tried over the whole record once more.
+    The scan knew sharp edges only, which the filter smears, so that its start may be far off: starts are tried over the
+    whole record once more.
     """
     sampling, phases = record.sampling, _phases(record)
 

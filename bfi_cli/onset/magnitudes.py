@@ -1,8 +1,8 @@
-"""The magnitudes of the faults that the scan found, as `identify` would estimate them with their onsets given.
+"""The magnitudes of the faults that the scan declares, as `identify` would estimate them with their onsets given.
 
-The scan's rate and order are those at which most faults are found. An estimate wants more of what the recorder left
-above its edge, and its interval what one model does not know: the spread between rates and between models with and
-without a root at 1 (docs/theory.md, 5.2).
+The scan's rate and order are those at which most faults are detected. An estimate needs more of what the recorder left
+above its edge, and its interval the spread between rates and between models with and without a root at 1, which a
+single model does not show (docs/theory.md, 5.2).
 """
 
 from __future__ import annotations

@@ -142,7 +142,7 @@ class OscillationSearch:
         return [replace(candidates[int(k)], sizes=fits[int(k)].z) for k in order]
 
     def profile(self, wave: Sinusoid, starts: Sequence[int]) -> FloatArray:
-        """Return (statistic, amplitude), (2, n_starts), of the sinusoid with other starts, amplitude and phase anew."""
+        """Return (2, n_starts) statistic and amplitude of the sinusoid at other starts, amplitude and phase fitted."""
         points = []
         for start in starts:
             fit = self.fit(self.signals(replace(wave, start=start)), wave.sizes)
@@ -264,7 +264,7 @@ def _move_edges(search: OscillationSearch, wave: Sinusoid) -> Sinusoid:
 
 
 def _with_phase_zero(search: OscillationSearch, free: Sinusoid) -> Sinusoid:
-    """Return the likeliest sinusoid of phase 0 at its start, sought at the free one's zero crossings and the peak."""
+    """Return the likeliest sinusoid of phase 0 at its start, sought at the zero crossings of `free` and at the peak."""
     period = search.record.sampling.native_hz / free.frequency_hz
     since = free.phase_rad / (2.0 * np.pi) * period
     crossings = [round(free.start - since + 0.5 * k * period) for k in range(-2, 4)]

@@ -63,7 +63,7 @@ class OnsetResult:
     ----------
     verdicts : on each kind of fault; candidates : every shape on every output, see `bfi_cli.decision`.
     summary : what the log says of the kinds of which no fault is declared.
-    covered_s : first and last onset for which the claims hold, None where none is made.
+    covered_s : first and last onset for which the claims hold, None where the method makes no claim.
     of_dictionary : limits of the faults that were asked for, in their order.
     statistic, threshold : 2 log of the likelihood ratio of the shape that stands out most, and what it must exceed.
     p_value : of the largest standardised statistic, a bound where it is 1 / (n + 1) of n windows; None where no
@@ -96,5 +96,5 @@ class OnsetResult:
 
     @property
     def is_trusted(self) -> bool:
-        """Whether the log could tell, and how rare such a statistic is without a fault is known."""
+        """Whether the log could tell, and the p-value of the statistic is known."""
         return self.decision != "inconclusive" and self.p_value is not None

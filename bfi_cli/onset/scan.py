@@ -26,9 +26,9 @@ from ..kernels.progress import Report, parts, shares, silent
 from .scan_record import ScanRecord
 from .shapes import ShapeHypothesis, waveform
 
-# How long the search for a frequency takes, in scans of one shape; for the estimate of the time left only.
+# Duration of the search for a frequency, in scans of a shape of known frequency: for the progress only.
 SEARCH = 20
-# Factorised records that are remembered: of some orders and outputs, as measured and less the faults found last.
+# Factorised records that are kept: of some orders and outputs, as measured and less the faults estimated last.
 REMEMBERED = 12
 
 
@@ -83,7 +83,7 @@ class HypothesisScan:
     with_fault: tuple[float, ...]
 
     def of(self, shape: str, output: int | None = None) -> Peak:
-        """Return the best peak of a shape, on one output where it is told."""
+        """Return the best peak of a shape, over all outputs or on `output`."""
         of_shape = (peak for peak in self.peaks if peak.form.shape == shape and output in (None, peak.form.output))
         return max(of_shape, key=lambda peak: peak.statistic)
 
@@ -181,7 +181,7 @@ def _scan_at_order(record: ScanRecord, y: FloatArray, order: int, report: Report
 
 
 def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first: int | None = None) -> Scan:
-    """Return the factorised record for faults of one output, that of an earlier call where the outputs are the same.
+    """Return the factorised record for faults of one output, kept from an earlier call where y is the same.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def fault_free_bic(record: ScanRecord, scan: Scan) -> float:
 
 
 def scan_hypothesis(record: ScanRecord, scan: Scan, form: ShapeHypothesis, report: Report = silent) -> Peak:
-    """Return the exact scan of a hypothesis over the record; a sine without a frequency is given its likeliest one."""
+    """Return the exact scan of a hypothesis over the record; the likeliest frequency of a sine is sought if unknown."""
     rate_hz, ends = record.sampling.rate_hz, record.settings.ends
     if form.shape == "sine" and form.parameter is None:
         searching, report = shares(report, SEARCH, 1)
@@ -226,7 +226,7 @@ def scan_hypothesis(record: ScanRecord, scan: Scan, form: ShapeHypothesis, repor
 
 
 def lasting_peak(record: ScanRecord, scan: Scan, form: ShapeHypothesis, report: Report = silent) -> Peak:
-    """Return the exact scan of a hypothesis, with its frequency where it has one, of a fault that does not end."""
+    """Return the exact scan of a hypothesis, a sine with its frequency, of a fault that does not end."""
     onsets = default_onsets(scan)
     admitted = record.admits(form, onsets + record.sampling.lead)
     if not admitted.any():  # too near an end for a claim: it neither stands out nor is excluded

@@ -48,7 +48,7 @@ class ScanRecord:
     forms : hypotheses to test; kinds : that may be named.
     band_hz : lowest and highest frequency of an oscillation.
     settings : of the scan, as a calibration table states them.
-    scans : the factorised records of this one that were made last, by what they were made of.
+    scans : the factorisations made last, by outputs, order, faulty output and first row (`scan.scan_of`).
     """
 
     window: PreparedWindow

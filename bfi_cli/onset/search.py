@@ -1,4 +1,4 @@
-"""What a search over all onsets found, before any conclusion, and how it becomes the answer of `bfi start-time`."""
+"""The outcome of a search over all onsets, before any conclusion, and how it becomes the answer of `bfi start-time`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from .shapes import fault_of
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OnsetSearch:
-    """What a search over all onsets found.
+    """The outcome of a search over all onsets.
 
     Attributes
     ----------
@@ -33,7 +33,7 @@ class OnsetSearch:
     estimates : the faults that are subtracted; evidence : these in SI, and what became of every shape.
     order : of the model without the faults; series_order : of that of the outputs as measured, which may hold faults.
     rule, verdict : what decided; None where the method has no test.
-    covered_s : first and last onset for which the claims hold, None where none is made.
+    covered_s : first and last onset for which the claims hold, None where the method makes no claim.
     of_dictionary : limits of the faults that were asked for, in their order.
     """
 

@@ -30,7 +30,7 @@ SubsampleIndex = tuple[int, int]
 # from the nearer. One longer than a quarter of the window cannot be told from a drift.
 CONSTANTS_S = (0.5, 1.0, 2.0, 4.0, 8.0)
 LARGEST_SHARE = 0.25  # of the window
-# A lag or a ramp stands out in the scan as the step that it becomes: it is detected as one, and named afterwards.
+# A lag or a ramp stands out in the scan as the step that it becomes: it is detected as a step, and named afterwards.
 SCANNED_AS: Mapping[Shape, Shape] = {"lagged_bias": "bias", "ramp_hold": "bias"}
 # An oscillation of a stated frequency is sought this near to it: the search moves by less than a hundredth of it.
 SAME_FREQUENCY = (0.98, 1.02)
@@ -124,7 +124,7 @@ class KindsOfFault:
     ranges_s : by shape and output, the onsets that it may have; names : what results call it. Others are named by their
         onset, and may have any.
     band_hz : of oscillations, None for that of the configuration.
-    only : whether no other shape is named than those of `ranges_s`.
+    only : whether the shapes of `ranges_s` are the only ones that may be named.
     """
 
     detected: tuple[Shape, ...]
@@ -170,13 +170,13 @@ def every_kind(wanted: StartTime, n_outputs: int, duration_s: float) -> KindsOfF
 
 
 def scanned_shape(entry: Fault) -> Shape | None:
-    """Return the shape that a scan looks for where a dictionary has an entry, None where other sources tell it."""
+    """Return the shape for which a scan searches an entry of a dictionary, None where the scan has no such shape."""
     shape: Shape = "sine" if entry.shape == "pitot_water" else entry.shape
     return shape if SHAPES[shape].is_scanned else None
 
 
 def kinds_of_entries(entries: Sequence[Fault], outputs: Sequence[str], duration_s: float) -> KindsOfFault:
-    """Return the kinds of entries of a dictionary without an onset; other sources tell faults of pressure lines.
+    """Return the kinds of the entries of a dictionary that state no onset and have a shape that is scanned.
 
     Parameters
     ----------

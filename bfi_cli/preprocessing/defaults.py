@@ -1,8 +1,8 @@
-"""What an analysis takes of a log where it is not told, output, inputs and window; what would let it tell more.
+"""Output, inputs and window of an analysis where the user names none, and advice on what would make it decide more.
 
 The defaults of the configuration (output tas, input elevator, the whole log) suit the logs of most aircraft, and stand
 wherever the log has them. Where a log lacks them, as an autopilot's without a true airspeed or a Garmin's without an
-elevator, what comes nearest is taken; whatever was taken is said.
+elevator, the nearest channels are taken, and a note names them.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ FIRST = ("pitch", "longitudinal_acc")
 
 
 def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[Note, ...]]:
-    """Return the configuration with what a log has in place of defaults that it lacks, and sentences on what was taken.
+    """Return the configuration with what a log has in place of defaults that it lacks, and notes that name it.
 
     1. Output: tas; in a log without it the airspeed with the highest rate of its own, of equal ones cas before ias.
     2. Inputs: elevator; where the log has none, or one that never moves, another elevator surface, throttle or N1,
@@ -58,7 +58,7 @@ def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[Note
        that tells them; an airspeed alone may be the faulty channel. Of a log whose messages have clocks of their own,
        the longest stretch therein without a gap.
 
-    What was asked for, on the command line or in a file, is left as it is.
+    Inputs, output and window that the command line or a file states are left as they are.
     """
     chosen, notes = config.model_fields_set, []
     others = [log.channels[name] for name in OTHER_AIRSPEEDS if name in log.channels and name not in config.inputs]
@@ -85,11 +85,11 @@ def _inputs(log: FlightLog, config: Config) -> tuple[str, ...]:
         if not _thrust_is_moved(log, config):
             return ()
         groups = (("elevator",), *IN_PLACE_OF_ELEVATOR[1:])
-    found = []
+    inputs = []
     for group in groups:
         names = (name for name in group if name in log.channels and name not in config.outputs)
-        found += [name for name in names if _moves(log, log.channels[name])][:1]
-    return tuple(found)
+        inputs += [name for name in names if _moves(log, log.channels[name])][:1]
+    return tuple(inputs)
 
 
 def _thrust_is_moved(log: FlightLog, config: Config) -> bool:
@@ -145,10 +145,10 @@ def _with_window(log: FlightLog, config: Config) -> tuple[Config, list[Note]]:
 
 
 def _flight(log: FlightLog) -> tuple[int, int]:
-    """Return the first sample after take-off and the one behind the last before landing; the whole log if unknown.
+    """Return the first sample after take-off and the first at or after landing; the whole log if unknown.
 
-    The stretches of `airborne_stretches` tell them from the ground speed, or from an airspeed where the altitude
-    agrees. What lies between the first and the last of them is in the air, whatever the sensors say.
+    They are the outer ends of `airborne_stretches`, by the ground speed, or by an airspeed where the altitude agrees.
+    Between them the aircraft is in the air, whatever the sensors show.
     """
     whole = (0, log.n_samples)
     by_ground_speed = "ground_speed" in log.channels
@@ -240,18 +240,18 @@ def what_would_help(log: FlightLog, config: Config, verdicts: Mapping[Kind, Deci
     unused = [name for name in TRUSTED if name not in (*config.inputs, *config.outputs)]
     here = [name for name in unused if name in log.channels]
     missing = [name for name in FIRST if name in unused and name not in log.channels]
-    said = []
+    helps = []
     if any(name in here for name in FIRST):
-        said.append("add " + " ".join(f"--input {name}" for name in FIRST if name in here))
+        helps.append("add " + " ".join(f"--input {name}" for name in FIRST if name in here))
     elif here:
-        said.append("try --input auto, which adds " + ", ".join(here))
+        helps.append("try --input auto, which adds " + ", ".join(here))
     if missing:
-        said.append(f"record {' and '.join(missing)}")
+        helps.append(f"record {' and '.join(missing)}")
     if "oscillating" in left:
-        said.append("choose a longer window")
+        helps.append("choose a longer window")
     if "abrupt" in left and not here and not missing:
-        said.append("choose a window with less turbulence and a manoeuvre")
+        helps.append("choose a window with less turbulence and a manoeuvre")
     decided = [kind for kind in verdicts if kind not in left]
     if left == ["slow"] and decided:
-        said.append(f"or ask only for what the log can tell (--require {','.join(decided)})")
-    return Note.advice(f"what would help with {', '.join(left)} faults: {'; '.join(said)}") if said else None
+        helps.append(f"or ask only for what the log can tell (--require {','.join(decided)})")
+    return Note.advice(f"what would help with {', '.join(left)} faults: {'; '.join(helps)}") if helps else None

@@ -22,17 +22,8 @@ from .shapes import KEY_RULES, SHAPES, Shape
 from .units import change_in_si
 
 __all__ = ["Decision", "Fault", "FaultEstimate", "active_samples", "build_up_s", "course", "did_you_mean"]
-__all__ += [
-    "fault_from_dict",
-    "fault_to_dict",
-    "has_channel",
-    "magnitude_unit",
-    "meaning",
-    "parse_spec",
-    "physical",
-    "shown",
-]
-__all__ += ["tail_of", "unit_signal", "unknown_key"]
+__all__ += ["fault_from_dict", "fault_to_dict", "has_channel", "magnitude_unit", "meaning", "parse_spec", "physical"]
+__all__ += ["shown", "tail_of", "unit_signal", "unknown_key"]
 
 FloatArray = NDArray[np.float64]
 Decision = Literal["fault", "no_fault", "inconclusive"]

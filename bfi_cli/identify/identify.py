@@ -64,22 +64,22 @@ def identify_faults(
     ConfigError : the method does not do what is asked.
     """
     config = with_inputs_of(log, config)
-    found = identification(log, dictionary, config, progress, given=given)
+    identified = identification(log, dictionary, config, progress, given=given)
     scan = ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=NOT_SCANNED)
-    return result_of(log, config, found, conclusion_of(log, config, [found.evidence]), scan)
+    return result_of(log, config, identified, conclusion_of(log, config, [identified.evidence]), scan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Identification:
-    """What a method found in a window, before any conclusion.
+    """The outcome of a method on a window, before any conclusion.
 
     Attributes
     ----------
     window : the analysed one; outcome : of the method on it.
     faults : that the method declares; candidates : every entry of the dictionary.
     hides_all : every fault of the dictionary can pass for the aircraft's motion.
-    recorder : that the faults suit best in place of an uncertain one; None for what the log or the user states.
-    notes : what limits it, and how it was computed.
+    recorder : likeliest low-pass where the recorder is uncertain; None for that which the log or the user states.
+    notes : what limits the identification, and how it was computed.
     """
 
     window: PreparedWindow
@@ -103,7 +103,7 @@ class Identification:
 
 
 def conclusion_of(log: FlightLog, config: Config, sources: Sequence[Evidence]) -> Conclusion:
-    """Return what all sources say together, in the light of the manoeuvres of the flight.
+    """Return the conclusion from all sources and from the manoeuvres of the flight.
 
     Parameters
     ----------
@@ -116,8 +116,8 @@ def conclusion_of(log: FlightLog, config: Config, sources: Sequence[Evidence]) -
 def result_of(
     log: FlightLog,
     config: Config,
-    found: Identification,
-    said: Conclusion,
+    identified: Identification,
+    conclusion: Conclusion,
     scan: ScanSummary,
     *,
     shown: Identification | None = None,
@@ -129,36 +129,36 @@ def result_of(
     Parameters
     ----------
     shown : whose model, series and residuals are shown; default those of the identification.
-    notes : that follow its own; truth : in place of its own comparison with injected faults.
+    notes : after those of the identification; truth : in place of its comparison with injected faults.
     """
-    window, outcome, shown = found.window, found.outcome, shown or found
-    decision, verdicts, unanswered = said.decision, said.verdicts, list[Note]()
+    window, outcome, shown = identified.window, identified.outcome, shown or identified
+    decision, verdicts, unanswered = conclusion.decision, conclusion.verdicts, list[Note]()
     if outcome.fires:
         decision = "fault"
     if not outcome.converged:
         decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
         unanswered.append(Note.limit(f"{NOT_CONVERGED}: {outcome.solver.termination}"))
-    elif decision == "inconclusive" and found.hides_all:
+    elif decision == "inconclusive" and identified.hides_all:
         unanswered.append(Note.limit(UNANSWERABLE))
     helps = what_would_help(log, config, verdicts) if METHODS[config.method].intervals else None
     return IdentifyResult(
         log=window.summary,
         decision=decision,
         verdicts=verdicts,
-        summary=said.summary if outcome.converged else NOT_CONVERGED,
+        summary=conclusion.summary if outcome.converged else NOT_CONVERGED,
         scan=scan,
-        faults=said.faults if outcome.converged else found.faults,
-        candidates=said.candidates if outcome.converged else found.candidates,
+        faults=conclusion.faults if outcome.converged else identified.faults,
+        candidates=conclusion.candidates if outcome.converged else identified.candidates,
         model=shown.model,
         vaf_output=shown.vaf_output,
         solver=outcome.solver,
-        notes=(*unanswered, *said.notes, *found.notes, *filter(None, [helps]), *notes),
+        notes=(*unanswered, *conclusion.notes, *identified.notes, *filter(None, [helps]), *notes),
         time_s=window.signals.time_s,
         inputs={name: window.signals.u[:, i] for i, name in enumerate(config.inputs)},
         input_units={name: window.log.channel(name).unit for name in config.inputs},
         outputs=shown.outputs,
         residuals=shown.residuals,
-        truth=truth or found.truth,
+        truth=truth or identified.truth,
     )
 
 
@@ -209,19 +209,19 @@ def identification(
             window, regression, outcome = with_likeliest_recorder(
                 log, dictionary, config, window, regression, outcome, progress
             )
-        # A long record makes room for what is told of it.
+        # Of a long record the memory is needed for what follows.
         regression = regression.without_record()
         if outcome.analysed is not None:
             outcome = replace(outcome, analysed=(outcome.analysed[0], outcome.analysed[1].without_record()))
         outcome = with_heads(outcome, len(regression.signals.time_s))
-        found = _assembled(log, window, regression, config, outcome)
-        return found if window is suggested else replace(found, recorder=of_recorder(window.filters)[0])
+        identified = _assembled(log, window, regression, config, outcome)
+        return identified if window is suggested else replace(identified, recorder=of_recorder(window.filters)[0])
 
 
 def _assembled(
     log: FlightLog, window: PreparedWindow, regression: RegressionData, config: Config, outcome: MethodResult
 ) -> Identification:
-    """Return what a method found: estimates, candidates, series, residuals and notes.
+    """Return the outcome of a method as estimates, candidates, series, residuals and notes.
 
     Parameters
     ----------

@@ -104,7 +104,7 @@ def identify_by_likelihood(
     if any(now.window.faults[now.window.live[n]].shape in OF_LINES for n in now.selection.best.fit.atoms):
         refit = partial(_by_threshold, selection=now.selection, threshold=threshold)
         now, about_signals = _with_secants(now, config, refit if is_stated else choose)
-    # Row by row the fit is made again for the answer: of a day at 100 Hz its errors take 70 MB.
+    # The errors, 70 MB for a day at 100 Hz, are made again for the answer.
     bare = replace(now.selection.unfolded, error=np.zeros((0, 0)), weighted_error=np.zeros((0, 0)))
     now = replace(now, selection=replace(now.selection, unfolded=bare))
     # 3. Magnitudes, and the tests that an atom must pass.
@@ -113,7 +113,7 @@ def identify_by_likelihood(
         now, estimated = _tested(
             now, estimated, at_stated, declined, config, choose=choose, exclusive=exclusive, progress=progress
         )
-    # 4. What would have been found.
+    # 4. Limits of the entries that are not declared.
     coarse, dispersion, estimates = estimated
     limits = _limits(now, config, coarse, dispersion, estimates, within=not is_stated, progress=progress)
     del coarse, estimated  # its memory is wanted for what follows
@@ -174,7 +174,7 @@ def _tested(
         if failed is None:
             return now, (coarse, dispersion, estimates)
         if not (declined or has_lines or failed[0] in now.shifts_s):
-            # What a fault that begins beside its onset leaves there stands out at other onsets too.
+            # The residue of a fault that begins beside its stated onset stands out at other onsets too.
             beside = move_entry(now, failed[0], at_stated, config, choose)
             if beside is not None:
                 there = _estimated(beside, config, progress)
@@ -197,11 +197,11 @@ def _limits(
     within: bool,
     progress: Progress,
 ) -> FloatArray:
-    """Return (n_live,) the magnitudes that would have been declared.
+    """Return (n_live,) the minimal detectable magnitudes.
 
     Parameters
     ----------
-    within : at any onset within the tolerance.
+    within : at every onset within the tolerance, not at the stated onset alone.
     """
     regression, selection, penalty = now.regression, now.selection, now.selection.penalty
     likely, sized = overdispersion_if_declared(now.window, regression, selection.best.fit, dispersion), estimates
@@ -256,9 +256,9 @@ def _is_sized(window: PreparedWindow, n: int) -> bool:
 def _at_own_sizes(
     window: PreparedWindow, regression: RegressionData, config: Config
 ) -> tuple[PreparedWindow, RegressionData]:
-    """Return window and regression with the signals of faults of a line at the size of each if it were the only fault.
+    """Return window and regression with the signal of each fault of a line at the size that it has as the only fault.
 
-    So that a large loss is compared with other faults by its own course, and not by the first order of it.
+    Thus a large loss is compared with other faults by its course, and not by the first order of that.
     """
     sized = {n: entry for n, entry in enumerate(window.live) if _is_sized(window, n)}
     if not sized:
@@ -350,7 +350,7 @@ def _by_threshold(regression: RegressionData, selection: Selection, threshold: f
     """Return the selection by the thesis's rule on all magnitudes at once: |z| / norm(z) > threshold."""
     everything = tuple(range(len(regression.atoms)))
     whole = [full_support(regression.problem(order), everything, selection.penalty) for order in regression.orders]
-    scored = [one for one in whole if one is not None]
+    scored = [of_order for of_order in whole if of_order is not None]
     if len(scored) < len(whole):
         raise LogError(
             f"{regression.signals.path}: too few samples to estimate all magnitudes at once; choose a longer window or "

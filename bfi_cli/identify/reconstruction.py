@@ -43,10 +43,10 @@ def output_series(
         theta = every.of(entries).between(rows.start, rows.stop)
         fault[rows] = theta @ outcome.magnitudes.value[atoms]
         variance[rows] = np.einsum("koi,ij,koj->ko", theta, outcome.magnitudes.covariance, theta)
-    for one in outcome.free:
-        if one.declared:
-            fault[:, one.output] += one.value
-            variance[:, one.output] += one.sd**2
+    for course in outcome.free:
+        if course.declared:
+            fault[:, course.output] += course.value
+            variance[:, course.output] += course.sd**2
     spread = np.sqrt(np.maximum(variance, 0.0, out=variance), out=variance)
     error, plain = (_with_head(rows, len(y)) for rows in (outcome.error, outcome.plain_error))
     return tuple(
@@ -124,29 +124,28 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
     if truth is None:
         return None
     declared = {window.names[window.live[n]]: float(outcome.magnitudes.value[n]) for n in outcome.atoms}
-    courses = [one for one in outcome.free if one.declared]
-    declared |= {window.names[one.entry]: float(one.value[one.peak]) for one in courses}
+    courses = [course for course in outcome.free if course.declared]
+    declared |= {window.names[course.entry]: float(course.value[course.peak]) for course in courses}
     wanted: dict[int, float] = {}
     unknown: list[str] = []
     time_s, start_s = window.native.time_s, window.window_start_s
     # No file is opened because a log names it.
     named = {os.path.abspath(fault.file) for fault in window.faults if fault.file is not None}
     for fault in truth.faults:
-        if fault.shape not in ADDITIVE:
-            if (entry := _same_entry(window, fault)) is not None:
-                wanted[entry] = wanted.get(entry, 0.0) + fault.magnitude
-            elif active_samples(fault, time_s).any():
-                unknown.append(name_of(fault))
+        entry = None if fault.shape in ADDITIVE else _same_entry(window, fault)
+        if entry is not None:
+            wanted[entry] = wanted.get(entry, 0.0) + fault.magnitude
             continue
-        channel = window.log.channel(fault.channel).name
-        if fault.file is not None and os.path.abspath(fault.file) not in named:
+        if fault.shape not in ADDITIVE or (fault.file is not None and os.path.abspath(fault.file) not in named):
             unknown += [name_of(fault)] if active_samples(fault, time_s).any() else []
             continue
+        channel = window.log.channel(fault.channel).name
         signal = fault.magnitude * unit_signal(fault, time_s, window_start_s=start_s)
         if not np.any(signal):
             continue
         entry, z = _entry_of(window, channel, signal)
-        course = next((one for one in courses if _begins_as(window, one.entry, channel, fault.onset_s)), None)
+        beginning = (course for course in courses if _begins_as(window, course.entry, channel, fault.onset_s))
+        course = next(beginning, None)
         if entry is None and course is not None:
             wanted[course.entry] = float(signal[np.argmax(np.abs(signal))])
         elif entry is None:

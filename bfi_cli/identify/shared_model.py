@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -25,12 +26,12 @@ from .methods import METHODS
 def with_those_that_share(
     log: FlightLog, dictionary: Dictionary, config: Config, progress: Progress = unseen
 ) -> tuple[FlightLog, tuple[Note, ...]]:
-    """Return the log with those of its earlier records whose model is its own, and notes on them.
+    """Return the log with those of its earlier records that follow the same model, and notes on them.
 
     A record of another trim or another aircraft would bend the model, and a fault that is not there would mend it.
-    Each is asked by itself, with the faults that are likeliest with all of them: one model for both, each with its own
-    constants, or one for each, by the criterion that selects the faults. A fault that no entry explains lets the
-    record seem to have another model; it is then judged alone.
+    Each record is tested by itself, with the faults that are likeliest with all of them: one model for log and record,
+    each with its own constants, against a model for each, by the criterion that selects the faults. Where the log has a
+    fault that no entry explains, its model seems to be another, and it is analysed alone.
 
     Raises
     ------
@@ -49,15 +50,15 @@ def with_those_that_share(
         regression = regression_of(window, likeliest)
         atoms = identify_by_likelihood(window, regression, likeliest, progress).atoms
         shares = [_shares(window, regression, atoms, k, likeliest) for k in range(len(log.earlier))]
-    kept = tuple(one for one, does in zip(log.earlier, shares, strict=True) if does)
-    weights = tuple(one for one, does in zip(log.earlier_weights, shares, strict=True) if does)
-    left_out = [one.path for one, does in zip(log.earlier, shares, strict=True) if not does]
+    kept, weights = tuple(compress(log.earlier, shares)), tuple(compress(log.earlier_weights, shares))
+    left_out = [record.path for record, is_shared in zip(log.earlier, shares, strict=True) if not is_shared]
     notes = []
     if kept:
-        own_s, more_s = (sum(one.n_samples / one.rate_hz for one in some) for some in ((window.log,), kept))
+        own_s, more_s = (sum(part.n_samples / part.rate_hz for part in some) for some in ((window.log,), kept))
+        named = ", ".join(record.path for record in kept)
         notes.append(
             Note.method(
-                f"one model for {own_s:.4g} s of this log and {more_s:.4g} s of {', '.join(one.path for one in kept)}, "
+                f"one model for {own_s:.4g} s of this log and {more_s:.4g} s of {named}, "
                 "which count as free of faults; the search over all onsets looks at this log alone"
             )
         )

@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -444,3 +445,12 @@ def test_the_tail_of_samples_is_the_last_of_them(tmp_path: Path):
     found = tail_of(Fault(shape="samples", onset_s=2.0, file=str(tmp_path / "shape.csv")), window_start_s=0.0)
     assert found is not None
     assert (found[0].level, found[2]) == (4.0, 5.0)
+
+
+def test_a_fault_that_begins_later_has_its_signal_later():
+    fault = Fault(shape="ramp_hold", onset_s=2.0, offset_s=9.0, duration_s=3.0)
+    later = unit_signal(fault.later(4.0), TIME_S, window_start_s=0.0)
+    np.testing.assert_allclose(later[400:], unit_signal(fault, TIME_S[:-400], window_start_s=0.0), atol=1e-12)
+    searched = Fault(shape="bias", onset_range_s=(1.0, np.inf)).later(4.0)
+    assert (searched.onset_range_s, searched.offset_s) == ((5.0, np.inf), None)
+    assert (searched.called, replace(searched, name="step").called) == ("bias", "step")

@@ -91,15 +91,24 @@ def merge_stages(drafts: Sequence[Draft], small: Sequence[Draft] = ()) -> list[D
     for one in (*order(drafts), *order(small)):
         for k, event in enumerate(events):
             if explains(event, one):
+                best, other = (one, event) if _sizes_better(one, event) else (event, one)
                 events[k] = replace(
-                    event,
+                    best,
                     until_s=max(event.until_s, one.until_s),
-                    also=(*event.also, one.finding, *one.also),
+                    also=(*best.also, other.finding, *other.also),
                 )
                 break
         else:
             events.append(one)
     return sorted(events, key=lambda event: event.finding.onset_s)
+
+
+def _sizes_better(one: Draft, event: Draft) -> bool:
+    """Return whether a draft is the same change as an event, of the same trust, and tells its size better."""
+    a, b = one.finding, event.finding
+    same = (a.fault, a.stage, a.doubt) == (b.fault, b.stage, b.doubt) and a.sd is not None and b.sd is not None
+    at_once = a.onset_ci95[0] <= b.onset_ci95[1] and b.onset_ci95[0] <= a.onset_ci95[1]
+    return bool(same and at_once and (a.sd or 0.0) < (b.sd or 0.0) and a.shape != "drift" and b.shape != "drift")
 
 
 def with_ends(drafts: Sequence[Draft]) -> list[Draft]:

@@ -55,6 +55,9 @@ ALTIMETER_M, ALTIMETER_STEPS, SHARE = 8.0, 3.0, 0.1
 AT_ONCE = 0.4
 # Times what the flight usually shows, that a step is; s after which it must still be there.
 UNUSUAL, LASTS_S = 10.0, 30
+# Times the usual change, beyond which one has no part in the fit of what follows, which is made so many times; chosen
+# without a tuning record: of normal changes one in twenty thousand is left out.
+STANDS_OUT, FITS = 6.0, 4
 # s of the means before and after a step of the normal acceleration, with less bank than this, rad: in a turn, bank is
 # not known well enough. Such means of both Citations differ by at most 0.10 m/s^2, nine tenths by less than 0.03.
 LOAD_MEAN_S, LARGEST_BANK, FEWEST = 120, np.radians(20.0), 0.6
@@ -215,7 +218,7 @@ def altimeter_steps(record: Record, phases: Sequence[Phase], without: Sequence[W
     ----------
     without : stretches in which the static line is held or leaks: then both read what the line does.
     """
-    excess, own, least, usual = _altitude_beside_rate(record, phases, without)
+    excess, own, least, sd = _altitude_beside_rate(record, phases, without)
     at_once = np.nan_to_num(np.abs(np.diff(excess)))  # by which a step changes, and what is held does not
     found = []
     for k in _lasting_peaks(own, least, excess):
@@ -227,7 +230,7 @@ def altimeter_steps(record: Record, phases: Sequence[Phase], without: Sequence[W
                 _step(
                     "altitude",
                     size,
-                    sd=max(usual, 1e-3 * abs(size)),
+                    sd=max(float(sd[k]), 1e-3 * abs(size)),
                     unit="m",
                     onsets_s=(onset_s, onset_s - STEP_S, onset_s + STEP_S),
                     statistic=abs(size) / float(least[k]),
@@ -255,15 +258,16 @@ def altitude_step_within(
 
 def _altitude_beside_rate(
     record: Record, phases: Sequence[Phase], without: Sequence[Window]
-) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Return the altitude less the integral of its rate, its changes, what they amount to at least, and usually.
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the altitude less the integral of its rate, its changes, how large a step's must be, and their errors.
 
     A rate that lags makes a change of the altitude that follows a change of the rate; it is taken off. All are (n,),
     NaN where they are not known.
     """
     channels = record.channels
     if not {"altitude", "altitude_rate"} <= channels.keys():
-        return (*np.full((3, len(record.time_s)), np.nan), np.nan)
+        unknown = np.full(len(record.time_s), np.nan)
+        return unknown, unknown, unknown, unknown
     watched = within(record.time_s, flight_stretches(phases)) & ~within(record.time_s, without)
     rate = np.where(watched, channels["altitude_rate"], np.nan)
     climbed = STEP_S * (np.cumsum(np.nan_to_num(rate)) - 0.5 * np.nan_to_num(rate))
@@ -272,16 +276,23 @@ def _altitude_beside_rate(
     own, usual = _less_what_follows(change, faster[:, None])
     quantum = find_quantum(channels["altitude"][np.isfinite(channels["altitude"])]) or 0.0
     least = max(ALTIMETER_M, UNUSUAL * usual, ALTIMETER_STEPS * quantum) + SHARE * np.abs(by_rate)
-    return excess, own, np.where(np.isfinite(own), least, np.nan), usual
+    return excess, own, np.where(np.isfinite(own), least, np.nan), np.hypot(usual, SHARE * by_rate)
 
 
 def _less_what_follows(change: FloatArray, follows: FloatArray) -> tuple[FloatArray, float]:
-    """Return (n,) changes less what follows others, (n, n_others), and their usual size; NaN where few are known."""
+    """Return (n,) changes less what follows others, (n, n_others), and their usual size; NaN where few are known.
+
+    What is fitted leaves out the changes that stand out, which else would hide a part of themselves.
+    """
     known = np.isfinite(change) & np.isfinite(follows).all(axis=1)
     if np.count_nonzero(known) < LASTS_S:
         return np.full(len(change), np.nan), np.nan
-    own = change - follows @ np.linalg.lstsq(follows[known], change[known], rcond=None)[0]
-    return own, MAD * float(np.median(np.abs(own[known])))
+    fitted = known
+    for _ in range(FITS):
+        own = change - follows @ np.linalg.lstsq(follows[fitted], change[fitted], rcond=None)[0]
+        usual = MAD * float(np.median(np.abs(own[known])))
+        fitted = known & (np.abs(own) <= STANDS_OUT * usual) if usual > 0.0 else known
+    return own, usual
 
 
 def _lasting_peaks(own: FloatArray, least: FloatArray, values: FloatArray) -> list[int]:

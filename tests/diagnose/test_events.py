@@ -262,3 +262,14 @@ def test_an_event_is_certain_above_its_threshold():
     assert is_certain(one)
     assert not is_certain(less)
     assert not is_certain(replace(one, finding=replace(one.finding, stage="scan", doubt="flaps may move")))
+
+
+def test_of_two_relations_that_show_one_step_the_one_that_knows_its_size_better_describes_it():
+    rough, exact = (
+        draft(fault="altitude", stage="static relations", shape="bias", magnitude=size, sd=sd, onset_s=onset_s)
+        for size, sd, onset_s in ((-56.0, 2.0, 99.5), (-60.0, 0.1, 100.0))
+    )
+    for drafts in ([rough, exact], [exact, rough]):
+        (event,) = merge_stages(drafts)
+        assert event.finding.magnitude == -60.0
+        assert [one.magnitude for one in event.also] == [-56.0]

@@ -57,6 +57,17 @@ def test_a_step_within_a_second_has_its_whole_size(onset_s: float):
     assert answer.onset_ci95[0] <= onset_s <= answer.onset_ci95[1]
 
 
+@pytest.mark.parametrize("lag_s", [1.5, 3.0, 10.0])
+def test_a_reading_that_lags_has_its_whole_size(lag_s: float):
+    """The nearest step has a third of it, with an interval that says nothing of the rest."""
+    answer = told(-5.0 * -np.expm1(-np.maximum(RAW - 60.2, 0.0) / lag_s))
+    assert answer.shape == "lagged_bias"
+    assert answer.constant_s == pytest.approx(lag_s, rel=0.1)
+    assert answer.onset_s == pytest.approx(60.2, abs=0.2)
+    assert answer.magnitude == pytest.approx(-5.0, abs=3.0 * (answer.sd or 0.0))
+    assert (answer.sd or np.inf) < 0.1
+
+
 def test_a_step_behind_a_low_pass_has_its_whole_size():
     lag = np.arange(-15, 16)
     taps = np.exp(-0.5 * (lag / 2.5) ** 2)

@@ -18,7 +18,7 @@ from bfi_cli.montecarlo.summary import ScenarioSummary
 pytestmark = pytest.mark.slow
 
 SWEEP = Path(__file__).parents[2] / "configs" / "benchmark.yaml"
-METHODS, FAULTS, TRIALS = ("risro", "mf2d", "arx-residual", "glr"), ("none", "bias_1", "bias_0.5+sine_0.2"), 12
+METHODS, FAULTS, TRIALS = ("risro", "mf2d", "arx-residual", "glr"), ("none", "bias_1", "bias_0.5+sine_0.2"), 6
 
 
 def test_every_method_on_the_same_trials() -> None:

@@ -63,7 +63,7 @@ SENSORS: Mapping[str, frozenset[str]] = {
 }
 # What the static and the impact pressure are taken from, the best first.
 STATIC_SOURCES = ("p_static", "altitude")
-IMPACT_SOURCES = ("q_impact", "p_total", "cas", "mach", "tas", "ias")
+IMPACT_SOURCES = ("q_impact", "p_total", "cas", "mach", "ias", "tas")
 # What a sensor of an aircraft at rest may show below nothing; it is taken for nothing. m/s, Mach, Pa.
 REST = {"cas": 5.0, "ias": 5.0, "tas": 5.0, "mach": 0.015, "q_impact": 100.0}
 # K; beyond what any air has that an aircraft flies in, or its probe shows, up to Mach 1.

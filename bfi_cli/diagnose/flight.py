@@ -39,6 +39,7 @@ from ..preprocessing.tolerance import AIRSPEEDS, tolerance_of
 
 FloatArray = NDArray[np.float64]
 
+STALLS = "the aircraft stalls meanwhile"
 # Beside a held line, where the filters of the recorder and the leak itself still act.
 BRIDGE_S = 10.0
 # Between two pieces of one hold: an airspeed that comes and goes about nothing.
@@ -211,7 +212,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     # What one airspeed says against all others is no sign of a pressure line.
     overruled = {one.channel for one in parts.disagreements if one.alone}
     held = find_holds(without(log, *overruled), start_s, stop_s)
-    held = replace(held, findings=_until_free(held.findings, phases, stop_s))
+    held = replace(held, findings=_doubted_in_stalls(_until_free(held.findings, phases, stop_s), phases))
     coarse = coarse_positions(log)
     if coarse:
         log = without(log, "latitude", "longitude")
@@ -315,6 +316,19 @@ def _until_free(found: Sequence[Finding], phases: Sequence[Phase], stop_s: float
                 hold = replace(hold, offset_s=end if end < stop_s - BRIDGE_S else None)
         last[one.fault] = hold
     return tuple(sorted((*ended, *last.values()), key=lambda finding: finding.onset_s))
+
+
+def _doubted_in_stalls(found: Sequence[Finding], phases: Sequence[Phase]) -> tuple[Finding, ...]:
+    """Return the findings, those of a leak that ends with a stall doubted: the aircraft loses its airspeed then."""
+    stalls = [one for one in phases if one.phase == "stall"]
+    return tuple(
+        replace(one, doubt=one.doubt or STALLS)
+        if one.fault.endswith("_leak")
+        and one.offset_s is not None
+        and any(stall.from_s <= one.offset_s <= stall.to_s + BRIDGE_S for stall in stalls)
+        else one
+        for one in found
+    )
 
 
 def _reaches(hold: Finding, time_s: float) -> bool:

@@ -68,7 +68,13 @@ UNSEEN_STEPS = 3.0
 # some tenths of a second apart. Standard deviations of the coefficients, of a relation in m/s: per m/s of Mach x 340, m
 # of altitude, m/s^2 and m/s of climb.
 FOLLOWS = (0.05, 2e-4, 0.1, 0.02)
-# The same in units of other relations, about what 1 m/s of airspeed is worth.
+# An indicated airspeed is not corrected for the position of the ports: an error of the static pressure in proportion to
+# impact pressure and coefficient of lift goes with V0^2 / V, V0 its median. Of that coefficient, to 1: in handbooks of
+# light aircraft the difference from the calibrated airspeed changes by 0.1 to 0.4 m/s per m/s.
+POSITION_ERROR = 0.1
+# Of V0, below which an aircraft does not fly.
+SLOWEST = 0.3
+# `FOLLOWS` in units of other relations, about what 1 m/s of airspeed is worth.
 WORTH = {"m/s": 1.0, "K": 1.0, "m": 10.0, "Pa": 100.0, "rad": 0.02, "1": 0.003}
 # K, m/s, m, Pa: beyond what any flight has that these relations are for.
 DOMAIN: dict[str, tuple[float, float]] = {
@@ -84,7 +90,7 @@ DOMAIN: dict[str, tuple[float, float]] = {
 # What an airspeed is made of beside its own line.
 AIR = frozenset(("p_static", "altitude", "tat", "sat"))
 # Channels of which `FOLLOWS` is made.
-FOLLOWED = frozenset(("cas", "mach", "altitude", "p_static", "tas"))
+FOLLOWED = frozenset(("cas", "ias", "mach", "altitude", "p_static", "tas"))
 # Headings turn by a whole round, which is no difference.
 COMPARED = frozenset(REPEATED) - {"yaw"}
 
@@ -138,7 +144,7 @@ class Relation:
 
 def _mach(values: Values) -> FloatArray:
     p_static = pressure_at(values["altitude"]) if "altitude" in values else values["p_static"]
-    q_impact = impact_pressure_of_cas(values["cas"])
+    q_impact = impact_pressure_of_cas(values["cas"] if "cas" in values else values["ias"])
     return mach_number(np.where(q_impact < 0.89 * p_static, q_impact, np.nan), p_static)  # 0.893 is Mach 1
 
 
@@ -160,6 +166,7 @@ def _table(static: str, heats: tuple[str, ...]) -> tuple[Relation, ...]:
     return (
         Relation("tas", "m/s", "tas", ("mach", *heats), _tas),
         Relation("tas", "m/s", "tas", ("cas", static, *heats), _tas),
+        Relation("tas", "m/s", "tas", ("ias", static, *heats), _tas),
         Relation("mach", "m/s", "mach", ("cas", static), _mach, scale=340.0),
         Relation("sat", "K", "sat", ("tat", "mach"), lambda v: static_temperature(v["tat"], v["mach"])),
         *(
@@ -185,7 +192,9 @@ def _relations(log: FlightLog) -> tuple[list[Relation], list[str]]:
             known.setdefault(one.name, one)
     is_there = {name: name in sensors for name in ("tas", "mach", "cas")}
     is_there |= {"altitude": static in sensors, "tat or sat": heats[0] in sensors}
-    is_there["mach, or cas and altitude"] = "mach" in sensors or {"cas", static} <= sensors.keys()
+    is_there["mach, or cas and altitude"] = "mach" in sensors or (
+        not {"cas", "ias"}.isdisjoint(sensors) and static in sensors
+    )
     missing = []
     for what, parts in (
         ("the computation of tas is not checked", ("tas", "tat or sat", "mach, or cas and altitude")),
@@ -267,8 +276,9 @@ class RelationSeries:
     Attributes
     ----------
     time_s : (n,) seconds, values : (n,) in the unit of the relation.
-    nuisances : (n, 5) constant, Mach, altitude, and their rates: what a healthy relation may follow.
-    sizes : (5,) standard deviations of the coefficients, infinite for the constant.
+    nuisances : (n, 5) constant, Mach, altitude, and their rates: what a healthy relation may follow; of an indicated
+        airspeed (n, 6) its position error too.
+    sizes : (5,) or (6,) standard deviations of the coefficients, infinite for the constant.
     effects : by channel, (n,) what one unit of its error adds to the relation.
     noise_sd : the least noise: recorded steps, or what pieces of 20 s show.
     resting_step : what the steps of all channels that mostly rest within one make of it together.
@@ -466,6 +476,9 @@ def relation_series(log: FlightLog) -> Series:
         typical = {name: float(np.nanmedian(np.abs(effect))) for name, effect in effects.items()}
         time_s, made = blocks.time_s[kept], made[kept]
         read_as = about | {name: name for name in one.needs}
+        nuisances, sizes = follows[kept], list(FOLLOWS)
+        if "ias" in map(_quantity, one.needs) and not one.twins:
+            nuisances, sizes = _with_position_error(nuisances), [*FOLLOWS, POSITION_ERROR]
         steps = sum((typical[name] * quanta[name]) ** 2 / 12.0 for name in effects if name in quanta)
         unexplained = np.sqrt(max(0.0, _noise_about_lines(made, time_s) ** 2 - steps))
         unexplained *= UNSEEN_STEPS if effects.keys() - quanta.keys() else 1.0
@@ -477,8 +490,8 @@ def relation_series(log: FlightLog) -> Series:
                 relation=one,
                 time_s=time_s,
                 values=made,
-                nuisances=follows[kept],
-                sizes=np.array([np.inf, *(WORTH[one.unit] * size for size in FOLLOWS)]),
+                nuisances=nuisances,
+                sizes=np.array([np.inf, *(WORTH[one.unit] * size for size in sizes)]),
                 effects=effects,
                 noise_sd=max(float(np.hypot(np.sqrt(steps), unexplained)), numbers),
                 resting_step=sum(typical[name] * step for name, step in resting.items() if name in effects),
@@ -498,12 +511,19 @@ def _follows(values: Values, time_s: FloatArray) -> FloatArray:
     """Return (n, 5) constant, airspeed in m/s, altitude and the rates of both, 0 for what the log does not have."""
     none = np.zeros(len(time_s))
     height = values.get("altitude", none)
-    if {"cas", "altitude"} <= values.keys():
+    # Not tas where there is another: a relation that follows its steps has lost its own noise.
+    if "altitude" in values and ("cas" in values or ("ias" in values and "mach" not in values)):
         speed = 340.0 * _mach(values)
     else:
         speed = 340.0 * values["mach"] if "mach" in values else values.get("tas", none)
     rates = (np.gradient(x, time_s) if len(time_s) > 1 else none for x in (speed, height))
     return np.column_stack([np.ones(len(time_s)), speed, height, *rates])
+
+
+def _with_position_error(follows: FloatArray) -> FloatArray:
+    """Return (n, 6) `_follows`, and what a static pressure that errs with the coefficient of lift makes of airspeed."""
+    typical = max(float(np.median(follows[:, 1])), 1e-9)
+    return np.column_stack([follows, typical**2 / np.maximum(follows[:, 1], SLOWEST * typical)])
 
 
 def _effect(relation: Relation, values: Values, name: str) -> FloatArray:

@@ -87,7 +87,7 @@ def test_what_no_subsonic_flight_has_is_left_out_and_named(channel, value, why):
 def test_what_does_not_tell_the_system_is_named():
     with pytest.raises(ValueError, match="p_static: needs p_static or altitude, got none of them"):
         air_data_of({"cas": CHANNELS["cas"]})
-    with pytest.raises(ValueError, match="q_impact: needs q_impact or p_total or cas or mach or tas or ias"):
+    with pytest.raises(ValueError, match="q_impact: needs q_impact or p_total or cas or mach or ias or tas"):
         air_data_of({"altitude": ALTITUDE})
 
 
@@ -97,3 +97,13 @@ def test_an_impact_pressure_beyond_the_sound_at_sea_level_is_left_out_below_it()
     made = channels_of(air.p_static, air.q_impact, air.tat)
     assert np.isfinite(made["cas"]).tolist() == [True, False]
     assert [(one.channel, one.where.tolist()) for one in air.impossible] == [("mach", [False, True])]
+
+
+def test_an_indicated_airspeed_tells_the_impact_pressure_without_a_temperature():
+    """A true airspeed would bring the errors of its computation and of its temperature into the pressures."""
+    recorded = {"altitude": ALTITUDE, "ias": CHANNELS["cas"], "tas": CHANNELS["tas"], "sat": CHANNELS["sat"]}
+    wrong = recorded | {"tas": np.round(CHANNELS["tas"]) + 3.0, "sat": CHANNELS["sat"] + 10.0}
+    air, with_errors = air_data_of(recorded), air_data_of(wrong)
+    assert air.made_of["q_impact"] == with_errors.made_of["q_impact"] == ("ias",)
+    np.testing.assert_array_equal(air.p_total, with_errors.p_total)
+    np.testing.assert_allclose(air.q_impact, CHANNELS["q_impact"], rtol=1e-12)

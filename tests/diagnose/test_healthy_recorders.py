@@ -40,3 +40,36 @@ def test_a_leak_that_is_only_suspected_explains_no_blocked_line(flights: Path, f
     result = diagnose_flight(inject(log, [Fault(shape=fault, onset_s=onset_s)]), Config())
     declared = [one for one in result.events if one.state == "declared"]
     assert (declared[0].fault, declared[0].onset_s) == (fault, pytest.approx(onset_s, abs=5.0))
+
+
+@pytest.mark.parametrize(
+    ("fault", "onset_s"),
+    [
+        ("pitot_blocked", 49_300.0),
+        ("pitot_blocked", 50_100.0),
+        ("static_blocked", 50_300.0),
+        ("static_blocked", 52_300.0),
+    ],
+)
+def test_a_blocked_line_is_named_from_its_onset(flights: Path, fault: str, onset_s: float) -> None:
+    """The true airspeed in whole knots hides a trapped pressure, the indicated one in hundredths does not."""
+    log = read_log(flights / "reader_samples" / "g1000_c172.csv")
+    result = diagnose_flight(inject(log, [Fault(shape=fault, onset_s=onset_s)]), Config())
+    declared = [(one.fault, one.onset_s) for one in result.events if one.state == "declared"]
+    assert declared == [(fault, pytest.approx(onset_s, abs=5.0))]
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        Fault(shape="drift", channel="tas", magnitude=0.05, onset_s=52_000.0),
+        Fault(shape="bias", channel="ias", magnitude=-3.0, onset_s=50_900.0),
+    ],
+    ids=lambda fault: fault.channel,
+)
+def test_an_airspeed_that_is_held_against_the_other_is_told_from_its_onset(flights: Path, fault: Fault) -> None:
+    log = read_log(flights / "reader_samples" / "g1000_c172.csv")
+    result = diagnose_flight(inject(log, [fault]), Config())
+    (declared,) = (one for one in result.events if one.state == "declared")
+    assert {fault.channel} <= {*declared.among} <= {"tas", "ias", "altitude"}
+    assert declared.onset_s == pytest.approx(fault.onset_s, abs=5.0)

@@ -156,7 +156,7 @@ def test_the_truth_of_a_derived_channel_is_made_of_the_clean_ones():
         ("lift_speed", ("aoa",), "aoa"),
         ("lift_speed", ("aoa", "altitude"), "aoa, p_static or altitude"),
         ("p_static", ("altitude",), "p_static or altitude"),
-        ("q_impact", ("cas", "tas"), "q_impact or p_total or cas or mach or tas or ias"),
+        ("q_impact", ("cas", "tas"), "q_impact or p_total or cas or mach or ias or tas"),
         ("kinematic_acc", ("roll",), "roll"),
         ("climb_angle", ("pitch", "roll"), "pitch, roll"),
         ("ground_airspeed", ("velocity_east",), "velocity_north and velocity_east or latitude and longitude"),

@@ -273,7 +273,7 @@ def spoilt(**values: float) -> FlightLog:
             log_of(P_STATIC, Q_IMPACT, TAT, "altitude"),
             fault("pitot_blocked"),
             LogError,
-            "q_impact needs one of q_impact, p_total, cas, mach, tas, ias; the log has: altitude,",
+            "q_impact needs one of q_impact, p_total, cas, mach, ias, tas; the log has: altitude,",
         ),
         (
             log_of(P_STATIC, Q_IMPACT, TAT, "cas"),

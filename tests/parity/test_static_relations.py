@@ -10,6 +10,13 @@ import pytest
 from made_flights import RECORDED, made_flight
 from made_logs import made_log
 
+from bfi_cli.airdata import (
+    calibrated_airspeed,
+    impact_pressure_of_mach,
+    isa_temperature,
+    pressure_at,
+    speed_of_sound,
+)
 from bfi_cli.config import Config
 from bfi_cli.diagnose.diagnose import diagnose_flight
 from bfi_cli.diagnose.flight import flight_of
@@ -19,7 +26,7 @@ from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import Channel, frozen_array
-from bfi_cli.parity.static_relations import find_static, relation_series
+from bfi_cli.parity.static_relations import THRESHOLD, find_static, relation_series
 from bfi_cli.parity.stuck import stuck_errors
 from bfi_cli.preprocessing.tolerance import tolerance_of
 
@@ -95,6 +102,61 @@ def test_an_error_from_the_start_is_none_of_the_window(channel: str):
 )
 def test_a_wrong_pressure_breaks_no_relation(fault: Fault):
     assert find_static(inject(made_flight(), [fault]), FROM_S, TO_S).findings == ()
+
+
+# m/s, K, m: a recorder of light aircraft keeps the true airspeed in whole knots and the indicated one in hundredths.
+LIGHT = {"tas": 0.5144, "ias": 0.0051, "sat": 0.1, "altitude": 0.0305}
+
+
+def light_aircraft(
+    steps: Mapping[str, float] | None = None, position_error: float = 0.0, gusts: float = 1.0
+) -> FlightLog:
+    """Return tas, ias, altitude and sat of a cruise with slow flight in it; ias errs with the coefficient of lift."""
+    time_s = np.arange(0.0, 600.0, 1.0 if steps else 0.1)
+    rng, hat = np.random.default_rng(0), np.hanning(round(20.0 / time_s[1]))
+    gust, rise = (np.convolve(rng.standard_normal(time_s.size), hat, "same") / np.linalg.norm(hat) for _ in range(2))
+    altitude = 1000.0 + 100.0 * np.sin(time_s / 50.0) + 5.0 * rise
+    sat, p_static = isa_temperature(altitude) + 4.0, pressure_at(altitude)
+    tas = 50.0 - 24.0 * np.exp(-(((time_s - 330.0) / 40.0) ** 2)) + gusts * gust
+    cas = calibrated_airspeed(impact_pressure_of_mach(tas / speed_of_sound(sat), p_static))
+    signals = {"altitude": altitude, "sat": sat, "tas": tas, "ias": cas - position_error * 45.0**2 / cas}
+    for name, step in (steps or {}).items():
+        signals[name] = np.round(signals[name] / step) * step
+    return made_log(time_s, {"altitude": "m", "sat": "K"}, **signals)
+
+
+@pytest.mark.parametrize(
+    ("channel", "size", "among"),
+    [("tas", 0.01, {"tas", "ias", "altitude"}), ("ias", 0.02, {"tas", "ias", "altitude"}), ("sat", 0.2, {"sat"})],
+)
+def test_an_error_of_true_or_indicated_airspeed_is_told_without_a_calibrated_one(channel, size, among):
+    (found,) = find_static(with_error(light_aircraft(), channel, size), FROM_S, TO_S).findings
+    assert set(found.among) == among
+    assert found.onset_s == pytest.approx(ONSET_S, abs=1.0)
+
+
+@pytest.mark.parametrize("position_error", [0.0, 0.2])
+@pytest.mark.parametrize("steps", [None, LIGHT], ids=["exact", "recorded in steps"])
+def test_neither_whole_knots_nor_the_position_of_the_ports_are_a_fault(steps, position_error):
+    log = light_aircraft(steps, position_error)
+    series = relation_series(log)
+    for from_s in range(0, 480, 30):
+        assert find_static(log, from_s, from_s + 120.0, series=series).findings == ()
+
+
+def test_the_steps_of_a_true_airspeed_are_none_that_its_relation_follows():
+    """Less a share of tas the relation has less noise than whole knots make, and a change makes up for the share."""
+    log = light_aircraft(LIGHT, gusts=0.2)
+    series = relation_series(log)
+    answers = [find_static(log, from_s, from_s + 120.0, series=series) for from_s in range(180, 330, 10)]
+    assert max(one.statistic for answer in answers for one in answer.relations if one.name == "tas") < THRESHOLD
+
+
+@pytest.mark.parametrize("shape", ["pitot_blocked", "static_blocked", "pitot_icing"])
+def test_a_line_fault_breaks_no_relation_of_the_indicated_airspeed(shape):
+    magnitude = {"magnitude": 0.002} if shape == "pitot_icing" else {}
+    log = inject(light_aircraft(LIGHT), [Fault(shape=shape, onset_s=ONSET_S, **magnitude)])
+    assert find_static(log, FROM_S, TO_S).findings == ()
 
 
 def test_an_error_of_a_tenth_of_a_metre_per_second_is_found_in_recorded_steps():

@@ -18,7 +18,8 @@ from bfi_cli.montecarlo.summary import ScenarioSummary
 pytestmark = pytest.mark.slow
 
 SWEEP = Path(__file__).parents[2] / "configs" / "benchmark.yaml"
-METHODS, FAULTS, TRIALS = ("risro", "mf2d", "arx-residual", "glr"), ("none", "bias_1", "bias_0.5+sine_0.2"), 6
+METHODS, FAULTS = ("risro", "mf2d", "arx-residual", "glr"), ("none", "bias_1", "bias_0.5+sine_0.2")
+TRIALS, MINUTES = 6, 12
 
 
 def test_every_method_on_the_same_trials() -> None:
@@ -45,7 +46,7 @@ def test_on_minutes_of_a_recorded_flight(flights: Path, tmp_path: Path) -> None:
     lines = [line for line in SWEEP.read_text().splitlines() if not line.startswith(("record:", "noise:"))]
     recorded = tmp_path / "recorded.yaml"
     recorded.write_text(f"record: {{log: {log}, from_s: 900, to_s: 4200, length_s: 60.0}}\n" + "\n".join(lines))
-    sweep = replace(load_sweep(recorded), n_trials=60 if FULL else TRIALS)
+    sweep = replace(load_sweep(recorded), n_trials=60 if FULL else MINUTES)
     if not FULL:
         kept = [one for one in sweep.scenarios if one.axes["compare"] in METHODS and one.axes["inject"] in FAULTS[:2]]
         sweep = replace(sweep, scenarios=tuple(kept))

@@ -24,7 +24,7 @@ from bfi_cli.flightlog.recorder import with_seen_recorder
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
-WINDOWS, N_EXCERPTS = (range(300), 96) if FULL else (range(4, 12), 3)
+WINDOWS, N_EXCERPTS = (range(300), 96) if FULL else (range(4, 12), 2)
 EXCERPT_S, STEP = 160.0, 3.0
 RECORDERS = (None, ("fir", 1.3), ("butter", 1.3), ("causal", 2.0))
 

@@ -105,8 +105,8 @@ def test_the_best_pair_is_found():
 
 @pytest.mark.slow
 def test_the_best_pair_is_found_in_94_of_100_random_cases(capsys):
-    """Of 200 where BFI_FULL=1 is set, else of 80: a search that misses 20 % fails with a chance of 98 %."""
-    n = sized(200, 0.4)
+    """Of 200 where BFI_FULL=1 is set, else of 50: a search that misses 20 % fails with a chance of 81 %."""
+    n = sized(200, 0.25)
     count = sum(suboptimal(seed) for seed in range(1000, 1000 + n))
     with capsys.disabled():
         print(f"\nbest of all pairs missed in {count} of {n} random cases")

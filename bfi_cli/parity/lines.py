@@ -234,19 +234,29 @@ def touching_runs(marked: BoolArray, n: int) -> list[tuple[int, int]]:
 
 
 def edge_of(lines: Lines, line: PressureLine, middle: int, way: int) -> int:
-    """Return the last block that is still on the line of a stretch around `middle`, going one way."""
+    """Return the last block that is still on the line of a stretch around `middle`, going one way.
+
+    The line of a short stretch is known badly far from it: what it reaches is fitted again, while it reaches further.
+    """
+    t, n = lines.time_s, len(lines.time_s)
     half = max(2, round(0.4 * LENGTH_S[line.pressure] / lines.step_s / 2.0))
-    around = np.arange(max(0, middle - half), min(len(lines.time_s), middle + half + 1))
-    at = lines.time_s[around] - lines.time_s[middle]
-    design = np.column_stack([np.ones(len(at)), at])
-    level = np.linalg.lstsq(design, line.values[around] - line.values[middle], rcond=None)[0]
-    at = lines.time_s - lines.time_s[middle]
-    off = np.abs(line.values - line.values[middle] - level[0] - level[1] * at)
-    # Two blocks in a row: one of noise may stray.
-    away = ~(off <= BAND * float(np.hypot(line.step_sd[middle], line.noise_sd)))
-    away = away[middle:] if way > 0 else away[middle::-1]
-    twice = np.flatnonzero(away[:-1] & away[1:])
-    return middle + way * (max(0, int(twice[0]) - 1) if twice.size else len(away) - 1)
+    first, last = max(0, middle - half), min(n - 1, middle + half)
+    while True:
+        held, at = slice(first, last + 1), t - t[middle]
+        known = np.isfinite(line.values[held])
+        design = np.column_stack([np.ones(last + 1 - first), at[held]])[known]
+        rises = line.values - line.values[middle]
+        level = np.linalg.lstsq(design, rises[held][known], rcond=None)[0]
+        off = np.abs(rises - level[0] - level[1] * at)
+        own = float(np.sqrt(np.nanmean(off[held] ** 2)))
+        # Two blocks in a row: one of noise may stray.
+        away = ~(off <= BAND * max(float(np.hypot(line.step_sd[middle], line.noise_sd)), own))
+        away = away[middle:] if way > 0 else away[middle::-1]
+        twice = np.flatnonzero(away[:-1] & away[1:])
+        edge = middle + way * (max(0, int(twice[0]) - 1) if twice.size else len(away) - 1)
+        if first <= edge <= last:
+            return edge
+        first, last = min(first, edge), max(last, edge)
 
 
 def channels_after(log: FlightLog, pressure: str) -> tuple[str, ...]:

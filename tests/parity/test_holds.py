@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from made_flights import made_flight
 from made_logs import made_log
+from scipy.ndimage import gaussian_filter1d
 
 from bfi_cli.airdata import air_data_of, channels_of, impact_pressure_of_cas, pressure_at, total_temperature
 from bfi_cli.faults import Fault
@@ -60,6 +61,15 @@ def test_without_noise_a_trapped_line_is_named(shape: str, window: tuple[float, 
 def test_a_transducer_and_a_record_make_it_less_still(shape: str, noise_pa: float, steps: dict[str, float] | None):
     (found,) = find_holds(trapped(shape, noise_pa=noise_pa, steps=steps), FROM_S, TO_S).findings
     assert found.fault == shape
+    assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
+
+
+@pytest.mark.parametrize(("noise_pa", "steps"), [(1.0, STEPS), (8.0, None)])
+def test_a_recorder_that_smooths_noise_moves_no_onset(noise_pa: float, steps: dict[str, float] | None):
+    """A line that is fitted to a short stretch strays by slow noise far from it."""
+    log = trapped("pitot_blocked", noise_pa=noise_pa, steps=steps)
+    smooth = {name: gaussian_filter1d(np.asarray(one.values), 2.5) for name, one in log.channels.items()}
+    (found,) = find_holds(made_log(log.time_s, {"altitude": "m"}, **smooth), 0.0, 600.0).findings
     assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
 
 
@@ -348,6 +358,13 @@ def test_a_port_that_opens_in_coarse_steps_is_no_certain_leak():
     (found,) = find_holds(log, 0.0, 600.0).findings
     assert found.fault == "static_leak"
     assert "rests before it too" in found.doubt
+
+
+def test_a_tube_that_leaks_in_a_descent_is_no_static_line():
+    """What the static pressure gains is the descent, which began before the leak."""
+    leak = Fault(shape="pitot_leak", onset_s=260.0, time_constant_s=15.0)
+    (found,) = find_holds(inject(made_flight(speed=45.0, climbs_m=60.0, air_pa=10.0), [leak]), 0.0, 600.0).findings
+    assert found.among == ("pitot_leak",)
 
 
 @pytest.mark.parametrize("time_constant_s", [20.0, 50.0, 90.0])

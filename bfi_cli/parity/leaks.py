@@ -190,9 +190,7 @@ def pitot_leaks(
             continue
         lost = 1.0 - float(np.nanmin(q[first : last + 1])) / level
         # A tube that leaks loses its total pressure; a static line takes the impact pressure away by what it gains.
-        at = int(np.searchsorted(t, onset_s))
-        gained, gone = float(static.values[first] - static.values[at]), float(q[at] - q[first])
-        of_port = gained > LARGEST_SHARE_OF_TOTAL * gone > 0.0
+        of_port = _share_gained(t, q, static.values, onset_s, first) > LARGEST_SHARE_OF_TOTAL
         line, fault = ("p_static", "static_leak") if of_port else ("p_total", "pitot_leak")
         finding = Finding(
             fault=fault,
@@ -209,6 +207,21 @@ def pitot_leaks(
         )
         leaks.append((finding, float(t[first])))
     return leaks, landings
+
+
+def _share_gained(t: FloatArray, q: FloatArray, p_static: FloatArray, onset_s: float, first: int) -> float:
+    """Return the share of a loss of impact pressure that the static pressure gains beside its steady climb or descent.
+
+    Parameters
+    ----------
+    first : block in which nearly none is left.
+    """
+    from_s = onset_s - max(LEAST_LEVEL_S, LEVEL * (float(t[first]) - onset_s))
+    part = np.flatnonzero((t >= from_s) & (np.arange(len(t)) <= first) & np.isfinite(q) & np.isfinite(p_static))
+    at, falls = t[part] - onset_s, t[part] >= onset_s
+    level = float(np.median(q[part][~falls])) if not falls.all() else float(q[part][0])
+    design = np.column_stack([np.ones(len(at)), at, np.where(falls, level - q[part], 0.0)])
+    return float(np.linalg.lstsq(design, p_static[part], rcond=None)[0][2])
 
 
 def _fall(

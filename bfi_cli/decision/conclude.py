@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from ..faults import Decision, FaultEstimate, build_up_s
 from ..notes import Note
 from ..report.text import instant, quantity
-from ..shapes import SHAPES, Kind
+from ..shapes import OF_LINES, SHAPES, Kind
 from .candidate import Candidate, with_limit
 from .evidence import Evidence, Manoeuvre
 from .verdict import decide, summarise, verdicts_of
@@ -50,7 +50,8 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
     1. A fault that a source declares is declared, unless another source excludes its error on the channel, or a model
        declares it where it begins in a manoeuvre that no linear model follows: then it is suspected. What two sources
        declare of one channel at one time is one fault, named by the one with more evidence: a reading that is held to
-       the last bit has most, and whatever seems to begin on its channel since is that.
+       the last bit has most, and a line of pressure that is blocked or leaks; whatever seems to begin on its channel
+       since is that.
     2. What bounds a slow error of a channel in one source bounds it in all: the smallest limit counts.
     3. A sensor that is frozen tells of no other fault of its channel.
     4. The verdicts on the kinds, and the sentence that says them.
@@ -117,15 +118,24 @@ def _is_held(one: FaultEstimate) -> bool:
     return SHAPES[one.fault.shape].acts_on == "held"
 
 
+def _is_lost(one: FaultEstimate) -> bool:
+    """Say whether a channel follows no motion since a fault: it is held, or its line shows the pressure of no air.
+
+    What a model declares has a course, beside which others are seen.
+    """
+    of_line = one.fault.shape in OF_LINES and not SHAPES[one.fault.shape].has_magnitude
+    return _is_held(one) or (of_line and one.source not in MODELS)
+
+
 def _rank(one: FaultEstimate) -> tuple[bool, float]:
     """Return what sorts faults by their evidence, most first."""
-    return not _is_held(one), -math.inf if one.statistic is None else -one.statistic
+    return not _is_lost(one), -math.inf if one.statistic is None else -one.statistic
 
 
 def _told(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> int | None:
     """Return which fault of another source is the same.
 
-    It is on its channel, and both build up at one time, or both are slow, or this one begins while that one holds it.
+    It is on its channel, and both build up at one time, or both are slow, or that one has lost it by then.
     """
 
     def span(one: FaultEstimate) -> tuple[float, float]:
@@ -138,7 +148,7 @@ def _told(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> int | None:
         if one.source == fault.source or fault.fault.channel not in (one.fault.channel, *one.among):
             continue
         both_slow = is_slow and SHAPES[one.fault.shape].kind == "slow"
-        latest = math.inf if _is_held(one) else span(one)[1]
+        latest = math.inf if _is_lost(one) else span(one)[1]
         if both_slow or (span(one)[0] <= high and low <= latest):
             return k
     return None

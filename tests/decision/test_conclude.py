@@ -168,6 +168,18 @@ STALL = Evidence(
 )
 
 
+@pytest.mark.parametrize("onset_s", [46.0, 58.0])
+def test_what_a_model_makes_of_a_line_that_leaks_is_no_second_fault(onset_s):
+    """The course of a leak is no step, ramp or drift: what fits it begins somewhere in it, with more evidence."""
+    ramp = estimate("ramp_hold", onset_s, duration_s=20.0, statistic=300.0)
+    leak = estimate("static_leak", 45.0, time_constant_s=20.0, statistic=5.0, effect=None)
+    said = conclude([Evidence(source="scan", faults=(ramp,)), Evidence(source="physics", faults=(leak,))], KINDS)
+    assert [(one.name, one.evidence) for one in said.faults] == [("static_leak", {"physics": 5.0, "scan": 300.0})]
+    before = estimate("bias", 20.0)
+    said = conclude([Evidence(source="scan", faults=(before,)), Evidence(source="physics", faults=(leak,))], KINDS)
+    assert [one.name for one in said.faults] == ["bias", "static_leak"]
+
+
 @pytest.mark.parametrize("source", ["scan", "dictionary"])
 @pytest.mark.parametrize(("onset_s", "decision"), [(29.0, "fault"), (31.0, "inconclusive"), (56.0, "fault")])
 def test_what_a_model_declares_in_or_beside_a_manoeuvre_is_suspected(source: str, onset_s: float, decision: str):

@@ -82,8 +82,11 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
         flight = _flight_about(log, config)
     except LogError as error:
         return _silent(str(error).removeprefix(f"{log.path}: ").partition(";")[0])
-    if not any(flight.windows(length_s) for length_s in LENGTHS_S):
-        return _silent(f"no {min(LENGTHS_S):g} s of the window are in flight between take-off and approach")
+    too_short = not any(flight.windows(length_s) for length_s in LENGTHS_S)
+    why = f"no {min(LENGTHS_S):g} s of the window are in flight between take-off and approach"
+    # A line that loses its pressure ends what looks like flight: it is told without the windows of the others.
+    if too_short and not (flight.held.findings or flight.not_credible):
+        return _silent(why)
     with threadpool_limits(1):
         drafts, static, slow = lasting_faults(flight, unseen)
         flight = slow.flight
@@ -100,6 +103,8 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
         else:
             notes.append(_beside(event))
     candidates_of = {name: _candidate(flight, bounds, name, tolerances[name], faults, events) for name in outputs}
+    if too_short:
+        notes += _silent(why).notes
     unbounded = [name for name, candidate in candidates_of.items() if candidate is None]
     if unbounded and any(one.state == "declared" for one in events):
         named = ", ".join(unbounded)

@@ -146,6 +146,15 @@ def test_on_the_ground_and_in_a_short_window_a_note_says_so(journey: FlightLog, 
     assert texts(found.notes)[0].startswith("physics bounds no slow fault: ")
 
 
+def test_a_tube_that_leaks_is_told_where_less_than_a_minute_looks_like_flight(journey: FlightLog):
+    """Without an airspeed what follows may be no flight: relations and lift have no window left, a line needs none."""
+    log = journey.window(320.0, 480.0)
+    log = inject(log, [Fault(shape="pitot_leak", onset_s=ONSET_S - 10.0, time_constant_s=8.0)])
+    found = evidence(log, window=(415.0, 470.0))
+    assert [one.name for one in found.faults] == ["pitot_leak"]
+    assert any("60 s of the window are in flight" in note for note in texts(found.notes))
+
+
 def test_a_log_that_never_flies_says_so(journey: FlightLog):
     still = replace(
         journey,

@@ -221,17 +221,18 @@ def _identify_entries(
     require_one_trim(part, stated, config)
     physics, scanning = _physics(log, config, progress)
     found = identification(log, dictionary.exact, config, progress)
+    searched: OnsetSearch | str
     if not found.outcome.converged:
-        said, why_not = conclusion_of(log, config, [found.evidence]), "not scanned: the solver did not converge"
-        return result_of(log, config, found, said, _not_scanned(why_not), notes=[Note.limit(why_not)])
+        searched = "not scanned: the solver did not converge"
+        said = conclusion_of(log, config, [found.evidence])
+        return result_of(log, config, found, said, _not_scanned(searched), notes=[Note.limit(searched)])
     of_window = found.window.summary
     exact = of_window.rate_hz == of_window.native_rate_hz and all(vaf > EXPLAINED for vaf in found.vaf_output.values())
     looked_for = {one.kind for one in found.candidates if one.state is not None}
-    searched: OnsetSearch | str
     if any(SHAPES[one.fault.shape].acts_on == "course" for one in found.faults):
         searched = "not scanned: a fault of unknown shape is declared"
-    elif (why := _why_not_scanned(part, config, exact=exact)) is not None:
-        searched = why
+    elif (why_not := _why_not_scanned(part, config, exact=exact)) is not None:
+        searched = why_not
     else:
         searched = _scan_beside(
             _corrected(part, found, config),

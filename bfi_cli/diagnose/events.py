@@ -11,7 +11,7 @@ import numpy as np
 from ..decision import beyond_tolerance
 from ..parity import Finding
 from ..parity.explain import course_for
-from ..parity.windows import Window
+from ..parity.windows import Window, overlaps
 from .flight import Flight
 from .naming import hypothesis_of
 
@@ -106,9 +106,10 @@ def merge_stages(drafts: Sequence[Draft], small: Sequence[Draft] = ()) -> list[D
 def _sizes_better(one: Draft, event: Draft) -> bool:
     """Return whether a draft is the same change as an event, of the same trust, and tells its size better."""
     a, b = one.finding, event.finding
-    same = (a.fault, a.stage, a.doubt) == (b.fault, b.stage, b.doubt) and a.sd is not None and b.sd is not None
-    at_once = a.onset_ci95[0] <= b.onset_ci95[1] and b.onset_ci95[0] <= a.onset_ci95[1]
-    return bool(same and at_once and (a.sd or 0.0) < (b.sd or 0.0) and a.shape != "drift" and b.shape != "drift")
+    if a.sd is None or b.sd is None or "drift" in (a.shape, b.shape):
+        return False
+    same = (a.fault, a.stage, a.doubt) == (b.fault, b.stage, b.doubt)
+    return same and overlaps(a.onset_ci95, [b.onset_ci95]) and a.sd < b.sd
 
 
 def with_ends(drafts: Sequence[Draft]) -> list[Draft]:

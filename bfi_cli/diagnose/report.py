@@ -264,6 +264,11 @@ def _interval(event: Event, units: Units) -> str:
     return f" ({low} to {high})"
 
 
+def _lasts(event: Event) -> str:
+    """Return the time constant or the duration of a course in words, "" where it has none."""
+    return "" if event.constant_s is None else f" over {number(event.constant_s, digits=2)} s"
+
+
 def _channel(fault: str) -> str:
     """Return the channel that a fault is named after, "" for a fault of a pressure line."""
     return fault if fault in STANDARD else ""
@@ -282,7 +287,7 @@ def _event_tables(name: str, title: str, events: Sequence[Event], units: Units) 
                 one.state,
                 f"{_time(one.onset_s)} ({_time(low)} to {_time(high)})",
                 "may last" if one.offset_s is None else _time(one.offset_s),
-                f"{one.shape} {_magnitude(one, units)}{_interval(one, units)}"
+                f"{one.shape} {_magnitude(one, units)}{_interval(one, units)}{_lasts(one)}"
                 if one.magnitude is not None
                 else f"{one.shape}, {one.count} in all"
                 if one.count

@@ -26,13 +26,13 @@ PARTS = (np.arange(10) + 0.5) / 10.0 - 0.5
 # s, standard deviations of the low-pass of a recorder, which draws a step out: a Gaussian of 0.25 s is that of the
 # recorded Citation, one of 0.5 s twice as slow.
 DRAWN_OUT_S = (0.0, 0.25, 0.5)
-# s, between the onsets and the ends of ramps that are tried first; then about the best of these, so many on both sides.
 SHARP_S, ROUNDING_S = 1e-9, 1e-6  # of a step that is not drawn out, and of times that are computed
-SHORTEST_S = {"ramp_hold": 3.0, "lagged_bias": 1.0}
-# Time constants of a lag after its onset that the window holds at least: with less it is a drift.
-HELD = {"ramp_hold": 1.0, "lagged_bias": 2.0}
+# s, the shortest duration and time constant; and so many of them the window holds after the onset: less of a lag is a
+# drift.
+SHORTEST_S, HELD = {"ramp_hold": 3.0, "lagged_bias": 1.0}, {"ramp_hold": 1.0, "lagged_bias": 2.0}
 # A lag is sharp in onset and time constant, so that it is first tried where a step and a ramp begin, s.
 LAGS_S, ABOUT_S = (1.0, 1.5, 2.2, 3.3, 5.0, 7.5, 11.0, 17.0, 25.0, 40.0), 0.25 * np.arange(-12, 13)
+# s, between the onsets and the ends of ramps that are tried first; then about the best of these, so many on both sides.
 COARSE_S, FINER_S, SPREAD = 10.0, (2.0, 0.5, 0.1, 0.02), 6
 
 

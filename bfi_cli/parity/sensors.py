@@ -223,17 +223,20 @@ def altimeter_steps(record: Record, phases: Sequence[Phase], without: Sequence[W
     found = []
     for k in _lasting_peaks(own, least, excess):
         first = max(0, k - PROBE_MEAN_S)
-        onset, size = first + int(np.argmax(at_once[first : k + PROBE_MEAN_S])), float(own[k])
-        if at_once[onset] > AT_ONCE * abs(size):
+        onset = first + int(np.argmax(at_once[first : k + PROBE_MEAN_S]))
+        # With the onset between the two means: at the peak a part of one may be from before it.
+        at = onset + 1 if np.isfinite(own[onset + 1]) else k
+        size = float(own[at])
+        if abs(size) > least[at] and at_once[onset] > AT_ONCE * abs(size):
             onset_s = float(record.time_s[onset]) + 0.5 * STEP_S
             found.append(
                 _step(
                     "altitude",
                     size,
-                    sd=max(float(sd[k]), 1e-3 * abs(size)),
+                    sd=max(float(sd[at]), 1e-3 * abs(size)),
                     unit="m",
                     onsets_s=(onset_s, onset_s - STEP_S, onset_s + STEP_S),
-                    statistic=abs(size) / float(least[k]),
+                    statistic=abs(size) / float(least[at]),
                     words="altitude against its rate",
                 )
             )

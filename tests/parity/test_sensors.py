@@ -178,6 +178,23 @@ def test_an_altimeter_that_steps_is_named_with_its_size(step_m: float, lag_s: fl
     assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
 
 
+@pytest.mark.parametrize("late_s", [0.0, 0.2, 0.5, 0.8])
+@pytest.mark.parametrize("step_m", [-60.0, 40.0])
+def test_a_step_as_the_climb_begins_has_its_whole_size(step_m: float, late_s: float):
+    """It has no part in the fit of what follows a climb, which other climbs tell, nor in the altitude before it."""
+    t, rng = np.arange(0.0, 900.0, 0.1), np.random.default_rng(4)
+    climbs_s = (100.0, 250.0, ONSET_S, 600.0, 700.0)
+    rate = sum(12.0 * np.clip((t - at_s) / 4.0, 0.0, 1.0) * (t < at_s + 60.0) for at_s in climbs_s)
+    true = 1500.0 + 0.1 * np.cumsum(rate)
+    log = attitudes()
+    at = np.interp(log.time_s, t, true) + step_m * (log.time_s >= ONSET_S + late_s)
+    log = with_values(log, "altitude", at + 0.1 * rng.standard_normal(at.size))
+    log = with_values(log, "altitude_rate", np.interp(log.time_s, t, rate))
+    (found,) = altimeter_steps(record_of(log), FLIGHT, ())
+    assert found.magnitude == pytest.approx(step_m, abs=2.0 * (found.sd or 0.0))
+    assert found.magnitude == pytest.approx(step_m, rel=0.03)
+
+
 def test_a_rate_that_lags_a_spike_and_a_line_that_is_held_are_no_step_of_an_altimeter():
     assert altimeter_steps(altitude_off(0.0, lag_s=2.0), FLIGHT, ()) == ()
     assert altimeter_steps(altitude_off(60.0, seconds=4.0), FLIGHT, ()) == ()

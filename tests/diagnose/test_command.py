@@ -55,12 +55,23 @@ def test_a_healthy_flight_has_no_event(diagnoses: Diagnoses):
     assert document["zero_lift_rad"] == pytest.approx(np.radians(-1.2), abs=np.radians(0.05))
 
 
+# Of figures alone.
+NO_SERIES: dict[str, object] = {key: [] for key in ("time_s", "strips", "limit_courses", "courses")}
+NO_SERIES |= {key: {} for key in ("measured", "corrected", "units")}
+
+
 @pytest.mark.parametrize("fault", ["", ICING])
 def test_a_healthy_and_a_faulty_flight_are_one_screen(diagnoses: Diagnoses, fault: str):
-    lists, by_name = ("time_s", "strips", "limit_courses", "courses"), ("measured", "corrected", "units")
-    series = {**{key: [] for key in lists}, **{key: {} for key in by_name}}  # of figures alone
-    content = diagnose_content({**diagnoses.of(fault), "series": series})
+    content = diagnose_content({**diagnoses.of(fault), "series": NO_SERIES})
     check_screen(screen(content), content)
+
+
+def test_a_course_is_shown_with_its_time_constant(diagnoses: Diagnoses):
+    document = {**diagnoses.of(ICING), "series": NO_SERIES}
+    document["events"] = [{**document["events"][0], "shape": "lagged_bias", "constant_s": 3.0}]
+    events = next(one for one in diagnose_content(document).tables if one.name == "events")
+    assert events.rows[0][4].startswith("lagged_bias ")
+    assert events.rows[0][4].endswith(") over 3 s")
 
 
 def test_icing_is_told_from_a_fault_of_one_airspeed(diagnoses: Diagnoses):

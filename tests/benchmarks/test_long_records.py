@@ -27,8 +27,15 @@ COMMANDS = {
 
 @pytest.fixture(scope="module")
 def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a log of 11 channels, 830 MB: an airspeed that answers steps of an elevator, and a step of 4 m/s."""
-    path, rng = tmp_path_factory.mktemp("day") / "day.h5", np.random.default_rng(0)
+    """Return the log of a day."""
+    path = tmp_path_factory.mktemp("day") / "day.h5"
+    write_day(path)
+    return path
+
+
+def write_day(path: Path) -> None:
+    """Write a log of 11 channels, 830 MB: an airspeed that answers steps of an elevator, and a step of 4 m/s."""
+    rng = np.random.default_rng(0)
     with h5py.File(path, "w") as file:
         for name in ("time", "tas", "elevator", *OTHERS):
             file.create_dataset(name, shape=(N,), dtype=np.float64)
@@ -45,7 +52,6 @@ def day(tmp_path_factory: pytest.TempPathFactory) -> Path:
             file["tas"][start : k[-1] + 1] = 100.0 + slow + noise + 4.0 * (k >= 1000)
             for i, name in enumerate(OTHERS):
                 file[name][start : k[-1] + 1] = np.sin(k / RATE_HZ / (i + 3)) + 0.01 * rng.standard_normal(len(k))
-    return path
 
 
 @pytest.mark.parametrize("label", COMMANDS)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -89,7 +88,7 @@ def command(asked: Asked) -> Answer:
     Of a configuration file counts what says how the logs are read, its window and the units to show.
     """
     from ..flightlog import read_log
-    from ..flightlog.difference import time_shift
+    from ..flightlog.difference import shifted, time_shift
     from ..flightlog.plot import (
         MOST_PANELS,
         channels_to_plot,
@@ -100,7 +99,6 @@ def command(asked: Asked) -> Answer:
         read_events,
         shared_channels,
     )
-    from ..flightlog.record import frozen_array
 
     names, window, diff = asked.options["channels"], asked.config.window, asked.options["diff"]
     align, shift_s = asked.options["align"], 0.0
@@ -119,7 +117,7 @@ def command(asked: Asked) -> Answer:
         first, second = flights
         chosen = shared_channels(first, second, channels_to_plot(first, names, events))
         shift_s = time_shift(first, second, chosen) if align == "auto" else align
-        flights[1] = replace(second, time_s=frozen_array(second.time_s + shift_s))
+        flights[1] = shifted(second, shift_s)
         of_second = [sha256 == second.sha256 != first.sha256 for _, events, sha256 in found for _ in events]
         events = [moved(one, shift_s) if late else one for one, late in zip(events, of_second, strict=True)]
     events.sort(key=lambda one: one.onset_s)

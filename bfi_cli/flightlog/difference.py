@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
-from ..errors import LogError
+from ..errors import ConfigError, LogError
 from ..kernels import FloatArray
-from .record import FlightLog
+from .raw import require_memory
+from .read import LATEST
+from .record import FlightLog, frozen_array
 
 # A step of more than so many typical steps is a gap, in which nothing is interpolated.
 GAP = 5.0
@@ -23,6 +26,22 @@ LEAST_OVERLAP = 0.5
 MOST_LEFT = 0.25
 # Least such share, that of rounding, so that no channel that agrees exactly outweighs all others.
 LEAST_LEFT = 1e-9
+
+
+def shifted(log: FlightLog, shift_s: float) -> FlightLog:
+    """Return the log with its times later by `shift_s`.
+
+    Raises
+    ------
+    ConfigError : the times become those of no flight, or so large that rounding makes neighbours equal.
+    """
+    time_s = log.time_s + shift_s
+    if np.abs(time_s).max() > LATEST or not np.all(np.diff(time_s) > 0.0):
+        raise ConfigError(
+            f"--align: times of {log.path} become those of no flight, {time_s[0]:.6g} s to {time_s[-1]:.6g} s; give a "
+            "smaller shift, or --align auto"
+        )
+    return replace(log, time_s=frozen_array(time_s))
 
 
 def values_at(log: FlightLog, name: str, time_s: FloatArray) -> FloatArray:
@@ -67,10 +86,13 @@ def time_shift(first: FlightLog, second: FlightLog, names: Sequence[str]) -> flo
 
     Raises
     ------
-    LogError : no channel moves, or the logs show different flights.
+    LogError : no channel moves, or the logs show different flights, or are longer than memory holds.
     """
     step = 1.0 / min(first.rate_hz, second.rate_hz, SEARCH_HZ)
     n_first, n_second = (int((log.time_s[-1] - log.time_s[0]) / step) + 1 for log in (first, second))
+    # Two signals with their marks of what is known, their spectra, and the shares by lag of each channel.
+    n_bytes = 8.0 * (n_first + n_second) * (8 + len(names))
+    require_memory(second.path, n_bytes, f"shifts against {first.path}", "give --align S, seconds to add")
     n = next_fast_len(n_first + n_second, real=True)
     lags = np.arange(-(n_second - 1), n_first)
 

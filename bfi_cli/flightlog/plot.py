@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from .derived import DERIVED, with_derived
 from .difference import GAP, difference
 from .phases import Phase, phases_of
 from .quality import ExcitedWindow, ranked_windows
-from .record import Channel, FlightLog, FloatArray
+from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, frozen_array
 from .report import lane_panel
 from .timeline import Happening, bands_of, lanes_of, lines_at, phase_columns, phase_table, shows, window_table
 
@@ -234,11 +235,11 @@ def plot_logs(
     if names:
         for log in whole:
             log.signals(chosen)
-    parts = [log.window(from_s, to_s) for log in whole]
+    parts, absurd = zip(*(_measured(log.window(from_s, to_s), chosen) for log in whole), strict=True)
     starts, stops = zip(*(part.ends() for part in parts), strict=True)
     low, high = min(starts) if from_s is None else from_s, max(stops) if to_s is None else to_s
     phases = phases_of(first)
-    notes = [*notes, *(note for log in whole for note in log.notes)]
+    notes = [*notes, *(note for log in whole for note in log.notes), *chain.from_iterable(absurd)]
     if len(logs) > 1:
         notes.append(Note.method(f"phases and windows are those of {first.path}"))
     outside = [event for event in events if event.onset_s > high or (event.offset_s or high) < low]
@@ -280,6 +281,27 @@ def plot_logs(
         ),
         notes=tuple(notes),
     )
+
+
+def _measured(log: FlightLog, names: Sequence[str]) -> tuple[FlightLog, list[Note]]:
+    """Return the log with NaN for values of the named channels that are no measurement, and notes on these.
+
+    One of them would make a line of the rest, and near the largest float no axis can be numbered.
+    """
+    channels, notes = dict(log.channels), []
+    for name in (name for name in names if name in channels):
+        values = channels[name].values
+        absurd = np.abs(values) > LARGEST_VALUE
+        if absurd.any():
+            channels[name] = replace(channels[name], values=frozen_array(np.where(absurd, np.nan, values)))
+            first = int(np.argmax(absurd))
+            notes.append(
+                Note.limit(
+                    f"{log.path}: '{name}' is no measurement in {np.count_nonzero(absurd)} samples, the first at "
+                    f"{log.time_s[first]:.6g} s ({values[first]:.3g}): these are not drawn"
+                )
+            )
+    return (replace(log, channels=channels), notes) if notes else (log, [])
 
 
 def plot_document(result: PlotResult, provenance: Provenance) -> dict[str, Any]:

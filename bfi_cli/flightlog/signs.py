@@ -99,7 +99,7 @@ def smoothed_speed(values: FloatArray, rate_hz: float) -> FloatArray:
     known = np.isfinite(values)
     if not known.any():
         return values
-    n = round(SMOOTHING_S * rate_hz)
+    n = min(round(SMOOTHING_S * rate_hz), values.size)
     # A long window is thinned: the median of 25 samples of five seconds says the same at any rate.
     step = max(1, n // 25)
     smooth = np.repeat(median_filter(bridged(values)[::step], max(1, n if step == 1 else 25), mode="nearest"), step)

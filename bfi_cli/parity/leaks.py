@@ -276,7 +276,8 @@ def _kink(
     k = int(np.argmin(squares))
     falls = rates[k] * np.maximum(at - at[k + 2], 0.0)
     rest = y + falls - (y + falls).mean()
-    if not rates[k] > 0.0 or np.sqrt(np.mean(rest[k + 2 :] ** 2)) > MISFIT_OF_LOG:
+    # What begins where nearly none is left is no fall to that: it was lost before, as in a descent with a blocked tube.
+    if at[k + 2] >= t[first] or not rates[k] > 0.0 or np.sqrt(np.mean(rest[k + 2 :] ** 2)) > MISFIT_OF_LOG:
         return None
     return at, squares, float(1.0 / rates[k])
 

@@ -264,6 +264,49 @@ def test_what_is_no_result_with_events_is_refused(
     assert not (tmp_path / "out").exists()
 
 
+ABSURD = {
+    "largest float": lambda tas: np.where(T > 450.0, np.finfo(np.float64).max, -tas),
+    "1e300": lambda tas: 1e300 * tas,
+    "infinite": lambda tas: np.where(T > 450.0, np.inf, tas),
+    "not a number": lambda tas: np.nan * tas,
+    "constant": lambda tas: 7.0 + 0.0 * tas,
+    "tiny": lambda tas: 1e-310 * tas,
+}
+
+
+@pytest.mark.parametrize("kind", ABSURD)
+def test_absurd_values_are_left_out_of_the_curve_and_named(bfi: Callable, tmp_path: Path, kind: str) -> None:
+    path = write_flight(tmp_path / "absurd.h5")
+    with h5py.File(path, "a") as file:
+        file["tas"][:] = ABSURD[kind](file["tas"][()])
+    assert bfi("plot", path, "--channel", "tas", "--channel", "altitude", "--out", tmp_path / "out").code == 0
+    document = json.loads((tmp_path / "out" / "result.json").read_text())
+    drawn = np.array(next(one for one in document["series"] if one["channel"] == "tas")["values"], dtype=float)
+    assert not (np.abs(drawn) > 1e30).any()
+    named = [note for note in texts(document["notes"]) if "'tas' is no measurement in" in note]
+    assert len(named) == (kind in ("largest float", "1e300", "infinite"))
+
+
+@pytest.mark.usefixtures("undrawn")
+@pytest.mark.parametrize("step_s", [1e-9, 1e9], ids=["nanoseconds", "decades"])
+def test_a_time_axis_of_any_length_is_drawn(bfi: Callable, tmp_path: Path, step_s: float) -> None:
+    with h5py.File(tmp_path / "two.h5", "w") as file:
+        file["time"], file["tas"] = step_s * np.arange(2.0), np.array([50.0, 51.0])
+    outcome = bfi("plot", tmp_path / "two.h5", "--unit", "time=s", "--out", tmp_path / "out")
+    assert outcome.code == 0, outcome.stderr
+
+
+def test_logs_of_clocks_decades_apart_are_laid_over_each_other(bfi: Callable, log: Path, tmp_path: Path) -> None:
+    other = write_flight(tmp_path / "other.h5")
+    with h5py.File(other, "a") as file:
+        file["time"][:] = T + 1.7e9
+    document = document_of(bfi, log, other)
+    assert document["to_s"] - document["from_s"] == pytest.approx(1.7e9 + T[-1])
+    assert bfi("plot", log, other, "--out", tmp_path / "out").code == 0
+    aligned = document_of(bfi, log, other, "--align", "auto")
+    assert aligned["to_s"] == pytest.approx(T[-1], abs=0.1)
+
+
 @pytest.mark.realdata
 def test_recorded_flights(bfi: Callable, flights: Path, tmp_path: Path) -> None:
     """A jet, a drone and a training aircraft at 10, 5 and 1 Hz."""
@@ -318,6 +361,8 @@ def test_two_recorders_of_one_flight_differ_by_what_one_of_them_errs(
         (["LOG", "--align", "soon"], 2, "--align: not a shift, got 'soon'; write --align 3.2, in s, or --align auto"),
         (["LOG", "--diff", "--align", "nan"], 2, "--align: not a shift, got 'nan'"),
         (["LOG", "--diff", "--align", "1e6"], 3, "shares no time with"),
+        (["LOG", "--align", "1e300"], 2, "become those of no flight, 1e+300 s to 1e+300 s; give a smaller shift, or"),
+        (["LOG", "--align", "-2e12"], 2, "become those of no flight, -2e+12 s to -2e+12 s; give a smaller shift, or"),
     ],
 )
 def test_what_cannot_be_subtracted_is_refused(

@@ -367,6 +367,23 @@ def test_a_tube_that_leaks_in_a_descent_is_no_static_line():
     assert found.among == ("pitot_leak",)
 
 
+@pytest.mark.parametrize(
+    "course",
+    [
+        ((1200.0, 4000.0), (1230.0, 630.0), (1700.0, 560.0), (1720.0, 100.0)),
+        ((1200.0, 4000.0), (1230.0, 620.0), (1600.0, 580.0), (1680.0, 100.0)),
+    ],
+    ids=["fast", "slowly"],
+)
+def test_what_is_lost_of_a_rest_of_impact_pressure_is_no_leak(course: tuple[tuple[float, float], ...]):
+    """The tube is blocked and the aircraft descends: most is lost before the last of it falls as an exponential."""
+    time_s = np.arange(0.0, 2000.0, 0.1)
+    q_impact = np.interp(time_s, *zip(*course, strict=True))
+    made = channels_of(80_000.0 + 200.0 * np.sin(0.05 * time_s), q_impact, np.full(time_s.size, 288.0))
+    log = made_log(time_s, {"altitude": "m"}, altitude=made["altitude"], cas=made["cas"])
+    assert not [one for one in find_holds(log, 0.0, 2000.0).findings if one.fault == "pitot_leak"]
+
+
 @pytest.mark.parametrize("time_constant_s", [20.0, 50.0, 90.0])
 def test_a_tube_that_leaks_slowly_is_named_with_its_time_constant(time_constant_s: float):
     flight = made_flight()

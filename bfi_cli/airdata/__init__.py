@@ -37,7 +37,6 @@ from .atmosphere import (
 )
 from .motion import (
     EARTH_RADIUS,
-    GRAVITY_LEFT_IN,
     climb_angle,
     constant_wind,
     ground_velocity,
@@ -58,7 +57,7 @@ from .system import (
     fault_distribution,
 )
 
-__all__ = ["DEPENDS_ON", "EARTH_RADIUS", "GRAVITY_LEFT_IN", "HIGHEST", "IMPACT_SOURCES", "LOWEST", "PRESSURES"]
+__all__ = ["DEPENDS_ON", "EARTH_RADIUS", "HIGHEST", "IMPACT_SOURCES", "LOWEST", "PRESSURES"]
 __all__ += ["SEA_LEVEL_PRESSURE", "SEA_LEVEL_SPEED_OF_SOUND", "SEA_LEVEL_TEMPERATURE", "SENSORS", "SONIC_RATIO"]
 __all__ += ["STATIC_SOURCES", "AirData", "G", "Impossible", "air_data_of", "altitude_of", "calibrated_airspeed"]
 __all__ += ["channels_of", "climb_angle", "constant_wind", "fault_distribution", "ground_velocity"]

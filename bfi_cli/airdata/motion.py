@@ -11,9 +11,6 @@ import numpy as np
 from ..kernels.normal import MAD
 from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, FloatArray, G
 
-# m/s^2. The median of a normal acceleration with gravity taken out is far below it in any flight, with it far above.
-GRAVITY_LEFT_IN = 5.0
-
 # Fits are made again without samples this many robust standard deviations off: flaps, gear, the ground, gusts.
 OUTLYING = 3.5
 # Between angle of attack and lift per impact pressure. Noise of the angle lowers the slope by 1 - r^2, 19 % here, which

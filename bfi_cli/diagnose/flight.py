@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..airdata import GRAVITY_LEFT_IN, IMPACT_SOURCES
+from ..airdata import IMPACT_SOURCES
 from ..channels import quantity_of
 from ..config import Config
 from ..errors import ConfigError, LogError
@@ -34,7 +34,7 @@ from ..parity.credibility import coarse_positions, credibility_of
 from ..parity.holds import Holds, find_holds
 from ..parity.record import USED
 from ..parity.sensors import frozen_sensors, sensor_steps, without_frozen
-from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps, within
+from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps
 from ..preprocessing.tolerance import AIRSPEEDS, tolerance_of
 
 FloatArray = NDArray[np.float64]
@@ -338,12 +338,6 @@ def _reaches(hold: Finding, time_s: float) -> bool:
 def without_other_conventions(log: FlightLog, phases: Sequence[Phase]) -> tuple[FlightLog, tuple[str, ...]]:
     """Return the log without accelerations whose mean over the flight no aircraft has, and a sentence on each."""
     said = []
-    if "normal_acc" in log.channels:
-        flown = log.channels["normal_acc"].values[within(log.time_s, flight_stretches(phases))]
-        middle = float(np.nanmedian(flown)) if np.isfinite(flown).any() else 0.0
-        if abs(middle) > GRAVITY_LEFT_IN:
-            said.append(f"'normal_acc' is not used: its median in flight is {middle:.3g} m/s^2, and should be 0")
-            log = without(log, "normal_acc")
     record = record_of(log)
     if record.gained is not None and "tas" in record.channels:
         off = _mean_rate(record, phases)

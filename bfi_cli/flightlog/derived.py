@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..airdata import (
-    GRAVITY_LEFT_IN,
     IMPACT_SOURCES,
     STATIC_SOURCES,
     air_data_of,
@@ -181,8 +180,6 @@ def with_derived(
     recorded = {name: channel.values for name, channel in log.channels.items()}
     inside, reference, earlier = _parts(log, from_s, to_s)
     sources = Sources(values=recorded, time_s=log.time_s, reference=reference, earlier=earlier)
-    if {"lift_speed", "kinematic_acc"} & set(wanted):
-        _check_gravity(log, earlier)
     if {"p_static", "p_total", "q_impact", "lift_speed"} & set(wanted):
         _check_possible(log, recorded, inside)
     channels, clean, notes = dict(log.channels), dict(log.truth.clean if log.truth else {}), list(log.notes)
@@ -217,16 +214,6 @@ def _parts(log: FlightLog, from_s: float | None, to_s: float | None) -> tuple[Bo
     reference = inside & flying & (log.time_s <= first + FIRST_PART * (last - first))
     before = flying & (log.time_s < first)
     return inside, reference, before if np.count_nonzero(before) >= ENOUGH_S * log.rate_hz else reference
-
-
-def _check_gravity(log: FlightLog, flown: BoolArray) -> None:
-    values = log.channels["normal_acc"].values[flown]
-    middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
-    if abs(middle) > GRAVITY_LEFT_IN:
-        raise LogError(
-            f"{log.path}: 'normal_acc' still has gravity in it, or is no acceleration upward, its median in flight is "
-            f"{middle:.3g} m/s^2; give one that is 0 in level flight"
-        )
 
 
 def _check_possible(log: FlightLog, recorded: Mapping[str, FloatArray], inside: BoolArray) -> None:

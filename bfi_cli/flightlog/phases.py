@@ -25,7 +25,6 @@ from .record import LARGEST_VALUE, FlightLog
 from .signs import (
     ABOVE_GROUND,
     AIRSPEEDS,
-    BORNE,
     GRAVITY,
     LONG,
     METRES_PER_SECOND,
@@ -409,7 +408,7 @@ def _on_grid(
         height=height,
         pitch=pitch,
         bank=bank,
-        load=None if load is None else _weights(load, speed >= BORNE * cruise),
+        load=None if load is None else load / GRAVITY + 1.0,
         incidence=aoa,
         configured=sum((_is_out(one) for one in out), np.zeros(speed.size)) if out else None,
     )
@@ -494,16 +493,6 @@ def _is_out(values: FloatArray) -> FloatArray:
     """Return 1 where flaps or gear are beyond the middle of their travel, else 0; 0 throughout if they never move."""
     low, high = np.nanmin(values), np.nanmax(values)
     return np.asarray((values > 0.5 * (low + high)) & (high > low), dtype=np.float64)
-
-
-def _weights(normal_acc: FloatArray, flying: BoolArray) -> FloatArray | None:
-    """Return the load factor, 1 in level flight, whether the recorder counts up or down, with gravity or without."""
-    used = normal_acc[flying & np.isfinite(normal_acc)]
-    if not used.size:
-        return None
-    middle = float(np.median(used))
-    is_without = abs(middle) < 0.5 * GRAVITY
-    return np.asarray(normal_acc / GRAVITY + 1.0 if is_without else normal_acc / np.copysign(GRAVITY, middle))
 
 
 def _parts(flight: _Flight) -> Iterator[tuple[str, Run]]:

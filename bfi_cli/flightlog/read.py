@@ -19,6 +19,7 @@ from ..files import HDF5
 from ..notes import Note
 from ..units import si_unit, to_si
 from .clocks import on_one_clock
+from .conventions import NORMAL, with_conventions
 from .dataflash import read_dataflash_topics
 from .hdf5 import read_hdf5
 from .matlab import read_matlab
@@ -272,6 +273,8 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     for name, why in left_out.items():
         reason, semicolon, advice = why.partition("; ")
         notes.append(Note.method(f"'{name}' {reason} and is left out{semicolon}{advice}"))
+    channels, convention, on_convention = with_conventions(channels)
+    notes += on_convention
     if units := assumed_units(channels.values()):
         notes.append(
             Note.advice(
@@ -283,7 +286,7 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
         values, _ = to_si(column.values, column.unit or "", where=f"{path}: truth of '{name}'")
         if values.size != time_s.size:
             raise different_length(path, f"{name}_clean", values.size, time_s.size)
-        clean[name] = frozen_array(values)
+        clean[name] = convention.change(values) if name == NORMAL and convention else frozen_array(values)
     log = FlightLog(
         path=path,
         time_s=time_s,

@@ -49,8 +49,6 @@ FASTEST, LARGEST_IMPACT, SUBSONIC = 340.0, 90_000.0, 0.89
 # CS/FAR 25.1323(b), m/s: 5 kt of an indicated airspeed, of which a tenth in slow flight with flaps.
 INDICATED = (2.6, 0.1)
 DEGREE = np.pi / 180.0
-# Of g, of an acceleration along body z in level flight, beyond which gravity is in it.
-GRAVITY_IN = 0.5
 # Of the vertical, below which the load along body z says nothing of the climb: 70 degrees of bank.
 LEAST_UPRIGHT = 0.3
 # rad, above that of zero lift: in cruise, of the six degrees that `bfi_cli.parity.credibility` takes for typical.
@@ -164,43 +162,24 @@ def _vane(state: State, source: str, speed: str = "tas") -> FloatArray:
     return vane_angle(_climb_rate(state, source), state.values[speed], pitch, roll)
 
 
-def _gravity(values: FloatArray) -> float:
-    """Return the direction of the gravity that is left in a normal acceleration: 1 or -1, 0 where it is taken out."""
-    middle = float(np.nanmedian(values)) if np.isfinite(values).any() else 0.0
-    return float(np.sign(middle)) if abs(middle) > GRAVITY_IN * G else 0.0
-
-
-def _upward(state: State) -> FloatArray:
-    """Return the normal acceleration upward, without gravity, whichever convention it is recorded in."""
-    values = state.of("normal_acc")
-    gravity = _gravity(values)
-    return gravity * values - G if gravity else values
-
-
-def _load_read(state: State) -> FloatArray:
-    """Return the normal acceleration upward, with the gravity that is left in it."""
-    return (_gravity(state.values["normal_acc"]) or 1.0) * state.values["normal_acc"]
-
-
 def _load(state: State) -> FloatArray:
-    """Return that of the climb and the bank."""
+    """Return the normal acceleration upward, without gravity, of the climb and the bank."""
     pitch, roll = state.of("pitch"), state.of("roll")
     upright = np.cos(roll) * np.cos(pitch)
     upward = G * np.cos(pitch) ** 2 + state.rate("altitude_rate")
-    load = upward / np.where(upright > LEAST_UPRIGHT, upright, np.nan)
-    return load if _gravity(state.values["normal_acc"]) else load - G
+    return upward / np.where(upright > LEAST_UPRIGHT, upright, np.nan) - G
 
 
 def _lift(state: State, name: str) -> FloatArray:
     """Return what the angle of attack follows, in its size: the lift over the square of an airspeed."""
     squared = state.values[name] ** 2
-    return TYPICAL_ANGLE * (_upward(state) + G) / G * np.nanmedian(squared) / np.maximum(squared, 1.0)
+    return TYPICAL_ANGLE * (state.of("normal_acc") + G) / G * np.nanmedian(squared) / np.maximum(squared, 1.0)
 
 
 def _along(state: State) -> FloatArray:
     """Return the longitudinal acceleration by the airspeed's rate and the attitude."""
     aoa, pitch, roll = (state.of(name) for name in ("aoa", "pitch", "roll"))
-    still = kinematic_acceleration(np.zeros_like(pitch), _upward(state), aoa, pitch, roll)
+    still = kinematic_acceleration(np.zeros_like(pitch), state.of("normal_acc"), aoa, pitch, roll)
     return (state.rates["tas"] - still) / np.cos(aoa)
 
 
@@ -316,7 +295,7 @@ def _attitude() -> Iterator[Relation]:
         needs = ("aoa", "normal_acc", name)
         yield Relation(_value("aoa"), partial(_lift, name=name), needs=needs, least=0.7 * DEGREE, has_scale=False)
     yield Relation(
-        _load_read,
+        _value("normal_acc"),
         _load,
         needs=("normal_acc", "pitch", "roll"),
         beside=("altitude_rate",),

@@ -196,13 +196,6 @@ def test_what_no_flight_has_is_refused_in_the_window_and_left_out_elsewhere(name
     assert np.flatnonzero(~np.isfinite(elsewhere)).tolist() == ([500] if name != "tat" else [])
 
 
-def test_gravity_that_is_left_in_is_refused():
-    raw = replace(LOG.channels["normal_acc"], values=-values(LOG, "normal_acc") - G)
-    log = replace(LOG, channels={**LOG.channels, "normal_acc": raw})
-    with pytest.raises(LogError, match=r"'normal_acc' still has gravity in it, .* its median in flight is -9\.8"):
-        with_derived(log, ["kinematic_acc"])
-
-
 @pytest.fixture(scope="module")
 def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("derived") / "flight.h5"

@@ -141,7 +141,6 @@ def test_a_record_that_runs_backwards_is_named(flight):
 def test_a_healthy_flight_is_plausible(flight):
     assert implausible_channels(flight) == ()
     assert implausible_channels(made_flight()) == ()
-    assert implausible_channels(changed(flight, normal_acc=lambda values: -G - values)) == ()  # gravity in, downward
 
 
 def test_what_begins_during_the_flight_is_left_to_the_analyses(flight):

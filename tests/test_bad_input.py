@@ -52,9 +52,11 @@ LOGS: dict[str, tuple[str, str]] = {
     "header.csv": ("time,elevator,tas\n", "header.csv: 0 samples below the header"),
     "one_sample.csv": ("time,elevator,tas\n0,0,90\n", "one_sample.csv: 1 samples below the header"),
     "no_header.csv": ("0,0,90\n1,0,90\n2,0,90\n", "no_header.csv: no header, line 1 holds numbers"),
-    "text.csv": ("time,elevator,tas\n0,0,90\n1,0,fast\n", "text.csv: line 3, column 'tas': not a number, got 'fast'"),
+    "text.csv": (
+        "time,elevator,tas\n0,0,90\n1,0,fast\n",
+        "'tas' holds text in 1 of 2 cells, the first 'fast' in line 3,",
+    ),
     "ragged.csv": ("time,elevator,tas\n0,0,90\n1,0\n", "ragged.csv: line 3 has 2 values"),
-    "twice.csv": ("time,tas,tas\n0,1,2\n1,1,2\n", "columns 2 and 3 are both named 'tas'"),
     "no_time.csv": ("elevator,tas\n0,90\n1,91\n", "no_time.csv: no time"),
     "prose.csv": ("flight of the day\nit rained\n", "prose.csv: 1 samples below the header"),
     "unit.csv": (

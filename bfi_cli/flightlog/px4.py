@@ -18,7 +18,7 @@ import os
 import re
 import struct
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -237,16 +237,18 @@ def read_folder(folder: str, asked: Asked) -> RawLog:
     if not logs:
         raise LogError(f"{folder}: no topic with channels in the names of its files, got {files[0].name}; give a log")
     chosen = choose_group(folder, asked.group, logs, has_signals=False)
-    topics, empty = [], []
+    topics, empty, doubts = list[Topic](), [], list[Note]()
     for path, (log, topic, instance) in named.items():
         if log == chosen:
             with open(path, "rb") as file:
                 has_samples = sum(1 for _, line in zip(range(4), file, strict=False) if line.strip()) > 2
             if has_samples:
-                topics.append(_topic(path, topic, instance))
+                read, more = _topic(path, topic, instance)
+                topics.append(read)
+                doubts += more
             else:
                 empty.append(topic)
-    notes = notes_on(0, empty)
+    notes = [*notes_on(0, empty), *doubts]
     unread = [path.name for path in files if path not in named and path.name.startswith(f"{chosen}_")]
     unread = [re.sub(r"_\d+\.csv$", "", name[len(str(chosen)) + 1 :], flags=re.IGNORECASE) for name in unread]
     if unread:
@@ -271,8 +273,10 @@ def read_topic_file(path: str, asked: Asked) -> RawLog | None:
     parts = _told_by(Path(path).name)
     if parts is None or not _is_by_ulog2csv(Path(path)):
         return None
-    topic = _topic(Path(path), *parts[1:])
-    return log_of_topics(path, "px4", [topic], asked, more=[f"{topic.label}.{name}" for name in topic.fields])
+    topic, notes = _topic(Path(path), *parts[1:])
+    return log_of_topics(
+        path, "px4", [topic], asked, notes=notes, more=[f"{topic.label}.{name}" for name in topic.fields]
+    )
 
 
 def _is_by_ulog2csv(path: Path) -> bool:
@@ -293,7 +297,18 @@ def _told_by(name: str, wanted: Iterable[str] = ()) -> tuple[str, str, int] | No
     return None
 
 
-def _topic(path: Path, name: str, instance: int) -> Topic:
-    columns = {column.source: column.values for column in read_csv(str(path), Asked()).columns}
+def _topic(path: Path, name: str, instance: int) -> tuple[Topic, list[Note]]:
+    """Return the topic of a file, and notes on what of it is left out.
+
+    Raises
+    ------
+    LogError : the file cannot be read, or has no numbers as `timestamp`.
+    """
+    raw = read_csv(str(path), Asked(channel_map={"time": "timestamp"}))
+    notes = [*raw.notes, *(Note.method(f"'{name}' {why} and is left out") for name, why in raw.left_out.items())]
+    columns = {column.source: column.values for column in raw.columns}
+    if "timestamp" not in columns:
+        raise LogError(f"{path}: 'timestamp' holds no microseconds; export the topic again")
     time_s = MICROSECOND * columns.pop("timestamp")
-    return Topic(name=name, instance=instance, time_s=time_s, fields=columns)
+    topic = Topic(name=name, instance=instance, time_s=time_s, fields=columns)
+    return topic, [replace(note, text=f"{path.name}: {note.text}") for note in notes]

@@ -165,7 +165,7 @@ def _read_file(path: str, asked: Asked) -> RawLog:
             raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")
     if (encoding := wide_encoding(head)) is not None:
         return read_csv(path, asked, encoding)
-    if b"\0" in head:
+    if b"\0" in head.rstrip(b"\0\r\n"):  # a recorder that lost its power leaves some at the end
         raise LogError(f"{path}: neither HDF5, MATLAB v5 or v7.3, nor text; convert it to CSV or HDF5")
     return (None if asked.columns else read_topic_file(path, asked)) or read_csv(path, asked)
 
@@ -245,7 +245,8 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     _check_maps(path, raw.columns, asked)
     taken, notes = _named(path, raw, asked)
     if not taken.keys() - {"time"}:
-        raise LogError(f"{path}: no channels beside time; give a log with a column or dataset for each")
+        why = "".join(f", '{name}' {reason.rstrip(',')}" for name, reason in list(raw.left_out.items())[:3])
+        raise LogError(f"{path}: no channels beside time{why}; give a log with a column or dataset for each")
     time = taken.pop("time", None)
     order = [column.source for column in raw.columns]
     channels = dict(sorted(taken.items(), key=lambda item: order.index(item[1].source)))

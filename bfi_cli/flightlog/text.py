@@ -6,16 +6,11 @@ Cells are numbers, with decimal commas too, clocks and dates; columns of text ar
 from __future__ import annotations
 
 import codecs
-import csv
 import math
 import os
 import re
-from array import array
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from datetime import UTC, date, datetime
-from itertools import chain
-from typing import Literal, TextIO
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,17 +19,10 @@ from ..errors import LogError
 from ..filters import filters_from_json
 from ..notes import Note
 from ..units import si_unit
+from .cells import ABSENT, Kind, Lines, Table, cells_of, with_commas
 from .raw import BESIDE_TIME, DAY_S, Asked, RawLog, Track, from_midnight, require_few
-from .record import CLEAN, FloatArray, faults_from_json, segments_from_json
+from .record import CLEAN, faults_from_json, segments_from_json
 from .topics import maps_of
-
-Kind = Literal["number", "clock", "date", "moment", "text"]
-
-ABSENT = frozenset({"", "nan", "na", "n/a", "null", "none", "-"})
-CLOCK = re.compile(r"(\d{1,2}):([0-5]\d):([0-5]\d(?:[.,]\d+)?)")
-DATE = re.compile(r"\d{4}-\d{2}-\d{2}")
-EPOCH = date(1970, 1, 1).toordinal()
-
 
 FAULTS = "# faults: "
 SEGMENTS = "# segments: "
@@ -44,8 +32,6 @@ LARGEST_TEXT = 10**9
 # Garmin's first line, and the line of units below it.
 AIRFRAME, UNITS = "#airframe_info", "# units"
 DECIMAL_POINT = re.compile(r"(?<![\d.])\d+\.\d+(?![\d.])")
-# Characters. The longest lines are the JSON of the faults of a log; a row of 10 000 channels has 250 000.
-LONGEST_LINE = 10**6
 
 
 def wide_encoding(head: bytes) -> str | None:
@@ -79,55 +65,71 @@ def read_csv(path: str, asked: Asked, encoding: str | None = None) -> RawLog:
             "times as much in memory); cut the log, or export it as HDF5 and give --from/--to"
         )
     try:
-        return _read(path, encoding or "utf-8-sig", asked.columns)
+        return _read(path, encoding or "utf-8-sig", asked)
     except UnicodeDecodeError:
         if encoding is not None:
             raise LogError(f"{path}: damaged {encoding.upper()} text; save it as UTF-8") from None
-        return _read(path, "latin-1", asked.columns)
+        return _read(path, "latin-1", asked)
 
 
-def _read(path: str, encoding: str, named: Sequence[str]) -> RawLog:
-    comments: dict[str, str] = {}
+def _read(path: str, encoding: str, asked: Asked) -> RawLog:
     with open(path, encoding=encoding) as file:
-        rows = _rows(path, file, comments)
-        header = next(rows, None)
+        lines = Lines(path, file)
+        header = lines.next()
         if header is None:
             raise LogError(f"{path}: no header line, the file holds no text but comments; give a log with channels")
-        second = next(rows, None)
-        if _is_spaced(header[1] if named or second is None else second[1]):
-            header, second, rows = _with_commas(header), second and _with_commas(second), map(_with_commas, rows)
+        second = lines.next()
+        if _is_spaced(header[1] if asked.columns or second is None else second[1]):
+            lines.spaced = True
+            header, second = with_commas(header), second and with_commas(second)
         delimiter = next((sign for sign in (";", "\t") if sign in header[1]), ",")
-        if named:
-            first_row, rows = header, chain([] if second is None else [second], rows)
-            header, second = (0, _named(path, header, named, delimiter)), first_row
+        if asked.columns:
+            lines.put_back(second)
+            header, second = (0, _named(path, header, asked.columns, delimiter)), header
+        comments = _comments(lines.comments)
         garmin = AIRFRAME in comments
-        if garmin and second is not None and (heads := _two_headers(header[1], second[1], delimiter)):
-            header, second = (second[0], heads), next(rows, None)
-        names = _header(path, *header, delimiter=delimiter)
-        units: list[str | None] = [None] * len(names)
+        if garmin and second is not None and (joined := _two_headers(header[1], second[1], delimiter)):
+            header, second = (second[0], joined), lines.next()
+        heads, left_out = _header(path, *header, delimiter=delimiter, asked=asked)
+        names, units = [name for name, _ in heads], [unit for _, unit in heads]
+        stated: list[str | None] | None = None
         if garmin and UNITS in comments:
-            units = _units(comments[UNITS].lstrip("#"), delimiter, len(names)) or units
+            stated = _units(comments[UNITS].lstrip("#"), delimiter, len(names))
         elif second is not None and (stated := _units(second[1], delimiter, len(names))):
-            units, second = stated, next(rows, None)
-        first = [row for row in (second, next(rows, None)) if row is not None]
+            second = lines.next()
+        units = [unit or below for unit, below in zip(units, stated or units, strict=True)]
+        first = [row for row in (second, lines.next()) if row is not None]
         if len(first) < 2:
             raise LogError(f"{path}: {len(first)} samples below the header, at least 2 are needed; give a recorded log")
         comma = delimiter != "," and not any(DECIMAL_POINT.search(text) for _, text in first)
-        cells = Cells(names=names, comma=comma, kinds=[None] * len(names))
-        values, notes = cells.table(path, chain(first, rows), delimiter, may_be_cut=garmin)
-    columns = [
-        Track(source=source, values=values[:, i].copy(), unit=unit or units[i])
-        for i, (source, unit) in enumerate(map(split_unit, names))
-    ]
-    made = RawLog(columns=columns) if cells.plain else in_seconds(columns, cells.kinds)
+        for row in reversed(first):
+            lines.put_back(row)
+        table = Table(path, names, delimiter, comma=comma)
+        table.read(lines)
+    table.require_numbers(asked.sources)
+    return _log_of(path, table, units, _comments(lines.comments), left_out)
+
+
+def _log_of(
+    path: str, table: Table, units: Sequence[str | None], comments: Mapping[str, str], left_out: dict[str, str]
+) -> RawLog:
+    """Return the log of a table, with the annotations that its comments hold."""
+    tracks, kinds = list[Track](), list[Kind | None]()
+    for read, unit in zip(table.columns, units, strict=True):
+        if read.is_text:
+            left_out[read.name] = read.why_text
+        elif read.name:
+            tracks.append(Track(source=read.name, values=read.values, unit=unit))
+            kinds.append(read.kind)
+    made = in_seconds(tracks, kinds)
     columns = list(made.columns)
     if min((column.values.size for column in columns), default=2) < 2:
         raise LogError(f"{path}: less than 2 samples with a time, at least 2 are needed; give a recorded log")
-    maps = {row.field: row for row in maps_of("garmin")} if garmin else {}
+    maps = {row.field: row for row in maps_of("garmin")} if AIRFRAME in comments else {}
     for i, column in enumerate(columns):
-        if row := maps.get(column.source):
-            values = row.scale * column.values + row.offset
-            columns[i] = replace(column, values=values, unit=row.unit, channel=row.channel)
+        if known := maps.get(column.source):
+            values = known.scale * column.values + known.offset
+            columns[i] = replace(column, values=values, unit=known.unit, channel=known.channel)
     segments = segments_from_json(comments.get(SEGMENTS, "[]"), where=f"{path}: segments")
     filters = filters_from_json(comments[FILTERS], where=f"{path}: filters") if FILTERS in comments else None
     faults, clean = None, dict[str, Track]()
@@ -135,10 +137,30 @@ def _read(path: str, encoding: str, named: Sequence[str]) -> RawLog:
         faults = faults_from_json(comments[FAULTS], where=f"{path}: faults")
         clean = {c.source.removesuffix(CLEAN): c for c in columns if c.source.endswith(CLEAN)}
         columns = [c for c in columns if not c.source.endswith(CLEAN)]
-    notes += made.notes
     return replace(
-        made, columns=columns, segments=segments, filters=filters, faults=faults, clean=clean, notes=tuple(notes)
+        made,
+        columns=columns,
+        segments=segments,
+        filters=filters,
+        faults=faults,
+        clean=clean,
+        notes=(*table.notes, *made.notes),
+        left_out={**left_out, **made.left_out},
     )
+
+
+def _comments(lines: Sequence[str]) -> dict[str, str]:
+    """Return the comments on faults, segments, filters and the airframe, and the line of units below the last."""
+    comments: dict[str, str] = {}
+    for text in lines:
+        for key in (FAULTS, SEGMENTS, FILTERS):
+            if text.startswith(key):
+                comments.setdefault(key, text.removeprefix(key))
+        if AIRFRAME in comments:
+            comments.setdefault(UNITS, text)
+        elif text.startswith(AIRFRAME):
+            comments[AIRFRAME] = text
+    return comments
 
 
 def _is_spaced(line: str) -> bool:
@@ -147,13 +169,9 @@ def _is_spaced(line: str) -> bool:
     return len(cells) > 1 and not any(sign in line for sign in ",;\t") and all(map(_is_number, cells))
 
 
-def _with_commas(row: tuple[int, str]) -> tuple[int, str]:
-    return row[0], ",".join(row[1].split())
-
-
 def _named(path: str, first: tuple[int, str], named: Sequence[str], delimiter: str) -> str:
     """Return a header line of the names that `--columns` gives to a table without one."""
-    cells = _cells(first[1], delimiter)
+    cells = cells_of(first[1], delimiter)
     if not all(_is_number(cell) or cell.strip().lower() in ABSENT for cell in cells):
         raise LogError(f"{path}: line {first[0]} is a header; leave out --columns, or map its names with --channel")
     if len(cells) != len(named):
@@ -163,7 +181,7 @@ def _named(path: str, first: tuple[int, str], named: Sequence[str], delimiter: s
 
 def _two_headers(upper: str, lower: str, delimiter: str) -> str | None:
     """Return the header of a Garmin G3X: the short names of the lower line with the units of the upper line."""
-    long, short = (_cells(line, delimiter) for line in (upper, lower))
+    long, short = (cells_of(line, delimiter) for line in (upper, lower))
     if len(long) != len(short) or any(map(_is_number, short)):
         return None
     units = [split_unit(one)[1] for one in long]
@@ -172,7 +190,7 @@ def _two_headers(upper: str, lower: str, delimiter: str) -> str | None:
 
 def _units(line: str, delimiter: str, count: int) -> list[str | None] | None:
     """Return the units of a line of units, None for any other line; a unit that is not known is None."""
-    cells = [cell.strip().strip("[]()").strip() for cell in _cells(line, delimiter)]
+    cells = [cell.strip().strip("[]()").strip() for cell in cells_of(line, delimiter)]
     stated = [cell for cell in cells[:count] if cell]
     known = {cell for cell in stated if cell != "-" and si_unit(cell) is not None}
     if not stated or any(map(_is_number, stated)) or 2 * sum(cell in known for cell in stated) < len(stated):
@@ -187,46 +205,18 @@ def _is_number(cell: str) -> bool:
         return False
 
 
-def _rows(path: str, file: TextIO, comments: dict[str, str]) -> Iterator[tuple[int, str]]:
-    """Yield number and text of the lines that are neither empty nor comments.
+def _header(
+    path: str, line: int, text: str, *, delimiter: str, asked: Asked
+) -> tuple[list[tuple[str, str | None]], dict[str, str]]:
+    """Return names and units of the columns, and by name or place why a column is left out.
 
-    The comments on faults, segments, filters and the airframe are added to `comments`.
+    A column that is left out, because it has no name or that of one before it, has the name "".
 
     Raises
     ------
-    LogError : a line of more than `LONGEST_LINE` characters.
+    LogError : the line holds numbers, or several columns have a name that an option mentions.
     """
-    line = 0
-    while text := file.readline(LONGEST_LINE + 1):
-        line += 1
-        if len(text) > LONGEST_LINE:
-            raise LogError(
-                f"{path}: line {line} is longer than {LONGEST_LINE} characters; write a line for each sample, or "
-                "export the log again"
-            )
-        if text.lstrip().startswith("#"):
-            for key in (FAULTS, SEGMENTS, FILTERS):
-                if text.startswith(key):
-                    comments.setdefault(key, text.removeprefix(key))
-            if AIRFRAME in comments:
-                comments.setdefault(UNITS, text.rstrip("\n"))
-            elif text.startswith(AIRFRAME):
-                comments[AIRFRAME] = text
-        elif text.strip():
-            yield line, text.rstrip("\n")
-
-
-def _cells(line: str, delimiter: str) -> list[str]:
-    if '"' in line:
-        try:
-            return next(csv.reader([line], delimiter=delimiter))
-        except csv.Error:
-            pass
-    return line.split(delimiter)
-
-
-def _header(path: str, line: int, text: str, *, delimiter: str) -> list[str]:
-    cells = [cell.strip() for cell in _cells(text, delimiter)]
+    cells = [cell.strip() for cell in cells_of(text, delimiter)]
     if cells and not cells[-1]:
         cells.pop()
     if any(map(_is_number, cells)):
@@ -234,104 +224,17 @@ def _header(path: str, line: int, text: str, *, delimiter: str) -> list[str]:
             f"{path}: no header, line {line} holds numbers; write the channels' names above them, or give --columns"
         )
     require_few(path, len(cells), "columns")
-    places: dict[str, int] = {}
-    for i, cell in enumerate(cells, start=1):
-        if not cell:
-            raise LogError(f"{path}: line {line}, column {i} has no name; name every channel in the header")
-        if cell in places:
-            raise LogError(f"{path}: columns {places[cell]} and {i} are both named '{cell}'; rename one of them")
-        places[cell] = i
-    return cells
-
-
-@dataclass(slots=True)
-class Cells:
-    """Reader of the cells of a table.
-
-    Attributes
-    ----------
-    comma : whether a comma in a number is a decimal comma.
-    kinds : of each column, by its first cell that is not empty; None before that.
-    plain : whether all columns hold numbers so far.
-    """
-
-    names: Sequence[str]
-    comma: bool
-    kinds: list[Kind | None]
-    plain: bool = True
-
-    def table(
-        self, path: str, rows: Iterator[tuple[int, str]], delimiter: str, *, may_be_cut: bool
-    ) -> tuple[FloatArray, list[Note]]:
-        """Return the numbers of all rows, (n_rows, n_columns), and a note where the last row is cut off.
-
-        Raises
-        ------
-        LogError : a row of another length, or a cell that does not fit its column.
-        """
-        numbers = array("d")  # eight bytes a number while it grows
-        all_numbers, notes = False, list[Note]()  # of a row so far, so that its columns are known
-        for line, text in rows:
-            parts = text.split(delimiter)
-            try:
-                if not self.plain or "_" in text or len(parts) != len(self.names):
-                    raise ValueError
-                numbers.extend([float(cell) for cell in parts])
-                all_numbers = True
-            except ValueError:
-                parts = _cells(text, delimiter)
-                if may_be_cut and len(parts) < len(self.names) and next(rows, None) is None:
-                    notes = [Note.limit(f"line {line} is cut off and is left out")]
-                    break
-                if all_numbers:
-                    self.kinds = [kind or "number" for kind in self.kinds]
-                numbers.extend(self.numbers(f"{path}: line {line}", parts))
-        return np.frombuffer(numbers).reshape(-1, len(self.names)), notes
-
-    def numbers(self, where: str, cells: list[str]) -> list[float]:
-        """Return the numbers of a row: NaN for empty cells and text, seconds for clocks and dates."""
-        if len(cells) == len(self.names) + 1 and not cells[-1].strip():
-            cells = cells[:-1]
-        if len(cells) != len(self.names):
-            raise LogError(
-                f"{where} has {len(cells)} values, the header names {len(self.names)} channels; mend the line"
-            )
-        numbers = []
-        for i, cell in enumerate(map(str.strip, cells)):
-            if cell.lower() in ABSENT or self.kinds[i] == "text":
-                numbers.append(math.nan)
-                continue
-            kind, value = self._read(cell)
-            if self.kinds[i] is None:
-                self.kinds[i] = kind
-                self.plain = self.plain and kind == "number"
-            elif kind != self.kinds[i]:
-                what = {"clock": "a time of day", "date": "a date", "moment": "a date and time"}
-                raise LogError(
-                    f"{where}, column '{self.names[i]}': not {what.get(str(self.kinds[i]), 'a number')}, got "
-                    f"'{cell[:40]}'; mend the cell or empty it"
-                )
-            numbers.append(value)
-        return numbers
-
-    def _read(self, cell: str) -> tuple[Kind, float]:
-        try:
-            if "_" not in cell:  # which Python reads as a part of a number
-                return "number", float(cell.replace(",", ".") if self.comma else cell)
-        except ValueError:
-            pass
-        if clock := CLOCK.fullmatch(cell):
-            hours, minutes, seconds = clock[1], clock[2], clock[3].replace(",", ".")
-            return "clock", 3600.0 * int(hours) + 60.0 * int(minutes) + float(seconds)
-        try:
-            if DATE.fullmatch(cell):
-                return "date", DAY_S * (date.fromisoformat(cell).toordinal() - EPOCH)
-            if DATE.match(cell):
-                moment = datetime.fromisoformat(cell)
-                return "moment", (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-        except (ValueError, OverflowError):
-            pass
-        return "text", math.nan
+    columns, places, left_out = list[tuple[str, str | None]](), dict[str, int](), dict[str, str]()
+    for i, (name, unit) in enumerate(map(split_unit, cells), start=1):
+        if name in places and name in asked.sources:
+            raise LogError(f"{path}: columns {places[name]} and {i} are both named '{name}'; rename one of them")
+        if not name:
+            left_out[f"column {i}"] = "has no name"
+        elif name in places:
+            left_out[f"column {i}"] = f"is a second '{name}'"
+        columns.append(("" if name in places else name, unit))
+        places.setdefault(name, i)
+    return columns, left_out
 
 
 def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog:
@@ -344,15 +247,13 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
     by_kind: dict[Kind | None, list[Track]] = {}
     for column, kind in zip(columns, kinds, strict=True):
         by_kind.setdefault(kind, []).append(column)
-    texts, dates = by_kind.get("text", []), by_kind.get("date", [])
-    clocks, moments = by_kind.get("clock", []), by_kind.get("moment", [])
-    notes, left_out = list[Note](), dict.fromkeys((column.source for column in texts), "holds text")
+    dates, clocks, moments = by_kind.get("date", []), by_kind.get("clock", []), by_kind.get("moment", [])
+    notes = list[Note]()
     kept = [c for c, kind in zip(columns, kinds, strict=True) if kind in ("number", None)]
     timed = [*moments, *clocks, *dates]
     matches = (match_name(column.source) for column in kept)
     if not timed or timed[0] in dates or any(match is not None and match.name == "time" for match in matches):
-        left_out |= dict.fromkeys((column.source for column in timed), BESIDE_TIME)
-        return RawLog(columns=kept, left_out=left_out)
+        return RawLog(columns=kept, left_out=dict.fromkeys((column.source for column in timed), BESIDE_TIME))
     chosen = timed[0]
     time_s = chosen.values.copy()
     if chosen in clocks and dates:
@@ -389,7 +290,7 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
         )
     time = Track(source=chosen.source, values=time_s[rows], unit="s", channel="time")
     kept = [time, *(replace(column, values=column.values[rows]) for column in kept)]
-    return RawLog(columns=kept, notes=tuple(notes), left_out=left_out)
+    return RawLog(columns=kept, notes=tuple(notes))
 
 
 def _spread(time_s: np.ndarray) -> np.ndarray:

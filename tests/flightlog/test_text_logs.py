@@ -14,6 +14,8 @@ from noted import texts
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
+from bfi_cli.flightlog.raw import Asked
+from bfi_cli.flightlog.text import read_csv
 
 KT, FT = 1852.0 / 3600.0, 0.3048
 G1000 = """\
@@ -157,19 +159,114 @@ def test_decimal_commas_are_the_numbers_with_points(values: list[float], tmp_pat
     assert log.channels["tas"].values.tolist() == values
 
 
-def test_a_comma_among_decimal_points_is_refused(tmp_path: Path):
-    with pytest.raises(LogError, match="line 3, column 'tas': not a number, got '1,5'"):
-        read_log(write_text(tmp_path / "a.csv", "time;tas\n0.5;1.5\n1.5;1,5\n"))
+ROWS = [f"{k},{90 + k}.5,{k % 3}" for k in range(40)]
+HEAD = "time,tas,aoa"
 
 
-def test_a_column_of_text_is_left_out_and_text_among_numbers_refused(tmp_path: Path):
-    log = read_log(write_text(tmp_path / "a.csv", "time,mode,tas\n0,,90\n1,CRUISE,91\n2,7,92\n"))
-    assert set(log.channels) == {"tas"}
-    assert "'mode' holds text and is left out" in texts(log.notes)
-    with pytest.raises(LogError, match="line 3, column 'tas': not a number, got 'fast'"):
-        read_log(write_text(tmp_path / "b.csv", "time,mode,tas\n0,A,90\n1,B,fast\n"))
-    with pytest.raises(LogError, match="line 3, column 'clock': not a time of day, got '12'"):
-        read_log(write_text(tmp_path / "c.csv", "clock,tas\n12:00:00,90\n12,91\n"))
+def with_cells(column: int, cells: dict[int, str]) -> list[str]:
+    """Return the rows with other texts in a column, by row."""
+    split = [row.split(",") for row in ROWS]
+    for k, cell in cells.items():
+        split[k][column] = cell
+    return [",".join(row) for row in split]
+
+
+OFF_LATER, ALL_TEXT = (with_cells(2, dict.fromkeys(range(k, 40), text)) for k, text in ((15, "OFF"), (0, "CRUISE")))
+ODD_TABLES: dict[str, tuple[str, list[str], set[str], int, str]] = {
+    # Header, rows, the channels that are read, their samples, and a part of a note.
+    "text in a number column": (HEAD, with_cells(1, {5: "---"}), {"tas", "aoa"}, 40, "'tas': 1 cell is not a number"),
+    "marks of no value": (HEAD, with_cells(1, dict.fromkeys(range(9), "*")), {"tas", "aoa"}, 40, "first '*' in line 2"),
+    "empty and N/A": (HEAD, with_cells(1, {3: "", 4: " N/A ", 5: "NaN", 6: "null"}), {"tas", "aoa"}, 40, ""),
+    "an underscore": (HEAD, with_cells(2, {7: "1_0"}), {"tas", "aoa"}, 40, "the first '1_0'"),
+    "a decimal comma in quotes": (HEAD, with_cells(2, {7: '"1,5"'}), {"tas", "aoa"}, 40, "the first '1 5' in line 9"),
+    "numbers that turn to text": (HEAD, OFF_LATER, {"tas"}, 40, "text in 25"),
+    "text, then numbers": (HEAD, with_cells(2, dict.fromkeys(range(9), "INIT")), {"tas", "aoa"}, 40, "9 cells"),
+    "text": (HEAD, ALL_TEXT, {"tas"}, 40, "'aoa' holds text and is left out"),
+    "a blank name": ("time,tas,aoa,,n1", [f"{row},7,{row[0]}" for row in ROWS], {"tas", "aoa", "n1"}, 40, "'column 4'"),
+    "a name twice": ("time,tas,tas", ROWS, {"tas"}, 40, "'column 3' is a second 'tas' and is left out"),
+    "a name twice by units": ("time,tas [kt],tas [m/s]", ROWS, {"tas"}, 40, "'column 3' is a second 'tas'"),
+    "a missing name": ("time,tas,aoa", [f"{row},7" for row in ROWS], {"tas", "aoa"}, 40, "header 3 names: the last"),
+    "missing names": ("time,tas", [f"{row},x" for row in ROWS], {"tas"}, 40, "the last 2 of each row is left out"),
+    "numbers of rows": (HEAD, [f'"{k}",{row}' for k, row in enumerate(ROWS)], {"tas", "aoa"}, 40, "first of"),
+    "a delimiter at each end": (HEAD + ",", [f"{row}," for row in ROWS], {"tas", "aoa"}, 40, ""),
+    "a row cut short": (HEAD, [*ROWS[:20], "20,1", *ROWS[21:]], {"tas", "aoa"}, 40, "1 rows of another length"),
+    "a row too long": (HEAD, [*ROWS[:20], "20,1,1,1", *ROWS[21:]], {"tas", "aoa"}, 40, "first in line 22"),
+    "a last row cut off": (HEAD, [*ROWS, "40,1"], {"tas", "aoa"}, 40, "line 42 is cut off and is left out"),
+    "NUL at the end": (HEAD, [*ROWS, "\0" * 5000], {"tas", "aoa"}, 40, "from line 42 on hold NUL bytes"),
+    "NUL after a cut row": (HEAD, [*ROWS, "40,1" + "\0" * 99], {"tas", "aoa"}, 40, "from line 42 on hold NUL bytes"),
+    "comments and empty lines": (HEAD, [*ROWS[:9], "", "# fine", "  ", *ROWS[9:]], {"tas", "aoa"}, 40, ""),
+    "all quoted": (HEAD, ['"' + row.replace(",", '","') + '"' for row in ROWS], {"tas", "aoa"}, 40, ""),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ODD_TABLES)
+def test_a_cell_or_row_that_does_not_fit_is_left_out(name: str, tmp_path: Path):
+    header, rows, channels, n, note = ODD_TABLES[name]
+    log = read_log(write_text(tmp_path / "a.csv", "\n".join([header, *rows]) + "\n"))
+    assert set(log.channels) == channels
+    assert log.n_samples == n
+    assert note in " / ".join(texts(log.notes))
+    tas = log.channels["tas"].values / (KT if "[kt]" in header else 1.0)
+    known = np.isfinite(tas)
+    np.testing.assert_allclose(tas[known], log.time_s[known] + 90.5, rtol=1e-15)
+    assert known.sum() >= 31
+    if not note:
+        assert not any("left out" in text for text in texts(log.notes))
+
+
+@pytest.mark.parametrize(
+    ("header", "rows", "asked", "message"),
+    [
+        (HEAD, OFF_LATER, {"channel_map": {"aoa": "aoa"}}, "line 17, column 'aoa': not a number, got 'OFF'; mend"),
+        (HEAD, ALL_TEXT, {"unit_map": {"aoa": "deg"}}, "line 2, column 'aoa': not a number, got 'CRUISE'"),
+        ("time,TAS,TAS", ROWS, {"channel_map": {"tas": "TAS"}}, "columns 2 and 3 are both named 'TAS'; rename"),
+        ("time,tas,tas", ROWS, {"keep": ("tas",)}, "columns 2 and 3 are both named 'tas'"),
+        (HEAD, [*ROWS[:20], "20,1", "21,1", "22,1", *ROWS[23:]], {}, "line 22 has 2 values, the header names 3"),
+        (HEAD, [f"{row},x" if k % 2 else row for k, row in enumerate(ROWS)], {}, "line 3 has 4 values"),
+        ("clock,tas", ["12:00:00,90", "12,91"], {"channel_map": {"time": "clock"}}, "'clock': not a time of"),
+        ("time;tas", ["0.5;1.5", "1.5;1,5"], {"channel_map": {"tas": "tas"}}, "line 3, column 'tas': not a"),
+    ],
+)  # fmt: skip
+def test_what_was_asked_for_and_is_unusable_is_refused(header, rows, asked, message: str, tmp_path: Path):
+    path = write_text(tmp_path / "a.csv", "\n".join([header, *rows]) + "\n")
+    with pytest.raises(LogError) as caught:
+        read_log(path, **asked)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+NUMBERS = st.floats(allow_nan=False, width=64).map(repr) | st.integers(-(10**25), 10**25).map(str)
+NUMBERS |= st.tuples(st.text("0123456789", min_size=1, max_size=25), st.text("0123456789", max_size=25)).map(".".join)
+
+
+@settings(max_examples=60, deadline=None)
+@given(rows=st.lists(st.tuples(NUMBERS, NUMBERS | st.sampled_from(["", " ", "-", "NaN"])), min_size=2, max_size=9))
+def test_numbers_are_those_of_float_to_the_last_bit(rows, tmp_path_factory: pytest.TempPathFactory):
+    path = write_text(
+        tmp_path_factory.getbasetemp() / "bits.csv",
+        "time,x,y\n" + "".join(f"{k}, {x} ,{y}\n" for k, (x, y) in enumerate(rows)),
+    )
+    columns = {track.source: track.values for track in read_csv(str(path), Asked()).columns}
+    for values, texts_of in zip((columns["x"], columns["y"]), zip(*rows, strict=True), strict=True):
+        expected = [float(text) if text.strip(" -") else np.nan for text in texts_of]
+        np.testing.assert_array_equal(values, expected)
+
+
+def test_a_text_of_many_blocks_is_read_as_row_by_row(tmp_path: Path):
+    rng = np.random.default_rng(5)
+    values = np.column_stack([0.01 * np.arange(60_000), rng.normal(size=(60_000, 2))])
+    rows = [",".join(map(repr, row)) for row in values.tolist()]
+    rows[40_000:40_002] = ["# seen", rows[40_000].replace(rows[40_000].split(",")[1], "---"), rows[40_001]]
+    log = read_log(
+        write_text(
+            tmp_path / "a.csv",
+            "time,x,mode,y\n" + "\n".join(r.replace(",", ",A,", 2).replace(",A,", ",", 1) for r in rows),
+        )
+    )
+    values[40_000, 1] = np.nan
+    np.testing.assert_array_equal(log.channels["x"].values, values[:, 1])
+    np.testing.assert_array_equal(log.channels["y"].values, values[:, 2])
+    assert "'x': 1 cell is not a number, the first '---' in line 40003: left out" in texts(log.notes)
 
 
 @settings(max_examples=30, deadline=None)

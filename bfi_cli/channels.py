@@ -32,10 +32,10 @@ class StandardChannel:
 # 2533), for an angle half a turn, for a height and a pressure the whole atmosphere that is flown in. An analysis whose
 # limit exceeds it says nothing about the channel.
 LARGEST_ERROR = {
-    **dict.fromkeys(("tas", "cas", "ias", "ground_speed", "altitude_rate"), 340.294),
+    **dict.fromkeys(("tas", "cas", "ias", "ground_speed", "altitude_rate", "gps_altitude_rate"), 340.294),
     "mach": 1.0,
     **dict.fromkeys(("aoa", "sideslip", "pitch", "roll", "yaw", "flight_path_angle"), math.pi),
-    "altitude": 30_000.0,
+    **dict.fromkeys(("altitude", "baro_altitude", "gps_altitude", "radio_altitude"), 30_000.0),
     **dict.fromkeys(("p_static", "p_total", "q_impact"), 110_000.0),
 }
 # Without one of these an airspeed is bounded by other airspeeds only, and a vane or an attitude by nothing.
@@ -60,7 +60,11 @@ tas m/s | true airspeed | vtas v_tas true_airspeed vtrue v_true true_air_speed a
 tas_rate m/s^2 | rate of change of true airspeed | vdot v_dot tas_dot vtas_dot tas_acceleration
 cas m/s | calibrated airspeed | vcas v_cas calibrated_airspeed computed_airspeed
 ias m/s | indicated airspeed | vias v_ias indicated_airspeed vind
-ground_speed m/s | ground speed | gs groundspeed gnd_speed
+ground_speed m/s | ground speed | gs groundspeed gnd_speed gndspd gps_speed gps_spd
+track rad | track over ground, from true north | true_track track_true gps_track ground_track track_angle \
+course_over_ground cog
+magnetic_track rad | track over ground, from magnetic north | track_magnetic trk_mag mag_track
+magnetic_variation rad | magnetic north, east of true north | magvar mag_var magnetic_declination
 velocity_north m/s | ground velocity, to the north | vel_n v_north vn velocity_n vel_north
 velocity_east m/s | ground velocity, to the east | vel_e v_east ve velocity_e vel_east
 wind_north m/s | velocity of the wind, north | windspeed_north
@@ -71,8 +75,18 @@ sideslip rad | angle of sideslip | beta aos angle_of_sideslip vane_beta sideslip
 p_static Pa | static pressure | ps static_pressure baro_pressure pstat
 p_total Pa | total pressure | pt total_pressure pitot_pressure ptot
 q_impact Pa | impact pressure | qc impact_pressure differential_pressure
-altitude m | pressure altitude | alt h hp press_alt pressure_altitude baro_alt baro_altitude altitude_std alt_ftmsl=ft
+altitude m | pressure altitude | alt h hp press_alt pressure_altitude pressure_alt altitude_std alt_std palt altp
+baro_altitude m | altitude by the setting of the altimeter | baro_alt alt_baro altitude_baro barometric_altitude \
+baroaltitude baro_corrected_altitude bc_alt bcalt indicated_altitude alt_ind altind altb altitude_qnh
+baro_setting Pa | setting of the altimeter | baro_set altimeter_setting kollsman_setting qnh baroa=inHg
+gps_altitude m | geometric altitude, of satellites or an inertial system | gps_alt gps_height gnss_altitude \
+altitude_gps alt_gps altgps altitude_msl alt_msl altmsl msl_altitude altitude_ellipsoid alt_ellipsoid \
+ellipsoid_height geometric_altitude geoaltitude inertial_altitude alt_ftmsl=ft
+radio_altitude m | height above the ground, of a radio altimeter | radio_alt radio_height radar_altitude radar_alt \
+radalt ralt altitude_radio alt_radio alt_ftagl=ft
 altitude_rate m/s | rate of climb | alt_rate hdot vertical_speed vvi climb_rate rate_of_climb roc vs
+gps_altitude_rate m/s | rate of climb, of satellites or an inertial system | gps_vertical_speed \
+inertial_vertical_speed gps_vspd vspdg
 pitch rad | pitch attitude | theta pitch_angle
 roll rad | roll attitude | phi roll_angle bank bank_angle
 yaw rad | heading | psi yaw_angle heading true_heading hding_true
@@ -134,7 +148,7 @@ for _line in _TABLE.strip().splitlines():
 # Quantities with several sensors in one aircraft; two elevators are two surfaces.
 REPEATED = (
     *("tas", "cas", "ias", "mach", "aoa", "sideslip", "p_static", "p_total", "q_impact", "altitude", "altitude_rate"),
-    *("pitch", "roll", "yaw", "tat", "sat"),
+    *("baro_altitude", "gps_altitude", "gps_altitude_rate", "radio_altitude", "pitch", "roll", "yaw", "tat", "sat"),
 )
 # Number of the sensor by the word or number after the name.
 _WHICH = {
@@ -169,13 +183,21 @@ def quantity_of(name: str) -> str:
     return STANDARD[name].quantity if name in STANDARD else name
 
 
-_PREFIX = re.compile(r"^(?:dadc|adc|adiru|adahrs|ahrs|irs|iru|ins|imu|fms|gps|att|arsp)\d*_(?:b_|body_)?")
+_PREFIX = re.compile(
+    r"^(?:(?P<air>dadc|adc|adiru|adahrs|fms|arsp)|(?P<motion>gps|gnss|ahrs|irs|iru|ins|imu|att))\d*_(?:b_|body_)?"
+)
+# Of an instrument that measures motion and no pressure, what its altitude and its rate of climb are; what only air
+# tells is no channel of it.
+_OF_MOTION = {"altitude": "gps_altitude", "altitude_rate": "gps_altitude_rate"}
+_OF_AIR = frozenset(("tas", "tas_rate", "cas", "ias", "mach", "p_static", "p_total", "q_impact", "tat", "sat"))
+_OF_AIR |= {"baro_altitude", "baro_setting", "radio_altitude"}
 
 
 def match_name(source: str) -> NameMatch | None:
     """Return the standard channel a recorder's name stands for, None where none is known.
 
-    Case, punctuation, the prefix of the instrument ("Dadc1_") and a trailing unit ("tas_kt") do not matter.
+    Case, punctuation, the prefix of the instrument ("Dadc1_") and a trailing unit ("tas_kt") do not matter. The prefix
+    of an instrument without a pressure makes no channel of the air: "ins_alt" is a `gps_altitude`, "gps_tas" unknown.
     """
     if source in STANDARD:
         return NameMatch(name=source, unit=None, rank=0)
@@ -184,9 +206,21 @@ def match_name(source: str) -> NameMatch | None:
     camel = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", source)
     for text in dict.fromkeys((source, camel)):
         plain = re.sub(r"[^0-9a-z]+", "_", text.lower()).strip("_")
-        if match := _match_spelling(plain) or _match_spelling(_PREFIX.sub("", plain)):
+        if match := _match_spelling(plain) or _match_behind_prefix(plain):
             return match
     return None
+
+
+def _match_behind_prefix(spelling: str) -> NameMatch | None:
+    """Return the channel of a spelling behind the prefix of its instrument, None of one that it cannot measure."""
+    prefix = _PREFIX.match(spelling)
+    match = _match_spelling(spelling[prefix.end() :]) if prefix else None
+    if prefix is None or match is None or prefix["motion"] is None:
+        return match
+    quantity = quantity_of(match.name)
+    if quantity in _OF_AIR:
+        return None
+    return replace(match, name=_OF_MOTION.get(quantity, quantity) + match.name.removeprefix(quantity))
 
 
 def _match_spelling(spelling: str) -> NameMatch | None:

@@ -24,9 +24,10 @@ from .provenance import Provenance
 
 T = TypeVar("T")
 DAMAGED = "the file is damaged or of another program, write it again"
-# Schema of the documents: since 3 notes have kinds. Documents with the schema before are read as well.
-SCHEMA = 3
-SCHEMA_BEFORE = {"detect": 2, "diagnose": 2, "identify": 2, "montecarlo": 2, "start-time": 2}
+# Schema of the documents: since 3 notes have kinds, since 4 `altitude` is the pressure altitude alone.
+SCHEMA = 4
+# The oldest schema that is still read, by kind of document; 1 of any other kind.
+OLDEST_READ = {"detect": 2, "diagnose": 2, "identify": 2, "montecarlo": 2, "start-time": 2}
 # By kind of document, the key of the list of faults that the analysis declares.
 DECLARED = {"identify": "faults", "start-time": "faults", "detect": "alarms", "diagnose": "events"}
 # Keys of what has an entry per sample or onset: gigabytes for a day at 100 Hz. A reproduction has drawings in it.
@@ -156,7 +157,7 @@ def check_schema(document: Mapping[str, Any], *, where: str) -> None:
     ConfigError : another schema.
     """
     schema, kind = document.get("schema"), document["kind"]
-    if schema not in (SCHEMA, SCHEMA_BEFORE.get(kind, 1)):
+    if type(schema) is not int or not OLDEST_READ.get(kind, 1) <= schema <= SCHEMA:
         raise ConfigError(
             f"{where}: schema is {schema}, this program reads {SCHEMA}; run bfi {kind} again, or use the version that "
             "wrote the file"

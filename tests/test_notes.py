@@ -12,7 +12,7 @@ from bfi_cli.identify.document import identify_document, identify_from_document
 from bfi_cli.identify.report import content_of_document
 from bfi_cli.notes import NOTE_KINDS, Note, unique
 from bfi_cli.provenance import provenance
-from bfi_cli.serialization import SCHEMA, SCHEMA_BEFORE, check_schema, from_plain, to_plain
+from bfi_cli.serialization import OLDEST_READ, SCHEMA, check_schema, from_plain, to_plain
 
 NOTES = (Note.limit("a"), Note.method("b"), Note.advice("c"))
 
@@ -49,10 +49,10 @@ def test_a_document_of_plain_sentences_is_read():
 
 
 @pytest.mark.parametrize("kind", ["identify", "diagnose", "info", "calibration"])
-def test_a_document_has_this_schema_or_the_one_before(kind: str):
-    before = SCHEMA_BEFORE.get(kind, 1)
-    for schema in (SCHEMA, before):
+def test_a_document_has_this_schema_or_an_older_one_that_is_read(kind: str):
+    oldest = OLDEST_READ.get(kind, 1)
+    for schema in range(oldest, SCHEMA + 1):
         check_schema({"kind": kind, "schema": schema}, where="x.json")
-    for schema in (before - 1, SCHEMA + 1, None, "3"):
-        with pytest.raises(ConfigError, match=rf"x.json: schema is {schema}, this program reads 3; run bfi {kind}"):
+    for schema in (oldest - 1, SCHEMA + 1, None, "3"):
+        with pytest.raises(ConfigError, match=rf"x.json: schema is {schema}, this program reads 4; run bfi {kind}"):
             check_schema({"kind": kind, "schema": schema}, where="x.json")

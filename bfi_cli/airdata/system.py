@@ -43,6 +43,7 @@ BOTH = ("p_static", "p_total")
 DEPENDS_ON: Mapping[str, tuple[str, ...]] = {
     "p_static": ("p_static",),
     "altitude": ("p_static",),
+    "baro_altitude": ("p_static",),
     "altitude_rate": ("p_static",),
     "p_total": ("p_total",),
     "q_impact": BOTH,
@@ -55,7 +56,7 @@ DEPENDS_ON: Mapping[str, tuple[str, ...]] = {
 }
 # The sensors that a channel comes from: what moves it when it fails. A channel that is not here has its own.
 SENSORS: Mapping[str, frozenset[str]] = {
-    **dict.fromkeys(("p_static", "altitude", "altitude_rate"), frozenset({"static port"})),
+    **dict.fromkeys(("p_static", "altitude", "baro_altitude", "altitude_rate"), frozenset({"static port"})),
     "p_total": frozenset({"pitot line"}),
     **dict.fromkeys(("q_impact", "cas", "ias", "mach"), frozenset({"static port", "pitot line"})),
     **dict.fromkeys(("tas", "tas_rate", "sat"), frozenset({"static port", "pitot line", "temperature probe"})),
@@ -230,6 +231,7 @@ def channels_of(
     made = {
         "p_static": p_static,
         "altitude": altitude,
+        "baro_altitude": altitude,  # at the standard setting; another one moves it by a constant
         "p_total": p_static + q_impact,
         "q_impact": q_impact,
         "cas": calibrated_airspeed(q_impact),
@@ -280,7 +282,7 @@ def fault_distribution(
     zero, one = np.zeros(mach.shape), np.ones(mach.shape)
     if channel in ("p_static", "p_total", "q_impact"):
         slopes = {"p_static": (one, zero), "p_total": (zero, one), "q_impact": (-one, one)}[channel]
-    elif channel == "altitude":
+    elif channel in ("altitude", "baro_altitude"):
         slopes = (-GAS_CONSTANT * isa_temperature(altitude_of(p_static)) / (G * p_static), zero)
     elif channel in ("cas", "ias"):
         speed = calibrated_airspeed(q_impact) / SEA_LEVEL_SPEED_OF_SOUND

@@ -25,6 +25,7 @@ from ..kernels.low_pass import Response
 from ..kernels.runs import BoolArray, bridged
 from ..notes import Note
 from ..shapes import SHAPES
+from .quantities import pressures_of
 from .record import FlightLog, FloatArray, Truth, frozen_array
 
 ROUNDING = 1e-12  # of a pressure: a fault that moves it by less, a line trapped in still air, moves nothing
@@ -89,6 +90,9 @@ def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog
                 "with neither onset nor end in it, it can pass for the aircraft's own motion"
             ),
         )
+    if fault.channel in added and log.channels[fault.channel].derived_from:  # else it would be derived again
+        channels = {**log.channels, fault.channel: replace(log.channels[fault.channel], derived_from=())}
+        log = replace(log, channels=channels)
     clean = {channel: log.channels[channel].values for channel in added}
     truth = Truth(faults=(*before.faults, fault), clean={**clean, **before.clean})
     return replace(_moved(log, added), truth=truth, sha256="", notes=notes)
@@ -255,7 +259,7 @@ def _differences(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) 
         ) from None
     new |= {"p_total": p_total, "q_impact": p_total - p_static}
     follow = [channel for channel, pressures in DEPENDS_ON.items() if moved in pressures]
-    has = [name for name in follow if name in log.channels and (name != "sat" or "tat" in log.channels)]
+    has = [name for name in follow if moved in pressures_of(log, name)]
     if not has:
         raise LogError(f"{place}: no channel of the log follows from {moved}; it needs one of {', '.join(follow)}")
     return {channel: new[channel] - old[channel] for channel in has}

@@ -9,7 +9,6 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..airdata import DEPENDS_ON
 from ..channels import INPUTS, STANDARD, quantity_of
 from ..errors import LogError
 from ..filters import Filter
@@ -20,6 +19,7 @@ from ..report.text import quantity
 from .derived import DERIVED, missing_for
 from .phases import HOVER, NO_AIRSPEED, TRANSITION, Phase, note_on_rotors, phases_of, spans_of
 from .plausible import doubt_about
+from .quantities import pressures_of
 from .rates import AS_FAST, GAP
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, Segment
 
@@ -184,8 +184,6 @@ def inspect_log(log: FlightLog) -> LogReport:
         is_finite = np.isfinite(values)
         finite = values if is_finite.all() else values[is_finite]
         held = held_hz(log, channel)
-        # A static temperature follows from pressures only where the total one is recorded too.
-        is_free = channel.name == "sat" and "tat" not in log.channels
         report = ChannelReport(
             name=channel.name,
             unit=channel.unit,
@@ -197,7 +195,7 @@ def inspect_log(log: FlightLog) -> LogReport:
             quantum=find_quantum(finite),
             min=float(finite.min()) if finite.size else None,
             max=float(finite.max()) if finite.size else None,
-            pressures=() if is_free else DEPENDS_ON.get(channel.name, ()),
+            pressures=pressures_of(log, channel.name),
         )
         channels.append(report)
         questions.append(doubt_about(channel))

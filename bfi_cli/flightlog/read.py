@@ -28,6 +28,7 @@ from .phases import airborne_stretches
 from .plausible import RIGHT, assumed_units, time_scale
 from .px4 import folder_digest, read_folder, read_topic_file, read_ulog_topics
 from .quality import is_uniform
+from .quantities import with_quantities
 from .rates import boot_starts
 from .raw import Asked, RawLog, Track, by_precedence, different_length, fits, time_column, unit_of, unlike_time
 from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
@@ -133,6 +134,7 @@ def read_log(
         with open(name, "rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
         log = with_seen_recorder(with_single_samples(_of_boot(name, raw, asked, sha256, boot)))
+    log = with_quantities(log, asked.channel_map)
     return log if fill_s is None else with_filled(log, fill_s)
 
 

@@ -51,6 +51,7 @@ class Channel:
     source : the name in the file.
     source_unit : the unit stated in the file (or by the user), None where none was.
     own_rate_hz : rate of a signal with a separate clock in the file, None where the clock is that of the log.
+    derived_from : the channels that it follows from; () of one that the file holds.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Channel:
     source: str
     source_unit: str | None = None
     own_rate_hz: float | None = None
+    derived_from: tuple[str, ...] = ()
 
     @property
     def n_samples(self) -> int:
@@ -98,7 +100,7 @@ class StoredChannel(Channel):
         values: FloatArray | None = None,
         **stated: Any,
     ) -> None:
-        stated = {"source_unit": None, "own_rate_hz": None, **stated}
+        stated = {"source_unit": None, "own_rate_hz": None, "derived_from": (), **stated}
         for key, value in {**stated, "_held": values, "_in_use": lambda: None, "_read": read, "_rows": rows}.items():
             object.__setattr__(self, key, value)
 

@@ -72,7 +72,8 @@ class ChannelMap:
 # Commands of AETR run to 4500, positive nose up.
 # MAVLink: common.xml; the airspeed of VFR_HUD is the indicated one of a fixed wing, accelerations are in 1e-3 g.
 # Garmin G1000 and G3X: the names of their columns; the first of the table that a log has is the channel. NormAc is the
-# load factor less one, 0 in level flight.
+# load factor less one, 0 in level flight. TRK is magnetic in a G1000: on two flights of a Cessna 172 the direction of
+# the positions less TRK is MagVar within 0.1 degree. AltB is by the setting BaroA.
 _TABLE = f"""
 px4
 airspeed_validated.true_airspeed_m_s          tas               m/s
@@ -86,7 +87,7 @@ differential_pressure.differential_pressure_pa           q_impact  Pa
 differential_pressure.differential_pressure_filtered_pa  q_impact  Pa
 vtol_vehicle_status.hover                     hover             1
 vehicle_status.hover                          hover             1
-vehicle_air_data.baro_alt_meter               altitude          m
+vehicle_air_data.baro_alt_meter               baro_altitude     m
 vehicle_air_data.baro_pressure_pa             p_static          Pa
 vehicle_attitude.pitch                        pitch             rad
 vehicle_attitude.roll                         roll              rad
@@ -105,10 +106,13 @@ sensor_combined.accelerometer_m_s2[1]         lateral_acc       m/s^2
 sensor_combined.accelerometer_m_s2[2]         normal_acc        m/s^2   -1  {-G}
 vehicle_local_position.vx                     velocity_north    m/s
 vehicle_local_position.vy                     velocity_east     m/s
-vehicle_local_position.vz                     altitude_rate     m/s     -1
+vehicle_local_position.vz                     gps_altitude_rate  m/s    -1
 vehicle_gps_position.vel_n_m_s                velocity_north    m/s
 vehicle_gps_position.vel_e_m_s                velocity_east     m/s
+vehicle_gps_position.vel_d_m_s                gps_altitude_rate  m/s    -1
 vehicle_gps_position.vel_m_s                  ground_speed      m/s
+vehicle_gps_position.altitude_msl_m           gps_altitude      m
+vehicle_gps_position.alt                      gps_altitude      m       1e-3
 vehicle_gps_position.latitude_deg             latitude          deg
 vehicle_gps_position.longitude_deg            longitude         deg
 vehicle_gps_position.lat                      latitude          deg     1e-7
@@ -139,19 +143,21 @@ IMU.GyrZ            yaw_rate          rad/s
 IMU.AccX            longitudinal_acc  m/s^2
 IMU.AccY            lateral_acc       m/s^2
 IMU.AccZ            normal_acc        m/s^2   -1  {-G}
-BARO.Alt            altitude          m
+BARO.Alt            baro_altitude     m
 BARO.Press          p_static          Pa
 GPS.VelN            velocity_north    m/s
 GPS.VelE            velocity_east     m/s
 GPS.Spd             ground_speed      m/s
 GPS.Lat             latitude          deg
 GPS.Lng             longitude         deg
+GPS.Alt             gps_altitude      m
+GPS.VZ              gps_altitude_rate  m/s    -1
 XKF1.VN             velocity_north    m/s
 XKF1.VE             velocity_east     m/s
-XKF1.VD             altitude_rate     m/s     -1
+XKF1.VD             gps_altitude_rate  m/s    -1
 NKF1.VN             velocity_north    m/s
 NKF1.VE             velocity_east     m/s
-NKF1.VD             altitude_rate     m/s     -1
+NKF1.VD             gps_altitude_rate  m/s    -1
 XKF2.VWN            wind_north        m/s
 XKF2.VWE            wind_east         m/s
 NKF2.VWN            wind_north        m/s
@@ -180,10 +186,11 @@ SCALED_IMU.yacc            lateral_acc       m/s^2   {1e-3 * G}
 SCALED_IMU.zacc            normal_acc        m/s^2   {-1e-3 * G}  {-G}
 LOCAL_POSITION_NED.vx      velocity_north    m/s
 LOCAL_POSITION_NED.vy      velocity_east     m/s
-LOCAL_POSITION_NED.vz      altitude_rate     m/s     -1
+LOCAL_POSITION_NED.vz      gps_altitude_rate  m/s    -1
 GLOBAL_POSITION_INT.vx     velocity_north    m/s     0.01
 GLOBAL_POSITION_INT.vy     velocity_east     m/s     0.01
-GLOBAL_POSITION_INT.vz     altitude_rate     m/s     -0.01
+GLOBAL_POSITION_INT.vz     gps_altitude_rate  m/s    -0.01
+GLOBAL_POSITION_INT.alt    gps_altitude      m       1e-3
 GLOBAL_POSITION_INT.lat    latitude          deg     1e-7
 GLOBAL_POSITION_INT.lon    longitude         deg     1e-7
 SCALED_PRESSURE.press_abs  p_static          hPa
@@ -195,9 +202,17 @@ csv.TAS        tas            kt
 csv.IAS        ias            kt
 csv.GndSpd     ground_speed   kt
 csv.AltP       altitude       ft
-csv.AltB       altitude       ft
-csv.AltInd     altitude       ft
+csv.AltB       baro_altitude  ft
+csv.AltInd     baro_altitude  ft
+csv.BaroA      baro_setting   inHg
+csv.Baro       baro_setting   inHg
+csv.AltMSL     gps_altitude   ft
+csv.AltGPS     gps_altitude   ft
+csv.RALT       radio_altitude  ft
 csv.VSpd       altitude_rate  ft/min
+csv.VSpdG      gps_altitude_rate  ft/min
+csv.TRK        magnetic_track  deg
+csv.MagVar     magnetic_variation  deg
 csv.Pitch      pitch          deg
 csv.Roll       roll           deg
 csv.HDG        yaw            deg
@@ -210,7 +225,7 @@ csv.Longitude  longitude      deg
 
 
 # Quantities whose topics have an instance for each sensor; instances of attitude and climb are cores of one estimator.
-SENSED = frozenset(REPEATED) - {"pitch", "roll", "yaw", "altitude_rate"}
+SENSED = frozenset(REPEATED) - {"pitch", "roll", "yaw", "altitude_rate", "gps_altitude_rate"}
 _MAPS: dict[str, list[ChannelMap]] = {}
 for _line in _TABLE.strip().splitlines():
     _place, *_words = _line.split()

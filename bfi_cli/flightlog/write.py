@@ -45,8 +45,17 @@ def write_log(log: FlightLog, path: str | Path) -> None:
     writers = {".h5": _write_hdf5, ".hdf5": _write_hdf5, ".csv": _write_csv, ".mcap": _write_mcap}
     if suffix not in writers:
         raise ConfigError(f"{target}: no format with the suffix '{target.suffix}'; name the file .h5, .csv or .mcap")
+    log = _recorded(log)
     with aside(target.parent, place=target, option="--output") as new:
         writers[suffix](log, new / target.name)
+
+
+def _recorded(log: FlightLog) -> FlightLog:
+    """Return the log without the channels that follow from others: who reads it derives them again."""
+    derived = {name for name, channel in log.channels.items() if channel.derived_from}
+    clean = {name: values for name, values in (log.truth.clean if log.truth else {}).items() if name not in derived}
+    channels = {name: channel for name, channel in log.channels.items() if name not in derived}
+    return replace(log, channels=channels, truth=log.truth and replace(log.truth, clean=clean))
 
 
 def _write_hdf5(log: FlightLog, path: Path) -> None:

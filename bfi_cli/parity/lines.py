@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..airdata import DEPENDS_ON, IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of
+from ..airdata import IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of
 from ..flightlog import FlightLog
 from ..flightlog.phases import airborne
+from ..flightlog.quantities import pressures_of
 from ..kernels import BoolArray, FloatArray
 from ..kernels.quantisation import find_hold
 from ..kernels.running import noise_of_second_differences, sd_about_lines
@@ -261,8 +262,4 @@ def edge_of(lines: Lines, line: PressureLine, middle: int, way: int) -> int:
 
 def channels_after(log: FlightLog, pressure: str) -> tuple[str, ...]:
     """Return the channels of a log that follow from a pressure."""
-    return tuple(
-        name
-        for name in log.channels
-        if pressure in DEPENDS_ON.get(name, ()) and not (name == "sat" and "tat" not in log.channels)
-    )
+    return tuple(name for name in log.channels if pressure in pressures_of(log, name))

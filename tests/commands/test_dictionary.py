@@ -77,7 +77,7 @@ def document(bfi, *argv):
 
 def test_the_document_on_a_log(bfi):
     found = document(bfi, THESIS, BIAS, "--order", 4)
-    assert (found["kind"], found["schema"], found["log"]["path"]) == ("dictionary", 3, str(BIAS))
+    assert (found["kind"], found["schema"], found["log"]["path"]) == ("dictionary", 4, str(BIAS))
     assert (found["model"]["order"], found["window"]["rate_hz"]) == (4, 10.0)
     assert (found["fastest_hz"], found["rate_needed_hz"], found["rank"]) == (2.25, 9.0, 7)
     assert 1.0 <= found["condition_number"] < 100.0

@@ -124,7 +124,7 @@ def test_the_document_of_the_contract(identify: Callable, once: Callable):
         for key in filter(None, path.split(".")):
             part = part[int(key)] if key.isdigit() else part[key]
         assert set(keys.split()) <= set(part), path
-    assert (document["kind"], document["schema"]) == ("identify", 3)
+    assert (document["kind"], document["schema"]) == ("identify", 4)
     assert document["provenance"]["command"] == f"bfi identify {BIAS} -d {FAULTS} --order 4 --json --series"
     assert document["provenance"]["log_sha256"] == read_log(BIAS).sha256
 

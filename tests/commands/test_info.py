@@ -34,7 +34,7 @@ def test_the_document_of_the_contract(bfi, log: Path):
     outcome = bfi("info", log, "--json")
     document = json.loads(outcome.stdout)
     assert (outcome.code, outcome.stderr) == (0, "")
-    assert (document["kind"], document["schema"]) == ("info", 3)
+    assert (document["kind"], document["schema"]) == ("info", 4)
     assert (document["rate_hz"], document["gaps"], document["log"]["n_samples"]) == (10.0, [], 600)
     channels = {channel["name"]: channel for channel in document["channels"]}
     assert set(channels["tas"]) >= {"name", "unit", "source", "n_nan", "held_fraction", "quantum", "min", "max"}

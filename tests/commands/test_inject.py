@@ -76,7 +76,7 @@ def test_the_document_of_the_contract_goes_to_stdout(clean: Path, out: Path, cap
     captured = capsys.readouterr()
     document = json.loads(captured.out)
     assert captured.err == ""
-    assert (document["kind"], document["schema"], document["path"]) == ("inject", 3, str(out))
+    assert (document["kind"], document["schema"], document["path"]) == ("inject", 4, str(out))
     assert (document["n_samples"], texts(document["notes"])) == (400, [])
     assert document["truth"] == {
         "faults": [

@@ -69,7 +69,7 @@ def test_the_files_of_a_plot(bfi: Callable, log: Path, tmp_path: Path) -> None:
 
 def test_the_document_of_the_contract(bfi: Callable, log: Path) -> None:
     document = document_of(bfi, log)
-    assert (document["kind"], document["schema"], "series" in document) == ("plot", 3, False)
+    assert (document["kind"], document["schema"], "series" in document) == ("plot", 4, False)
     parts = [one for one in document["phases"] if one["phase"] in PARTS]
     assert [one["phase"] for one in parts][:4] == ["ground", "take-off", "climb", "cruise"]
     assert all(set(one) == {"phase", "from_s", "to_s"} for one in parts)

@@ -97,7 +97,7 @@ def test_the_document_of_the_contract_goes_to_stdout(out: Path, capsys: pytest.C
     assert captured.err == ""
     assert {key: document[key] for key in ("kind", "schema", "path", "n_samples", "truth", "notes")} == {
         "kind": "simulate",
-        "schema": 3,
+        "schema": 4,
         "path": str(out),
         "n_samples": 150,
         "truth": None,

@@ -26,7 +26,7 @@ def test_methods_are_scored_against_the_injected_fault(bfi, tmp_path: Path):
     made = bfi("compare", LOG, *QUICK, "--only", "dmae", "--model", "citation", "--json")
     assert (made.code, made.stderr) == (0, "")
     document = json.loads(made.stdout)
-    assert (document["kind"], document["schema"]) == ("compare", 3)
+    assert (document["kind"], document["schema"]) == ("compare", 4)
     assert [one["name"] for one in document["truth"]] == ["bias_13.8"]
     found = outcomes(made.stdout)
     assert list(found) == ["dmae", "arx-residual", "null-space"]

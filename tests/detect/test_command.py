@@ -45,7 +45,7 @@ def test_the_document(bfi, failing: Path):
     outcome = bfi("detect", failing, "--train", "0:8", "--json", "--series")
     document = json.loads(outcome.stdout)
     assert (outcome.code, outcome.stderr) == (0, "")
-    assert (document["kind"], document["schema"], document["decision"]) == ("detect", 3, "fault")
+    assert (document["kind"], document["schema"], document["decision"]) == ("detect", 4, "fault")
     assert document["ready_s"] == pytest.approx(8.0)
     alarm = document["alarms"][0]
     assert {"channel", "time_s", "statistic", "threshold"} <= set(alarm)

@@ -23,7 +23,7 @@ def stored(result: DiagnosabilityResult) -> dict:
 
 def test_the_document_has_what_scripts_rely_on(at_unit):
     document = stored(at_unit)
-    assert (document["kind"], document["schema"]) == ("diagnosability", 3)
+    assert (document["kind"], document["schema"]) == ("diagnosability", 4)
     assert {"atoms", "between", "manoeuvres", "notes", "provenance", "log", "model", "information"} <= set(document)
     assert {"name", "divergence_bits", "minimal_detectable", "apart_bits", "most_like"} <= set(document["atoms"][0])
     assert [atom["name"] for atom in document["atoms"]][1] == "bias_13.8"

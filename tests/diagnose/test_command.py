@@ -39,7 +39,7 @@ FIGURES = {"timeline", "limits", "event_1"}
 def test_the_keys_are_those_of_the_contract(diagnoses: Diagnoses):
     document = diagnoses.of(ICING)
     assert document.keys() == KEYS | MORE
-    assert (document["kind"], document["schema"]) == ("diagnose", 3)
+    assert (document["kind"], document["schema"]) == ("diagnose", 4)
     (event,) = document["events"]
     assert event.keys() == EVENT_KEYS | EVENT_MORE
     assert all(one.keys() == LIMIT_KEYS | LIMIT_MORE for one in document["limits"])

@@ -182,8 +182,8 @@ def test_the_second_sensor_of_a_kind_is_a_channel_of_its_own():
         ("p_static", "vehicle_air_data.baro_pressure_pa"),
         ("p_static_2", "vehicle_air_data_2.baro_pressure_pa"),
         # Cores of one filter are no sensors.
-        ("altitude_rate", "vehicle_local_position.vz"),
-        ("altitude_rate", "vehicle_local_position_2.vz"),
+        ("gps_altitude_rate", "vehicle_local_position.vz"),
+        ("gps_altitude_rate", "vehicle_local_position_2.vz"),
     ]
 
 

@@ -59,7 +59,7 @@ def test_two_scenarios_from_end_to_end(bfi: Callable, written: Callable, tmp_pat
     document = json.loads(outcome.stdout)
     assert {path.name for path in (tmp_path / "out").iterdir()} == FILES
     assert json.loads((tmp_path / "out" / "summary.json").read_text()) == document
-    assert (document["kind"], document["schema"], texts(document["notes"])) == ("montecarlo", 3, [])
+    assert (document["kind"], document["schema"], texts(document["notes"])) == ("montecarlo", 4, [])
     assert document["provenance"]["seed"] == 0
     assert len(document["provenance"]["config_sha256"]) == 64
     assert [scenario["name"] for scenario in document["scenarios"]] == ["active=1", "active=2"]

@@ -101,7 +101,7 @@ def test_keys_of_the_contract(path, provenance):
 
 def test_values_of_the_contract(provenance):
     document = identify_document(fault_result(), provenance)
-    assert (document["kind"], document["schema"], document["decision"]) == ("identify", 3, "fault")
+    assert (document["kind"], document["schema"], document["decision"]) == ("identify", 4, "fault")
     fault = document["faults"][0]
     assert fault["ci95"] == [3.989, 4.017]
     assert fault["physical"] == {"value": 4.003, "unit": "m/s"}

@@ -73,7 +73,7 @@ def test_a_name_is_found_in_any_case_and_a_wrong_one_is_answered_with_the_neares
 def test_the_document_alone_gives_the_content_back(name: str, made: Callable[[str], ReportContent]):
     content = made(name)
     document = json.loads(json.dumps(reproduce_document(name, content, provenance(log_sha256=""))))
-    assert (document["kind"], document["schema"], document["name"]) == ("reproduce", 3, name)
+    assert (document["kind"], document["schema"], document["name"]) == ("reproduce", 4, name)
     assert texts(document["notes"]) == list(texts(content.notes))
     assert to_plain(reproduce_content(document)) == to_plain(content)
 

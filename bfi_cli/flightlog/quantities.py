@@ -1,0 +1,249 @@
+"""Which quantity a recorded altitude is, and channels that follow from others of the log without a parameter.
+
+An altimeter shows h(p) - h(setting), with h the altitude of a pressure in the standard atmosphere (ICAO Doc 7488; the
+setting of an airfield is the pressure with which it shows the elevation there): turning the knob moves every altitude
+by the same amount, 0.083 m per Pa at 1013 hPa.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..airdata import DEPENDS_ON, PRESSURES, altitude_of
+from ..channels import STANDARD, quantity_of
+from ..kernels.normal import MAD
+from ..notes import Note
+from .record import Channel, FlightLog, FloatArray, frozen_array
+
+Values = Mapping[str, FloatArray]
+
+# Pa: settings of an altimeter; a barometric scale ends at 28.1 and 31.0 inHg (SAE AS8009), airfields at 5000 m are set
+# by QFE.
+SETTINGS = (50_000.0, 108_000.0)
+# s: clicks of the knob this close are one change; so long before and after it the altitude still moves with it (sensors
+# filter and records are read out seconds apart); from so long on either side the climb at the change is read.
+TOGETHER_S, BESIDE_S, CLIMB_S = 5.0, 1.5, 5.0
+# Places without a change that tell how large the statistic of a change is without one, at most.
+MOST_PLACES = 400
+# Log-likelihood ratio, in nats, of an altitude that follows the setting over one that does not, from which it does: 1
+# in 150. A change speaks for no more than `MOST_NATS`, so that one jump of another cause does not decide alone against
+# many.
+FOLLOWS, MOST_NATS = 5.0, 20.0
+# m, of a change below which it tells nothing: less than a click of 0.01 inHg (2.8 m) is rounding of the setting.
+LEAST_CHANGE_M = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DirectDerivation:
+    """A channel that follows from others without a parameter.
+
+    Attributes
+    ----------
+    name : the channel; needs : what it follows from.
+    make : from (n_samples,) by name to the channel, (n_samples,).
+    words : the sentence about it, after "'altitude' is "; stands_in : whether it is another quantity in its place.
+    """
+
+    name: str
+    needs: tuple[str, ...]
+    make: Callable[[Values], FloatArray]
+    words: str
+    stands_in: bool = False
+
+
+def pressure_altitude(baro_altitude: FloatArray, setting: FloatArray) -> FloatArray:
+    """Return the pressure altitude, m, of an altimeter's reading, m, and setting, Pa; both (n_samples,).
+
+    NaN where the setting is none, see `SETTINGS`; a setting that is missing for some samples is the one before.
+    """
+    known = (setting >= SETTINGS[0]) & (setting <= SETTINGS[1])
+    if not known.any():
+        return np.full(baro_altitude.shape, np.nan)
+    last = np.maximum.accumulate(np.where(known, np.arange(known.size), -1))
+    held = setting[np.where(last < 0, np.argmax(known), last)]
+    return np.asarray(baro_altitude + altitude_of(np.clip(held, PRESSURES[0], PRESSURES[1])))
+
+
+def follows_setting(time_s: FloatArray, altitude: FloatArray, setting: FloatArray) -> bool:
+    """Say whether an altitude moves with the setting of an altimeter where that is changed.
+
+    Each change says how much likelier the step of the altitude there, less its climb, is with the setting than without
+    it, given the steps at other places of the log.
+
+    Parameters
+    ----------
+    time_s, altitude, setting : (n,) s, m and Pa.
+    """
+    known = np.isfinite(altitude) & np.isfinite(setting) & (setting >= SETTINGS[0]) & (setting <= SETTINGS[1])
+    time_s, altitude, setting = time_s[known], altitude[known], setting[known]
+    clicks = np.flatnonzero(np.diff(setting))
+    if not clicks.size:
+        return False
+    groups = np.split(clicks, np.flatnonzero(np.diff(time_s[clicks]) > TOGETHER_S) + 1)
+    first, last = (np.array([group[end] for group in groups]) + shift for end, shift in ((0, 0), (-1, 1)))
+    expected = altitude_of(setting[first]) - altitude_of(setting[last])
+    length_s = max(CLIMB_S, 3.0 * float(np.median(np.diff(time_s))))
+    between = np.linspace(time_s[0], time_s[-1], MOST_PLACES)
+    near = np.searchsorted(time_s, between).clip(0, time_s.size - 1)
+    quiet = between[setting[np.maximum(near - 1, 0)] == setting[near]]
+    evidence = 0.0
+    for from_s, to_s, change in zip(time_s[first], time_s[last], expected, strict=True):
+        if abs(change) < LEAST_CHANGE_M:
+            continue
+        step = _step(time_s, altitude, from_s, to_s, length_s)
+        others = np.array([_step(time_s, altitude, one, one + to_s - from_s, length_s) for one in quiet])
+        others = others[np.isfinite(others)]
+        if not np.isfinite(step) or not others.size:
+            continue
+        # A tenth of the change for what the records of both are apart.
+        sd = np.hypot(MAD * np.median(np.abs(others)), 0.1 * change)
+        evidence += float(np.clip(change * (step - 0.5 * change) / sd**2, -MOST_NATS, MOST_NATS))
+    return evidence >= FOLLOWS
+
+
+def _step(time_s: FloatArray, values: FloatArray, from_s: float, to_s: float, length_s: float) -> float:
+    """Return the step between two times of the lines through `length_s` before and after; NaN where a side is empty."""
+    middle, ends = 0.5 * (from_s + to_s), (from_s - BESIDE_S, to_s + BESIDE_S)
+    sides = []
+    for low, high in ((ends[0] - length_s, ends[0]), (ends[1], ends[1] + length_s)):
+        part = slice(*np.searchsorted(time_s, (low, high + 1e-9)).tolist())
+        from_middle = time_s[part] - middle
+        if from_middle.size < 3:
+            return np.nan
+        columns = np.column_stack([np.ones(from_middle.size), from_middle])
+        sides.append(float(np.linalg.lstsq(columns, values[part], rcond=None)[0][0]))
+    return sides[1] - sides[0]
+
+
+def _magnetic(values: Values) -> FloatArray:
+    return np.asarray((values["magnetic_track"] + values["magnetic_variation"]) % (2.0 * np.pi))
+
+
+def _same(name: str) -> Callable[[Values], FloatArray]:
+    return lambda values: values[name]
+
+
+# The first that a log has the channels of is taken.
+DIRECT = (
+    DirectDerivation(
+        name="altitude",
+        needs=("baro_altitude", "baro_setting"),
+        make=lambda values: pressure_altitude(values["baro_altitude"], values["baro_setting"]),
+        words="the pressure altitude of {0} at the setting {1}",
+    ),
+    DirectDerivation(
+        name="altitude",
+        needs=("p_static", "baro_altitude"),
+        make=lambda values: altitude_of(np.clip(values["p_static"], PRESSURES[0], PRESSURES[1])),
+        words="the pressure altitude of {0}",
+    ),
+    DirectDerivation(
+        name="altitude",
+        needs=("baro_altitude",),
+        make=_same("baro_altitude"),
+        words="{0}, by a setting of the altimeter that the log lacks: it steps where the knob is turned",
+        stands_in=True,
+    ),
+    DirectDerivation(
+        name="altitude_rate",
+        needs=("gps_altitude_rate",),
+        make=_same("gps_altitude_rate"),
+        words="{0}, of satellites or an inertial system: no fault of the static line moves it",
+        stands_in=True,
+    ),
+    DirectDerivation(
+        name="track",
+        needs=("magnetic_track", "magnetic_variation"),
+        make=_magnetic,
+        words="{0} from true north, by {1}",
+    ),
+    DirectDerivation(
+        name="track",
+        needs=("magnetic_track",),
+        make=_same("magnetic_track"),
+        words="{0}, from magnetic north: velocities and winds are turned by the variation",
+        stands_in=True,
+    ),
+)
+
+
+def pressures_of(log: FlightLog, name: str) -> tuple[str, ...]:
+    """Return the pressures that a channel of the log follows from, () of any other.
+
+    A static temperature follows from them only where the total one is recorded too, a rate of climb not where it is
+    that of satellites or an inertial system.
+    """
+    channel = log.channels.get(name)
+    if channel is None or (name == "sat" and "tat" not in log.channels):
+        return ()
+    if any(need.startswith("gps_") for need in channel.derived_from):
+        return ()
+    return DEPENDS_ON.get(name, ())
+
+
+def with_quantities(log: FlightLog, typed: Collection[str]) -> FlightLog:
+    """Return the log with its altitude by its right name, and with the channels of `DIRECT` that it lacks.
+
+    An `altitude` that follows the recorded setting of the altimeter is a `baro_altitude`.
+
+    Parameters
+    ----------
+    typed : standard names that the user gave to channels, which stay.
+    """
+    log = _with_baro_altitude(log, typed)
+    channels, notes = dict(log.channels), list(log.notes)
+    clean = dict(log.truth.clean) if log.truth else {}
+    for row in DIRECT:
+        for number in ("", *(f"_{i}" for i in range(1, 10))):
+            name = row.name + number
+            # The setting is one for all sensors.
+            needs = {need: need + number if need + number in STANDARD else need for need in row.needs}
+            if name not in STANDARD or name in channels or not set(needs.values()) <= channels.keys():
+                continue
+            if row.stands_in and any(quantity_of(other) == row.name for other in channels):
+                continue
+            recorded = {need: channels[here].values for need, here in needs.items()}
+            values = frozen_array(row.make(recorded))
+            if not np.isfinite(values).any():
+                continue
+            sources = tuple(needs.values())
+            channels[name] = Channel(
+                name=name, values=values, unit=STANDARD[name].unit, source=name, derived_from=sources
+            )
+            if clean.keys() & set(sources):
+                right = {need: clean[here] for need, here in needs.items() if here in clean}
+                clean[name] = frozen_array(row.make(recorded | right))
+            named = (f"'{channels[source].source}'" for source in sources)
+            words = f"'{name}' is {row.words.format(*named)}"
+            notes.append(Note.limit(words) if row.stands_in else Note.method(words))
+    if len(channels) == len(log.channels):
+        return log
+    return replace(log, channels=channels, truth=log.truth and replace(log.truth, clean=clean), notes=tuple(notes))
+
+
+def _with_baro_altitude(log: FlightLog, typed: Collection[str]) -> FlightLog:
+    """Return the log with an altitude that follows the knob as `baro_altitude`."""
+    if not {"altitude", "baro_setting"} <= log.channels.keys() or {"altitude"} & set(typed):
+        return log
+    if "baro_altitude" in log.channels or (log.truth and any(one.channel == "altitude" for one in log.truth.faults)):
+        return log
+    channel = log.channels["altitude"]
+    if not follows_setting(log.time_s, channel.values, log.channels["baro_setting"].values):
+        return log
+
+    def renamed(names: Mapping[str, object]) -> dict[str, str]:
+        return {name: "baro_altitude" if name == "altitude" else name for name in names}
+
+    channels = {new: log.channels[old] for old, new in renamed(log.channels).items()}
+    channels["baro_altitude"] = replace(channel, name="baro_altitude")
+    truth = log.truth and replace(
+        log.truth, clean={new: log.truth.clean[old] for old, new in renamed(log.truth.clean).items()}
+    )
+    note = Note.method(
+        f"'{channel.source}' steps with '{log.channels['baro_setting'].source}' and is taken for baro_altitude; "
+        f"--channel altitude={channel.source} keeps it"
+    )
+    return replace(log, channels=channels, truth=truth, notes=(*log.notes, note))

@@ -239,7 +239,7 @@ def test_the_result_of_another_log_is_named(bfi: Callable, log: Path, tmp_path: 
         ("", "r.json: not JSON"),
         ("[1]", "r.json: not a result of this program, it has no 'kind'; give the result.json of"),
         ('{"kind": "info"}', "r.json: kind is 'info', which has no events; give the result.json of"),
-        ('{"kind": "detect", "schema": 1}', "r.json: schema is 1, this program reads 3; run bfi detect again"),
+        ('{"kind": "detect", "schema": 1}', "r.json: schema is 1, this program reads 4; run bfi detect again"),
         ('{"kind": "detect", "schema": 2}', "r.json: no key 'provenance'; the file is damaged"),
         ('{"kind": "detect", "schema": 2, "provenance": {}}', "r.json: no key 'alarms'; the file is damaged"),
         ('{"kind": "detect", "schema": 2, "provenance": {}, "alarms": 3}', "r.json: damaged, "),

@@ -68,8 +68,8 @@ def test_letters_and_their_scales(tmp_path: Path):
     }
     log = read_log(tmp_path / "a.bin", channel_map={"gear": "BARO.y"})
     assert set(log.channels["gear"].values) == {7.0}
-    assert [log.channels[name].source for name in ("altitude", "altitude_2")] == ["BARO.Alt", "BARO_1.Alt"]
-    np.testing.assert_allclose(log.channels["altitude_2"].values - log.channels["altitude"].values, 2.5)
+    assert [log.channels[name].source for name in ("baro_altitude", "baro_altitude_2")] == ["BARO.Alt", "BARO_1.Alt"]
+    np.testing.assert_allclose(log.channels["baro_altitude_2"].values - log.channels["altitude"].values, 2.5)
 
 
 # AP_Logger's LogStructure.h: what C type a letter stands for, and how many of its units are one of the field's.

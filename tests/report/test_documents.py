@@ -137,7 +137,7 @@ def drop(path):
     [
         (drop("kind"), "x.json: not a result of this program, it has no 'kind'; give"),
         (change("kind", "detect"), "x.json: kind is 'detect', not 'identify'; give"),
-        (change("schema", 1), "x.json: schema is 1, this program reads 3; run bfi identify again"),
+        (change("schema", 1), "x.json: schema is 1, this program reads 4; run bfi identify again"),
         (drop("log.path"), "x.json: log: no key 'path'; the file is damaged"),
         (drop("series"), "x.json: no key 'series'; the file is damaged"),
         (change("series", 3), "x.json: series: not a mapping, got 3; the file is damaged"),

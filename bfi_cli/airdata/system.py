@@ -231,7 +231,6 @@ def channels_of(
     made = {
         "p_static": p_static,
         "altitude": altitude,
-        "baro_altitude": altitude,  # at the standard setting; another one moves it by a constant
         "p_total": p_static + q_impact,
         "q_impact": q_impact,
         "cas": calibrated_airspeed(q_impact),

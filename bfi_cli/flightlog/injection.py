@@ -262,7 +262,9 @@ def _differences(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) 
     has = [name for name in follow if moved in pressures_of(log, name)]
     if not has:
         raise LogError(f"{place}: no channel of the log follows from {moved}; it needs one of {', '.join(follow)}")
-    return {channel: new[channel] - old[channel] for channel in has}
+    changes = {channel: new[channel] - old[channel] for channel in new}
+    changes["baro_altitude"] = changes["altitude"]  # whatever the setting
+    return {channel: changes[channel] for channel in has}
 
 
 def _growth(

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..notes import Note
+from .messages import Places, require_tables, table_of
 from .rates import boot_starts
-from .topics import Topic, fields_of, notes_on, table_of
+from .topics import Topic, fields_of, notes_on
 
 BEGIN = b"\xa3\x95"
 FMT, FMT_LENGTH = 0x80, 89  # type and bytes of the message that describes a format
@@ -46,46 +47,58 @@ class _Format:
 
 
 def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
-    """Return the messages of a DataFlash log that have channels, or are named in `more`, and notes on the file."""
+    """Return the messages of a DataFlash log that have channels, or are named in `more`, and notes on the file.
+
+    Raises
+    ------
+    LogError : memory does not hold the messages.
+    """
     names = {*fields_of("ardupilot"), *more}
+    topics: list[Topic] = []
+    starts: list[NDArray[np.intp]] = []
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         formats, messages, damaged = _messages(data, names)
-    topics: list[Topic] = []
-    places: list[NDArray[np.intp]] = []
-    for kind, found in messages.items():
-        form = formats[kind]
-        clock = next((name for name in CLOCKS if name in form.fields), None)
-        if clock is None or not found:
-            continue
-        types = {name: (NUMBERS[letter][0], at) for name, (letter, at) in form.fields.items()}
-        table = table_of((body for _, body in found), types, form.length)
-        fields = {
-            name: NUMBERS[letter][1] * table[name].astype(np.float64)
-            for name, (letter, _) in form.fields.items()
-            if name not in CLOCKS
-        }
-        time_s = CLOCKS[clock] * table[clock].astype(np.float64)
-        every = Topic(name=form.name, instance=0, time_s=time_s, fields=fields)
-        at = np.array([place for place, _ in found], dtype=np.intp)
-        sender = next((name for name in INSTANCES if form.fields.get(name, ("", 0))[0] == "B"), None)
-        for which in [0] if sender is None else np.unique(table[sender]):
-            sent = np.ones(at.size, dtype=bool) if sender is None else table[sender] == which
-            topics.append(replace(every.part(sent), instance=int(which)))
-            places.append(at[sent])
+        require_tables(path, ((len(places.starts), len(formats[kind].fields)) for kind, places in messages.items()))
+        for kind, places in messages.items():
+            for topic, begins in _topics(data, formats[kind], places):
+                topics.append(topic)
+                starts.append(begins)
     # Where in the file the first message of each boot begins.
-    at = np.concatenate([np.zeros(0, dtype=np.intp), *places])
+    at = np.concatenate([np.zeros(0, dtype=np.intp), *starts])
     order = np.argsort(at)
     time_s = np.concatenate([np.zeros(0), *(topic.time_s for topic in topics)])[order]
     first = at[order][boot_starts(time_s)] if at.size else at
     if len(first) > 1:
-        boots = (np.searchsorted(first, at, side="right") - 1 for at in places)
-        topics = [replace(topic, boot=boot) for topic, boot in zip(topics, boots, strict=True)]
+        numbers = (np.searchsorted(first, at, side="right") - 1 for at in starts)
+        topics = [replace(topic, boot=number) for topic, number in zip(topics, numbers, strict=True)]
     return topics, notes_on(damaged)
 
 
-def _messages(data: mmap.mmap, names: set[str]) -> tuple[dict[int, _Format], dict[int, list[tuple[int, bytes]]], int]:
-    """Return formats by message type, place and bytes of the messages in `names`, and the number of damaged bytes."""
-    lengths, formats, messages = {FMT: FMT_LENGTH}, dict[int, _Format](), dict[int, list[tuple[int, bytes]]]()
+def _topics(data: mmap.mmap, form: _Format, places: Places) -> list[tuple[Topic, NDArray[np.intp]]]:
+    """Return the messages of a kind as a topic for each of its senders, and where in the file each message begins."""
+    clock = next((name for name in CLOCKS if name in form.fields), None)
+    if clock is None or not places.starts:
+        return []
+    types = {name: (NUMBERS[letter][0], at) for name, (letter, at) in form.fields.items()}
+    table = table_of(data, places, types, form.length)
+    fields = {
+        name: NUMBERS[letter][1] * table[name].astype(np.float64)
+        for name, (letter, _) in form.fields.items()
+        if name not in CLOCKS
+    }
+    time_s = CLOCKS[clock] * table[clock].astype(np.float64)
+    every = Topic(name=form.name, instance=0, time_s=time_s, fields=fields)
+    at = np.asarray(places.starts).astype(np.intp)
+    sender = next((name for name in INSTANCES if form.fields.get(name, ("", 0))[0] == "B"), None)
+    if sender is None:
+        return [(every, at)]
+    sent = ((which, table[sender] == which) for which in np.unique(table[sender]))
+    return [(replace(every.part(of), instance=int(which)), at[of]) for which, of in sent]
+
+
+def _messages(data: mmap.mmap, names: set[str]) -> tuple[dict[int, _Format], dict[int, Places], int]:
+    """Return formats by message type, places of the messages in `names`, and the number of damaged bytes."""
+    lengths, formats, messages = {FMT: FMT_LENGTH}, dict[int, _Format](), dict[int, Places]()
     at, end, damaged = 0, len(data), 0
     while at < end:
         length = lengths.get(data[at + 2]) if at + 2 < end and data[at : at + 2] == BEGIN else None
@@ -99,9 +112,9 @@ def _messages(data: mmap.mmap, names: set[str]) -> tuple[dict[int, _Format], dic
             if one is not None and described not in lengths:
                 lengths[described], formats[described] = one.length, one
                 if one.name in names:
-                    messages[described] = []
+                    messages[described] = Places()
         elif kind in messages:
-            messages[kind].append((at, data[at:stop]))
+            messages[kind].add(at, length)
         at = stop
     return formats, messages, damaged
 

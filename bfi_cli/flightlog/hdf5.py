@@ -6,6 +6,7 @@ checked before it is followed, and storage, kind and size of a dataset before it
 
 from __future__ import annotations
 
+import contextlib
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -18,7 +19,7 @@ from ..filters import filters_from_json
 from ..notes import Note
 from ..units import si_unit, to_si
 from . import raw
-from .raw import LARGEST, Asked, FloatArray, RawLog, Track
+from .raw import LARGEST, LARGEST_CHUNK, Asked, FloatArray, RawLog, Track
 from .record import CLEAN, faults_from_json, nothing_between, segments_from_json
 
 if TYPE_CHECKING:
@@ -33,9 +34,10 @@ WHOLE = 10**9
 READ_AT_ONCE = 2 * 10**8
 MOST_LINKS = 100  # followed for one name; a log needs one or two, a loop never ends
 MOST_PACKED = 1032  # deflate, the tightest of HDF5's usual filters, packs at most as many bytes into one
-LARGEST_CHUNK = 2**28  # bytes; a chunk is unpacked whole, and is below 1 MiB where h5py or MATLAB choose its size
 LARGEST_ATTRIBUTE = 2**24  # bytes; a unit takes ten, a list of a thousand segments 100 000
 DAMAGED = ("HDF5 file", "copy or export it again")
+# Of the library's errors where a file is locked by the program that writes it, or marked as open (superblock 3, SWMR).
+WRITTEN = ("unable to lock file", "file is already open for write")
 # Attributes of a parameter of FlightDataAccessor, and its name of the calibrated airspeed.
 FREQUENCY, OFFSET, COMPUTED = "frequency", "supf_offset", "Airspeed"
 OWN_DATA = "a log must hold its own data, copy it into the file"
@@ -62,9 +64,7 @@ class _Signal:
         place, signal = self.data.name, self
 
         def read(rows: slice) -> FloatArray:
-            import h5py
-
-            with raw.parsing(path, *DAMAGED), h5py.File(path, "r") as file:  # which may also have changed since
+            with _opened(path) as file:  # which may also have changed since
                 return replace(signal, data=file[place]).values(rows)
 
         rows = slice(rows.start, min(rows.stop, self.data.size))
@@ -76,12 +76,35 @@ def read_hdf5(path: str, asked: Asked) -> RawLog:
 
     Raises
     ------
-    LogError : truncated or damaged, no signals, no such group, data in other files, more than memory holds.
+    LogError : truncated or damaged, being written, no signals, no such group, data in other files, more than memory
+        holds.
+    """
+    with _opened(path) as file:
+        return _read(path, file, asked)
+
+
+@contextlib.contextmanager
+def _opened(path: str) -> Iterator[h5py.File]:
+    """Open a file to read it; what fails while it is open is damage of the file.
+
+    Raises
+    ------
+    LogError : damaged, or another process writes it.
     """
     import h5py
 
-    with raw.parsing(path, *DAMAGED), h5py.File(path, "r") as file:
-        return _read(path, file, asked)
+    with raw.parsing(path, *DAMAGED):
+        try:
+            file = h5py.File(path, "r")
+        except OSError as error:
+            if any(words in str(error) for words in WRITTEN):
+                raise LogError(
+                    f"{path}: is being written by another program, or that has ended without closing it; close it there"
+                    f", or mend the file with h5clear -s {path}"
+                ) from None
+            raise
+        with file:
+            yield file
 
 
 def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:

@@ -1,6 +1,9 @@
 """MCAP logs of robots and ground stations: the numbers of JSON messages are the channels, each topic has its clock.
 
-The package mcap parses the file (extra `mcap`). Times are those at which messages were logged, not published.
+The package mcap parses the records (extra `mcap`). We walk from record to record ourselves, each a code, a length and a
+body ("MCAP Format Specification"), because the package unpacks a chunk to whatever its compressed data make: what the
+chunks state is checked before the first is unpacked, and none is unpacked to more than it states. Times are those at
+which messages were logged, not published.
 """
 
 from __future__ import annotations
@@ -8,9 +11,12 @@ from __future__ import annotations
 import json
 import math
 import os
+import struct
+from array import array
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from io import BytesIO
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -20,6 +26,7 @@ from ..files import MCAP
 from ..units import si_unit
 from .raw import (
     DAY_S,
+    LARGEST_CHUNK,
     Asked,
     FloatArray,
     RawLog,
@@ -29,6 +36,7 @@ from .raw import (
     parsing,
     require_few,
     require_memory,
+    require_size,
     time_column,
 )
 
@@ -36,6 +44,41 @@ from .raw import (
 LARGEST_MESSAGE = 10**6
 # Limit of nested objects, whose names are joined by dots.
 DEEPEST = 4
+# Codes of records.
+FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK = 2, 3, 4, 5, 6
+HEAD = struct.Struct("<BQ")  # code and length of the body
+CHUNK_HEAD = struct.Struct("<QQQII")  # first and last time, size unpacked, check sum, letters of the compression
+# Most bytes from one packed byte: an LZ4 length byte adds 255, a Zstandard block of four bytes repeats one byte 2^17
+# times (RFC 8878, 3.1.1.2).
+MOST_PACKED = {"": 1, "lz4": 255, "zstd": 2**15}
+
+
+@dataclass(frozen=True, slots=True)
+class _Messages:
+    """The messages of a topic: times, s, and by the name of a number, which messages have it, and its values."""
+
+    times: array[float] = field(default_factory=lambda: array("d"))
+    fields: dict[str, tuple[array[int], array[float]]] = field(default_factory=dict)
+
+    @property
+    def n_values(self) -> int:
+        """Number of values with those that are missing."""
+        return len(self.times) * len(self.fields)
+
+    def add(self, time_s: float, numbers: Mapping[str, float]) -> None:
+        """Append a message."""
+        for name, value in numbers.items():
+            rows, values = self.fields.setdefault(name, (array("Q"), array("d")))
+            rows.append(len(self.times))
+            values.append(value)
+        self.times.append(time_s)
+
+    def column(self, name: str) -> FloatArray:
+        """Return (n_messages,) the values of a number, NaN where a message lacks it."""
+        rows, values = self.fields[name]
+        column: FloatArray = np.full(len(self.times), np.nan)
+        column[np.asarray(rows, dtype=np.intp)] = values
+        return column
 
 
 def is_mcap(head: bytes) -> bool:
@@ -50,49 +93,23 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
     ------
     LogError : the package mcap is not installed; damaged, no such topic, no numbers, more than memory holds.
     """
-    try:
-        from mcap.reader import NonSeekingReader
-    except ImportError:
-        raise LogError(f"{path}: an MCAP file, and mcap is not installed; pip install 'bfi-cli[mcap]'") from None
-    topics: dict[str, tuple[list[float], dict[str, list[float]]]] = {}
-    left_out: dict[str, str] = {}
-    units: dict[str, str] = {}
-    n_values = 0
-    with parsing(path, "MCAP file"), open(path, "rb") as file:
-        # No record is longer than the file: without the limit the package allocates whatever a damaged length states.
-        reader = NonSeekingReader(file, record_size_limit=os.path.getsize(path))
-        for schema, channel, message in reader.iter_messages(log_time_order=True):
-            name = channel.topic.strip("/")
-            values = _numbers(channel.message_encoding, message.data)
-            if values is None:
-                left_out[name] = f"has messages of '{channel.message_encoding}', not of JSON numbers,"
-                continue
-            if name not in topics:
-                units |= {f"{name}/{field}": unit for field, unit in _units(b"" if schema is None else schema.data)}
-            times, fields = topics.setdefault(name, ([], {}))
-            for field, value in values.items():
-                known = fields.setdefault(field, [])
-                known += [math.nan] * (len(times) - len(known))
-                known.append(value)
-                n_values += 1
-            times.append(1e-9 * message.log_time)
-            require_memory(path, 32 * n_values, "its messages", "export fewer topics")
-    signals = {name: topic for name, topic in topics.items() if topic[1]}
-    require_few(path, sum(len(fields) for _, fields in signals.values()), "fields")
+    topics, left_out, units = _topics(path)
+    signals = {name: topic for name, topic in topics.items() if topic.fields}
     if asked.group is not None or not signals:
         chosen = choose_group(path, asked.group and asked.group.strip("/"), list(signals), has_signals=False)
         signals = {name: topic for name, topic in signals.items() if name == chosen}
-    first_s = min(times[0] for times, _ in signals.values())
+    first_s = min(min(topic.times) for topic in signals.values())
     zero_s = DAY_S * math.floor(first_s / DAY_S)
     notes = (from_midnight(zero_s),) if zero_s else ()
-    names = [field for _, fields in signals.values() for field in fields]
+    names = [number for topic in signals.values() for number in topic.fields]
     columns = []
-    for topic, (times, fields) in signals.items():
-        time_s = np.array(times) - zero_s
-        for field, known in fields.items():
-            source, unit = split_unit(field if names.count(field) == 1 else f"{topic}/{field}")
-            column_values: FloatArray = np.array(known + [math.nan] * (len(times) - len(known)))
-            column = Track(source=source, values=column_values, unit=unit or units.get(f"{topic}/{field}"))
+    for name, topic in signals.items():
+        order = np.argsort(topic.times, kind="stable")
+        time_s = np.asarray(topic.times)[order] - zero_s
+        for number in topic.fields:
+            source, unit = split_unit(number if names.count(number) == 1 else f"{name}/{number}")
+            values = topic.column(number)[order]
+            column = Track(source=source, values=values, unit=unit or units.get(f"{name}/{number}"))
             if len(signals) == 1:
                 columns.append(column)
             elif (match := match_name(source)) is None or match.name != "time":
@@ -100,6 +117,149 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
     if len(signals) == 1 and time_column(columns, asked) is None:
         columns.insert(0, Track(source="time", values=time_s, unit="s", channel="time"))
     return RawLog(columns=columns, notes=notes, left_out=left_out)
+
+
+def _topics(path: str) -> tuple[dict[str, _Messages], dict[str, str], dict[str, str]]:
+    """Return the messages by topic, by name why a topic is left out, and the stated units by topic and number."""
+    try:
+        from mcap.data_stream import ReadDataStream
+        from mcap.records import Channel, Message, Schema
+    except ImportError:
+        raise LogError(f"{path}: an MCAP file, and mcap is not installed; pip install 'bfi-cli[mcap]'") from None
+    schemas: dict[int, bytes] = {}
+    channels: dict[int, Channel] = {}
+    topics: dict[str, _Messages] = {}
+    left_out: dict[str, str] = {}
+    units: dict[str, str] = {}
+    n_fields = n_values = 0
+    with parsing(path, "MCAP file"), open(path, "rb") as file:
+        require_size(path, _stated_size(path, file), "export fewer topics")
+        for code, body in _records(path, file):
+            stream = ReadDataStream(BytesIO(body))
+            if code == SCHEMA:
+                schema = Schema.read(stream)
+                schemas[schema.id] = schema.data
+            elif code == CHANNEL:
+                channel = Channel.read(stream)
+                channels[channel.id] = channel
+            elif code == MESSAGE:
+                message = Message.read(stream, len(body))
+                if (sender := channels.get(message.channel_id)) is None:
+                    raise ValueError(f"a message of channel {message.channel_id}, which no record describes")
+                name = sender.topic.strip("/")
+                numbers = _numbers(sender.message_encoding, message.data)
+                if numbers is None:
+                    left_out[name] = f"has messages of '{sender.message_encoding}', not of JSON numbers,"
+                    continue
+                if name not in topics:
+                    stated = _units(schemas.get(sender.schema_id, b""))
+                    units |= {f"{name}/{field}": unit for field, unit in stated}
+                topic = topics.setdefault(name, _Messages())
+                n_fields, n_values = n_fields - len(topic.fields), n_values - topic.n_values
+                topic.add(1e-9 * message.log_time, numbers)
+                n_fields, n_values = n_fields + len(topic.fields), n_values + topic.n_values
+                require_few(path, n_fields, "fields")
+                require_memory(path, 8 * n_values, "its messages", "export fewer topics")
+    return topics, left_out, units
+
+
+def _stated_size(path: str, file: BinaryIO) -> int:
+    """Return the bytes of the messages of a file as its records state them, chunks unpacked; nothing is unpacked.
+
+    Raises
+    ------
+    LogError : a chunk is larger than `LARGEST_CHUNK`, or states more than its packed bytes can hold.
+    """
+    total = 0
+    for code, length in _heads(file):
+        if code == MESSAGE:
+            total += length
+        elif code == CHUNK:
+            size, compression, packed = _chunk_head(file, length)
+            if max(size, packed) > LARGEST_CHUNK:
+                raise LogError(
+                    f"{path}: a chunk of {max(size, packed) / 1e9:.2g} GB, the limit is {LARGEST_CHUNK / 1e9:.2g} GB; "
+                    "export it again in smaller ones (mcap filter does)"
+                )
+            if size > MOST_PACKED[compression] * packed:
+                raise LogError(
+                    f"{path}: a chunk claims {size} bytes, more than its {packed} bytes of '{compression}' in the file "
+                    "can hold; export it again"
+                )
+            total += size
+    return total
+
+
+def _records(path: str, file: BinaryIO) -> Iterator[tuple[int, bytes]]:
+    """Yield code and body of every schema, channel and message, also of those within chunks.
+
+    A body is cut behind the largest message that is read. Raises `ValueError` for chunks that do not hold what they
+    state.
+    """
+    longest = LARGEST_MESSAGE + 1000
+    for code, length in _heads(file):
+        if code in (SCHEMA, CHANNEL, MESSAGE):
+            yield code, file.read(min(length, longest))
+        elif code == CHUNK:
+            size, compression, packed = _chunk_head(file, length)
+            data = memoryview(_unpacked(compression, file.read(packed), size))
+            at = 0
+            while at < size:
+                code, length = HEAD.unpack_from(data, at)
+                at += HEAD.size + length
+                if at > size:
+                    raise ValueError("a record of a chunk is longer than the chunk")
+                if code in (SCHEMA, CHANNEL, MESSAGE):
+                    yield code, bytes(data[at - length : at][:longest])
+
+
+def _heads(file: BinaryIO) -> Iterator[tuple[int, int]]:
+    """Yield code and length of the body of every record up to the footer; the file stands at the body meanwhile.
+
+    Raises `ValueError` for what is no record, or one that is cut off.
+    """
+    at, end = len(MCAP), os.fstat(file.fileno()).st_size
+    code = 0
+    while code != FOOTER:
+        file.seek(at)
+        head = file.read(HEAD.size)
+        if len(head) < HEAD.size:
+            raise ValueError("it ends without a footer")
+        code, length = HEAD.unpack(head)
+        at += HEAD.size + length
+        if code == 0 or at > end:
+            raise ValueError("no record begins with a zero" if code == 0 else "a record is cut off")
+        yield code, length
+
+
+def _chunk_head(file: BinaryIO, length: int) -> tuple[int, str, int]:
+    """Return of the chunk at which the file stands its size unpacked, its compression and its size in the file."""
+    head = file.read(CHUNK_HEAD.size)
+    _, _, size, _, letters = CHUNK_HEAD.unpack(head)
+    compression = file.read(min(letters, 8)).decode("latin-1")
+    packed = int.from_bytes(file.read(8), "little")
+    if compression not in MOST_PACKED:
+        raise ValueError(f"a chunk of an unknown compression, '{compression}'")
+    if CHUNK_HEAD.size + letters + 8 + packed > length:
+        raise ValueError("a chunk is longer than its record")
+    return size, compression, packed
+
+
+def _unpacked(compression: str, data: bytes, size: int) -> bytes:
+    """Return the content of a chunk; no more than its stated size and a byte is unpacked."""
+    if compression == "zstd":
+        import zstandard
+
+        whole = zstandard.ZstdDecompressor().stream_reader(data, read_across_frames=True).read(size + 1)
+    elif compression == "lz4":
+        from lz4.frame import LZ4FrameDecompressor
+
+        whole = LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+    else:
+        whole = data
+    if len(whole) != size:
+        raise ValueError(f"a chunk states {size} bytes and holds {'more' if len(whole) > size else len(whole)}")
+    return whole
 
 
 def _units(schema: bytes) -> Iterator[tuple[str, str]]:

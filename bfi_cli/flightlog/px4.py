@@ -25,9 +25,10 @@ import numpy as np
 
 from ..errors import LogError, reason_of
 from ..notes import Note
+from .messages import Places, require_tables, table_of
 from .raw import Asked, RawLog, choose_group, require_few
 from .text import read_csv
-from .topics import Topic, fields_of, log_of_topics, notes_on, table_of, topics_of
+from .topics import Topic, fields_of, log_of_topics, notes_on, topics_of
 
 HEADER = 16  # bytes: the magic, a version, the time of the start
 SYNC = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
@@ -61,14 +62,14 @@ class _Stream:
     Attributes
     ----------
     formats : by the name of the format, type, count (0 for no array) and name of each field.
-    topics, layouts, messages : by the number of a topic, its name and instance, its layout, its message bodies.
+    topics, layouts, messages : by the number of a topic, its name and instance, its layout, where its messages are.
     dropouts, dropped_ms, damaged : number and duration of dropouts that the log states, and of damaged bytes.
     """
 
     formats: dict[str, list[tuple[str, int, str]]] = field(default_factory=dict)
     topics: dict[int, tuple[str, int]] = field(default_factory=dict)
     layouts: dict[int, _Layout | None] = field(default_factory=dict)
-    messages: dict[int, list[bytes]] = field(default_factory=dict)
+    messages: dict[int, Places] = field(default_factory=dict)
     dropouts: int = 0
     dropped_ms: int = 0
     damaged: int = 0
@@ -79,7 +80,7 @@ def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic]
 
     Raises
     ------
-    LogError : the header is cut off, or its flags are those of a later kind of ULog.
+    LogError : the header is cut off, its flags are those of a later kind of ULog, or memory does not hold its messages.
     """
     names, stream = {*fields_of("px4"), *more}, _Stream()
     with open(path, "rb") as file:
@@ -88,21 +89,31 @@ def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic]
         with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
             for begin, end in _parts(path, data):
                 _read_messages(data, begin, end, stream, names)
-    require_few(path, len(stream.topics), "topics")
+            require_few(path, len(stream.topics), "topics")
+            topics, empty = _tables(path, data, stream)
+    lost = Note.limit(f"the autopilot lost data {stream.dropouts} times, {stream.dropped_ms / 1000:.3g} s in all")
+    return topics, [lost] * bool(stream.dropouts) + notes_on(stream.damaged, empty)
+
+
+def _tables(path: str, data: mmap.mmap, stream: _Stream) -> tuple[list[Topic], list[str]]:
+    """Return the topics with messages, and the names of those without."""
+    read = [
+        (number, layout, places)
+        for number, places in stream.messages.items()
+        if (layout := stream.layouts[number]) is not None
+    ]
+    require_tables(path, ((len(places.starts), len(layout.fields)) for _, layout, places in read))
     topics, empty = [], []
-    for number, (name, instance) in stream.topics.items():
-        layout, messages = stream.layouts.get(number), stream.messages.get(number, [])
-        if name not in names or layout is None:
-            continue
-        if not messages:
+    for number, layout, places in read:
+        name, instance = stream.topics[number]
+        if not places.starts:
             empty.append(name)
             continue
-        table = table_of(messages, layout.fields, layout.most)
+        table = table_of(data, places, layout.fields, layout.most)
         time_s = MICROSECOND * table["timestamp"].astype(np.float64)
         fields = {one: table[one] for one in layout.fields if one != "timestamp"}
         topics.append(Topic(name=name, instance=instance, time_s=time_s, fields=fields))
-    lost = Note.limit(f"the autopilot lost data {stream.dropouts} times, {stream.dropped_ms / 1000:.3g} s in all")
-    return topics, [lost] * bool(stream.dropouts) + notes_on(stream.damaged, empty)
+    return topics, empty
 
 
 def _parts(path: str, data: mmap.mmap) -> list[tuple[int, int]]:
@@ -144,7 +155,7 @@ def _read_one(data: mmap.mmap, at: int, size: int, kind: int, stream: _Stream, n
         if not layout.least <= size - 2 <= layout.most:
             return False
         if number in stream.messages:
-            stream.messages[number].append(data[at + 2 : at + size])
+            stream.messages[number].add(at + 2, size - 2)
         return True
     if kind == FORMAT:
         name, colon, text = data[at : at + size].decode("latin-1").partition(":")
@@ -162,7 +173,7 @@ def _read_one(data: mmap.mmap, at: int, size: int, kind: int, stream: _Stream, n
             return False
         stream.topics[number], stream.layouts[number] = (name, instance), layout
         if name in names and layout is not None:
-            stream.messages.setdefault(number, [])
+            stream.messages.setdefault(number, Places())
     elif kind == DROPOUT and size >= 2:
         stream.dropouts += 1
         stream.dropped_ms += data[at] + 256 * data[at + 1]

@@ -24,6 +24,8 @@ Span = tuple[float | None, float | None]
 
 # Limit of a log's channels as float64, bytes: assembling holds them twice, which fits into 8 GB.
 LARGEST = 4 * 10**9
+# Limit of a chunk of HDF5 or MCAP, bytes: it is unpacked whole. Writers that choose its size take up to 4 MiB.
+LARGEST_CHUNK = 2**28
 DAY_S = 86_400.0  # without leap seconds, which clocks of recorders do not count
 BESIDE_TIME = "holds dates or times beside the time axis"
 # Angles that wrap around.
@@ -214,6 +216,17 @@ def require_memory(path: str, n_bytes: float, what: str, advice: str) -> None:
     if n_bytes > LARGEST:
         limit = f"the limit is {LARGEST / 1e9:.0f} GB"
         raise LogError(f"{path}: {what} need {n_bytes / 1e9:.1f} GB of memory, {limit}; {advice}")
+
+
+def require_size(path: str, n_bytes: int, advice: str) -> None:
+    """Check the size of the messages of a file, before any is read.
+
+    Raises
+    ------
+    LogError : more bytes than `LARGEST`. The file system of a recorder's card has no larger files (FAT32: 4 GiB).
+    """
+    if n_bytes > LARGEST:
+        raise LogError(f"{path}: {n_bytes / 1e9:.1f} GB of messages, the limit is {LARGEST / 1e9:.0f} GB; {advice}")
 
 
 @contextlib.contextmanager

@@ -30,7 +30,18 @@ from .px4 import folder_digest, read_folder, read_topic_file, read_ulog_topics
 from .quality import is_uniform
 from .quantities import with_quantities
 from .rates import boot_starts
-from .raw import Asked, RawLog, Track, by_precedence, different_length, fits, time_column, unit_of, unlike_time
+from .raw import (
+    Asked,
+    RawLog,
+    Track,
+    by_precedence,
+    different_length,
+    fits,
+    require_size,
+    time_column,
+    unit_of,
+    unlike_time,
+)
 from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
 from .resampling import with_filled, with_single_samples
@@ -160,6 +171,7 @@ def _read_file(path: str, asked: Asked) -> RawLog:
     for is_one, recorder, topics_in in OF_MESSAGES:
         if is_one(head):
             _require_no_columns(path, asked)
+            require_size(path, os.path.getsize(path), "cut the log")
             topics, notes = topics_in(path, topics_of(asked.sources))
             return log_of_topics(path, recorder, topics, asked, notes=notes)
     for magic, kind in FOREIGN.items():

@@ -8,6 +8,7 @@ the time of a message is that of the autopilot's clock (`time_boot_ms`), or with
 from __future__ import annotations
 
 import mmap
+import os
 import re
 import struct
 from bisect import bisect_right
@@ -18,6 +19,7 @@ import numpy as np
 
 from ..notes import Note
 from .rates import boot_starts
+from .raw import require_memory
 from .topics import Topic, notes_on
 
 HEARTBEAT = 0  # which a ground station sends too
@@ -41,6 +43,8 @@ SIGNED = 1  # the flag of version 2 for 13 bytes of signature behind the check s
 ARRIVAL = 8  # bytes of the time of arrival, microseconds since 1970, most significant first
 YEARS = (946_684_800_000_000, 4_102_444_800_000_000)  # 2000 to 2100
 CLOCK = "time_boot_ms"
+# Bytes of memory for a byte of the file at most: a packet of 48 bytes with its time of arrival takes 550 as objects.
+TAKEN = 12
 
 
 def is_tlog(head: bytes) -> bool:
@@ -60,7 +64,13 @@ def checksum(data: bytes) -> int:
 
 
 def read_tlog_topics(path: str) -> tuple[list[Topic], list[Note]]:
-    """Return the messages of `MESSAGES` of the sender with the most of them, and notes on the file."""
+    """Return the messages of `MESSAGES` of the sender with the most of them, and notes on the file.
+
+    Raises
+    ------
+    LogError : memory does not hold the packets.
+    """
+    require_memory(path, TAKEN * os.path.getsize(path), "its packets", "cut the log")
     with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         packets, damaged = _packets(data)
     notes = notes_on(damaged)

@@ -256,18 +256,6 @@ def topics_of(sources: Iterable[str]) -> set[str]:
     return labels | {re.sub(r"_\d+$", "", label) for label in labels}
 
 
-def table_of(messages: Iterable[bytes], fields: Mapping[str, tuple[str, int]], size: int) -> NDArray[np.void]:
-    """Return the numbers of messages as a structured array; messages shorter than `size` bytes are padded with zeros.
-
-    Parameters
-    ----------
-    fields : numpy type and offset in bytes by name.
-    """
-    types, offsets = zip(*fields.values(), strict=True)
-    kind = np.dtype({"names": list(fields), "formats": types, "offsets": offsets, "itemsize": size})
-    return np.frombuffer(b"".join(message.ljust(size, b"\0") for message in messages), dtype=kind)
-
-
 def notes_on(damaged: int, empty: Sequence[str] = ()) -> list[Note]:
     """Return the notes on a file with `damaged` bytes and `empty` topics, none where it has neither."""
     notes = [Note.limit(f"{damaged} bytes are damaged or cut off and were skipped")] if damaged else []

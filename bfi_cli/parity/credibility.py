@@ -299,7 +299,9 @@ def agreements(record: Record, phases: Sequence[Phase], *, without: Sequence[Win
 
 def _agreement(one: _Relation, record: Record, used: NDArray[np.bool_], stretches: Sequence[Window]) -> Agreement:
     speeds = record.channels["tas"][used] if "tas" in record.channels else np.empty(0)
-    speed = float(np.nanmedian(speeds)) if np.isfinite(speeds).any() else np.inf
+    # An airspeed that is lost for most of the flight tells no speed either.
+    speed = float(np.nanmedian(speeds)) if np.isfinite(speeds).any() else 0.0
+    speed = speed if speed > 0.0 else np.inf
     piece_s = float(np.clip(PIECE * speed / G, SHORTEST_PIECE_S, LONGEST_PIECE_S))
     reference, reading = (_smoothed(np.where(used, make(record), np.nan)) for make in (one.reference, one.reading))
     beside = one.beside(record)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import struct
 import zlib
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from made_tlog import tlog_bytes
 from scipy.io import savemat
 
 N = 600
@@ -140,6 +142,54 @@ def sparse_giant(path: Path) -> None:
         file.truncate(3 * 10**9)
 
 
+def holes(head: bytes, size: int) -> Callable[[Path], None]:
+    """Return what writes the first bytes of a log and a hole up to a size, which takes nothing on the disk."""
+
+    def write(path: Path) -> None:
+        with open(path, "wb") as file:
+            file.write(head)
+            file.truncate(size)
+
+    return write
+
+
+def mcap(*records: tuple[int, bytes], end: bool = True) -> Callable[[Path], None]:
+    """Return what writes an MCAP file of records, each a code and a body, and a footer."""
+    every = (*records, *([(2, bytes(20))] if end else []))
+    whole = b"".join(struct.pack("<BQ", code, len(body)) + body for code, body in every)
+    return lambda path: path.write_bytes(b"\x89MCAP0\r\n" + whole + b"\x89MCAP0\r\n") and None
+
+
+def chunk(compression: str, stated: int, data: bytes) -> tuple[int, bytes]:
+    """Return the record of a chunk that states the size of its content."""
+    return 6, struct.pack("<QQQII", 0, 0, stated, 0, len(compression)) + compression.encode() + struct.pack(
+        "<Q", len(data)
+    ) + data
+
+
+def zstd(size: int) -> bytes:
+    """Return a frame of zeros, whose size it does not state: blocks of 2^17 and less, each of one repeated byte."""
+    sizes = [2**17] * (size // 2**17) + [size % 2**17]
+    blocks = (struct.pack("<I", (n << 3) | 2 | (k + 1 == len(sizes)))[:3] + b"\0" for k, n in enumerate(sizes))
+    return b"\x28\xb5\x2f\xfd\x00\x38" + b"".join(blocks)
+
+
+def lz4(size: int) -> bytes:
+    """Return a frame of blocks of zeros."""
+    import lz4.frame
+
+    return lz4.frame.compress(bytes(size), store_size=False)
+
+
+MCAP_CHANNEL = (4, struct.pack("<HHI", 1, 0, 3) + b"air" + struct.pack("<I", 4) + b"json" + struct.pack("<I", 0))
+
+
+def many_names(path: Path) -> None:
+    """Write messages of which each has a number of another name."""
+    texts = (json.dumps({f"n{k}": 1.0}).encode() for k in range(10_001))
+    mcap(MCAP_CHANNEL, *((5, struct.pack("<HIQQ", 1, 0, k, k) + text) for k, text in enumerate(texts)))(path)
+
+
 OWN = "a log must hold its own data, copy it into the file"
 
 ODD: dict[str, tuple[Callable[[Path], None], str]] = {
@@ -223,6 +273,52 @@ ODD: dict[str, tuple[Callable[[Path], None], str]] = {
         text(lambda: ",".join(f"c{i}" for i in range(100_000)) + "\n"),
         "wide.csv: 100000 columns, the limit is 10000; export fewer channels",
     ),
+    "holes.mat": (
+        holes(b"MATLAB 5.0 MAT-file".ljust(124) + b"\0\x01IM", 2 * 10**10),
+        "holes.mat: its variables need 20.0 GB of memory, the limit is 4 GB; save",
+    ),
+    "holes.ulg": (
+        holes(b"ULog\x01\x12\x35\x01" + bytes(8), 2 * 10**10),
+        "holes.ulg: 20.0 GB of messages, the limit is 4 GB; cut the log",
+    ),
+    "holes.bin": (holes(b"\xa3\x95\x80", 2 * 10**10), "holes.bin: 20.0 GB of messages, the limit is 4 GB; cut the log"),
+    "holes.tlog": (
+        lambda path: holes(tlog_bytes(), 10**9)(path),
+        "holes.tlog: its packets need 12.0 GB of memory, the limit is 4 GB; cut the log",
+    ),
+    "holes.mcap": (holes(b"\x89MCAP0\r\n", 2 * 10**10), "holes.mcap: damaged or truncated MCAP file, no record begins"),
+    "holes.tdms": (holes(b"TDSm", 2 * 10**10), "holes.tdms: damaged or truncated TDMS file, "),
+    "holes.h5": (holes(b"\x89HDF\r\n\x1a\n", 2 * 10**10), "holes.h5: damaged or truncated HDF5 file, "),
+    "skipped.mcap": (
+        holes(b"\x89MCAP0\r\n" + struct.pack("<BQ", 9, 3 * 10**9), 3 * 10**9),
+        "skipped.mcap: damaged or truncated MCAP file, a record is cut off; export it again",
+    ),
+    "unended.mcap": (mcap(end=False), "unended.mcap: damaged or truncated MCAP file, "),
+    "stated.mcap": (
+        mcap(*[chunk("zstd", 2**28, zstd(2**28))] * 22),
+        "stated.mcap: 5.9 GB of messages, the limit is 4 GB; export fewer topics",
+    ),
+    "chunk.mcap": (
+        mcap(chunk("zstd", 6 * 10**9, zstd(2**20))),
+        "chunk.mcap: a chunk of 6 GB, the limit is 0.27 GB; export it again in smaller ones",
+    ),
+    "claims.mcap": (
+        mcap(chunk("lz4", 10**8, bytes(1000))),
+        "claims.mcap: a chunk claims 100000000 bytes, more than its 1000 bytes of 'lz4' in the file can hold; export",
+    ),
+    "bomb_zstd.mcap": (
+        mcap(chunk("zstd", 1000, zstd(2**30))),
+        "bomb_zstd.mcap: damaged or truncated MCAP file, a chunk states 1000 bytes and holds more; export it again",
+    ),
+    "bomb_lz4.mcap": (
+        mcap(chunk("lz4", 1000, lz4(2**26))),
+        "bomb_lz4.mcap: damaged or truncated MCAP file, a chunk states 1000 bytes and holds more; export it again",
+    ),
+    "less.mcap": (
+        mcap(chunk("zstd", 2**20, zstd(1000))),
+        "less.mcap: a chunk claims 1048576 bytes, more than its 10 bytes of 'zstd' in the file can hold; export it",
+    ),
+    "names.mcap": (many_names, "names.mcap: 10001 fields, the limit is 10000; export fewer channels"),
     "giant.csv": (sparse_giant, "giant.csv: 3.0 GB of text, the limit is 1 GB (numbers take up to four times as much"),
 }
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import fcntl
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -209,6 +212,21 @@ def test_a_file_that_is_damaged_after_it_was_opened_is_an_error_line(tmp_path: P
     path.write_bytes(b"gone")
     with pytest.raises(LogError, match="damaged or truncated HDF5 file"):
         _ = log.channels["tas"].values
+
+
+@pytest.mark.parametrize("how", ["locked", "marked"])
+def test_a_file_that_another_program_writes_is_named_as_that(how: str, tmp_path: Path):
+    path = tmp_path / "a.h5"
+    if how == "marked":  # by a program that ended without closing it
+        write = "import h5py, os, sys; file = h5py.File(sys.argv[1], 'w', libver='latest'); file.flush(); os._exit(0)"
+        subprocess.run([sys.executable, "-c", write, str(path)], check=True)
+    else:
+        write_hdf5(path, time=TIME, tas=TAS)
+    with open(path, "rb") as held:
+        if how == "locked":
+            fcntl.flock(held, fcntl.LOCK_EX)
+        with pytest.raises(LogError, match=r"a\.h5: is being written by another program, .*; close it there, or mend"):
+            read_log(path)
 
 
 @pytest.mark.parametrize("keep", [(), ("slow",)])

@@ -135,6 +135,12 @@ def test_an_airspeed_that_fails_early_accuses_none_of_those_that_show_it():
     assert credibility_of(with_channel(record, **stuck), FLIGHT, WINDOW).findings == ()
 
 
+def test_an_airspeed_that_rests_at_zero_tells_no_speed():
+    record = drone()
+    lost = with_channel(record, tas=np.zeros(N))
+    assert [one.gusts for one in agreements(lost, FLIGHT) if one.gusts] == []
+
+
 def test_stretches_that_are_left_out_do_not_count():
     record = drone()
     aoa = np.where((T > 30.0) & (T < 870.0), 0.1, record.channels["aoa"])

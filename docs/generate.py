@@ -102,7 +102,7 @@ def maps_table() -> str:
 
     rows: dict[tuple[str, str], list[str]] = {}
     for recorder, name in RECORDERS.items():
-        for one in maps_of(recorder):
+        for one in (row for row in maps_of(recorder) if row.channel):
             scale = "" if one.scale == 1.0 else "-" if one.scale == -1.0 else f"{one.scale:g} x "
             offset = "" if one.offset == 0.0 else f" {'+' if one.offset > 0 else '-'} {abs(one.offset):g}"
             unit = "" if one.unit == "1" else f" {one.unit}"

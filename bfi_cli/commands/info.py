@@ -8,7 +8,7 @@ from .analysis import Answer, Asked, analysis, source_of, with_findings
 from .options import CHANNELS, FILES, log_argument
 
 
-@analysis("info", log_argument, "config_path", *CHANNELS, "fix_units", "from_s", "to_s", *FILES, "as_json")
+@analysis("info", log_argument, "config_path", *CHANNELS, "fix_units", "from_s", "to_s", "explain", *FILES, "as_json")
 def command(asked: Asked) -> Answer:
     """Show channels, units, rate, gaps, held samples, excitation of a log, its phases and windows to analyse.
 
@@ -17,15 +17,18 @@ def command(asked: Asked) -> Answer:
     from ..flightlog import inspect_log, read_log
     from ..flightlog.defects import find_defects
     from ..flightlog.recorder import with_seen_recorder
-    from ..flightlog.report import info_content, info_document
+    from ..flightlog.report import explained, info_content, info_document
 
-    asked.check_out(("phases",), ("channels", "derived", "phases", "excitation", "windows", "segments"))
+    tables = ("channels", "derived", "phases", "excitation", "windows", "segments", "explain")
+    asked.check_out(("phases",), tables)
     window = asked.config.window
     flight = read_log(asked.log, from_s=window.from_s, to_s=window.to_s, **source_of(asked.config))
     flight, findings = with_findings(flight.window(window.from_s, window.to_s), asked.config)
     report, defects = inspect_log(flight), find_defects(with_seen_recorder(flight))
     return Answer(
-        document=partial(info_document, report, defects, findings),
+        document=partial(
+            info_document, report, defects, findings, explain=explained(flight) if asked.options["explain"] else None
+        ),
         content=info_content,
         log_sha256=flight.sha256,
     )

@@ -280,6 +280,8 @@ progress  --progress/--no-progress  -  -  choice
     Show progress on stderr.  [default: on a terminal]
 verbose  --verbose,-v  -  -  flag
     Print every table, fact and note of the answer, not its first screen
+explain  --explain  -  -  flag
+    For every column of the file what it was taken for, in which unit, and why.
 as_json  --json  -  -  json
     JSON on stdout in place of a table.
 series  --series  -  -  series
@@ -320,7 +322,7 @@ HELP_GROUPS: Mapping[str, tuple[str, ...]] = {
         *("config_path", "dictionary", "inputs", "outputs", "from_s", "to_s"),
         *("tolerance", "units", "out", "as_json"),
     ),
-    "Reading the log": (*CHANNELS, "fix_units", "allow_outside"),
+    "Reading the log": (*CHANNELS, "fix_units", "explain", "allow_outside"),
     "Model and method": (
         *(
             "rate",

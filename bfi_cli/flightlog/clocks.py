@@ -17,7 +17,7 @@ from ..errors import LogError
 from ..notes import Note
 from ..units import si_unit, to_si
 from .rates import one_base
-from .raw import Asked, FloatArray, RawLog, Track, claimed, time_column
+from .raw import BY_RANK, Asked, FloatArray, RawLog, Track, claimed, time_column
 
 WORDS = frozenset({"t", "time", "timestamp", "times"})
 # Share of a step by which two axes of one length may differ and still be the same axis.
@@ -65,7 +65,8 @@ def _by_axes(path: str, raw: RawLog, asked: Asked) -> RawLog | None:
             known = match_name(track.source) or match_name(re.sub(rf"^{tag}_|_{tag}$", "", track.source))
             unit = track.unit or (known.unit if known else None)
             channel = known.name if known else track.channel
-            tracks.append(replace(track, time_s=clocks[clock], unit=unit, channel=channel))
+            why = BY_RANK[known.rank] if known else track.why
+            tracks.append(replace(track, time_s=clocks[clock], unit=unit, channel=channel, why=why))
     by_clock = [f"{', '.join(repr(s) for s, c in clock_of.items() if c == clock)} by '{clock}'" for clock in further]
     note = Note.method(f"several time axes: {'; '.join(by_clock)}, the others by '{main.source}'")
     left_out = {name: "has the samples of no time axis" for name, clock in clock_of.items() if clock is None}

@@ -192,7 +192,8 @@ def _of_parameters(path: str, signals: Mapping[str, _Signal], unlike: Mapping[st
         stated = signal.unit or (unit if si_unit(unit) is not None else None)
         time_s = offset_s + np.arange(values.size) / rate_hz
         channel = "cas" if name == COMPUTED else None
-        tracks.append(Track(source=name, values=values, unit=stated, time_s=time_s, channel=channel))
+        why = "by the name of FlightDataAccessor" if channel else ""
+        tracks.append(Track(source=name, values=values, unit=stated, time_s=time_s, channel=channel, why=why))
     return RawLog(columns=tracks, left_out=unlike)
 
 

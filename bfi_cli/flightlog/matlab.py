@@ -1,4 +1,6 @@
-"""MATLAB v5 logs: one variable per channel, or a struct of structs with `data` and `units`.
+"""MATLAB v5 logs: one variable per channel, a struct of structs with `data` and `units`, or the matrix of SIDPAC.
+
+Structs that state their `Rate`, as those of DASHlink, have separate clocks, which begin together.
 
 The layout of a file is checked before scipy parses it, because scipy's parser crashes on wrong sizes. Names follow
 "MAT-File Format" by The MathWorks: a file is a sequence of data elements, each a tag (type, size) and data padded to
@@ -12,7 +14,7 @@ import struct
 import warnings
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +23,7 @@ import numpy as np
 from ..errors import first_line
 from ..notes import Note
 from . import raw
+from .layouts import with_channels
 from .raw import Asked, RawLog, Track
 
 # Types of elements, the sizes of their numbers and characters in bytes, and classes of arrays.
@@ -35,6 +38,8 @@ COMPLEX = 0x0800
 # Limit of nested structs and cells, of which a log has two or three levels. Not tuned: it only has to stop a file that
 # nests them without end.
 DEEPEST = 20
+# The matrix of flight data of SIDPAC, and the last of the columns that it always has: the acceleration along body z.
+FDATA, LAST_AXIS = "fdata", 13
 
 
 def read_matlab(path: str, asked: Asked) -> RawLog:
@@ -60,13 +65,20 @@ def read_matlab(path: str, asked: Asked) -> RawLog:
         wanted = [name for name, why in unlike.items() if why is None]
         loaded = loadmat(path, simplify_cells=True, variable_names=wanted)
     root = {name: value for name, value in loaded.items() if not name.startswith("__")}
-    groups = [name for name, value in root.items() if isinstance(value, Mapping) and "data" not in value]
+    groups = [
+        name for name, value in root.items() if isinstance(value, Mapping) and "data" not in map(str.lower, value)
+    ]
     columns, refused = _signals(root)
+    if FDATA in refused and (table := _table(root[FDATA])):
+        columns = [*with_channels(table, "sidpac"), *columns]
+        refused.pop(FDATA)
     chosen = raw.choose_group(path, asked.group, groups, has_signals=bool(columns))
     node = root if chosen is None else root[chosen]
     if chosen is not None:
         columns, refused = _signals(node)
     rate = raw.rate_of(path, node["sample_rate_hz"]) if "sample_rate_hz" in node else None
+    if columns and all(column.time_s.size for column in columns):
+        columns = with_channels(columns, "dashlink")
     notes = [Note.method(first_line(warning.message)) for warning in caught if isinstance(warning.message, Warning)]
     refused = {**{name: why for name, why in unlike.items() if name and why}, **refused}
     return RawLog(
@@ -77,14 +89,30 @@ def read_matlab(path: str, asked: Asked) -> RawLog:
     )
 
 
+def _table(values: Any) -> list[Track]:
+    """Return the columns of SIDPAC's matrix, (n_samples, n_columns), that are not zero throughout; [] of any other."""
+    matrix = np.asarray(values)
+    if matrix.ndim != 2 or matrix.dtype.kind not in "fiu" or not matrix.shape[0] > matrix.shape[1] > LAST_AXIS:
+        return []
+    return [
+        Track(source=f"{FDATA}(:,{j})", values=column.astype(np.float64))
+        for j, column in enumerate(matrix.T, start=1)
+        if column.any()
+    ]
+
+
 def _signals(node: Mapping[str, Any]) -> tuple[list[Track], dict[str, str]]:
-    """Return the signals of a struct, or of the file, and by name why its other members, structs aside, are none."""
-    columns, refused = [], {}
+    """Return the signals of a struct, or of the file, and by name why its other members, structs aside, are none.
+
+    They have separate clocks if all are structs that state a rate.
+    """
+    columns, refused, rates = list[Track](), dict[str, str](), list[float | None]()
     for name, value in node.items():
         is_struct = isinstance(value, Mapping)
-        if is_struct and "data" not in value:
+        stated = {str(key).lower(): one for key, one in value.items()} if is_struct else {}
+        if is_struct and "data" not in stated:
             continue
-        data = value["data"] if is_struct else value
+        data = stated["data"] if is_struct else value
         if isinstance(data, list | Mapping) or (array := np.asarray(data)).dtype.kind == "O":
             parts = list(data) if isinstance(data, list | np.ndarray) else []
             nested = isinstance(data, Mapping) or (parts and all(isinstance(part, Mapping) for part in parts))
@@ -92,9 +120,17 @@ def _signals(node: Mapping[str, Any]) -> tuple[list[Track], dict[str, str]]:
         elif why := raw.unlike(array.dtype.kind, array.shape):
             refused[name] = why
         else:
-            unit = value.get("units", value.get("unit")) if is_struct else None
+            unit = stated.get("units", stated.get("unit"))
             unit = unit.strip() or None if isinstance(unit, str) else None
             columns.append(Track(source=name, values=array.astype(np.float64).ravel(), unit=unit))
+            rate_hz = raw.number_of(stated.get("rate"))
+            rates.append(rate_hz if rate_hz is not None and 0.0 < rate_hz < math.inf else None)
+    if all(rate is not None for rate in rates):
+        columns = [
+            replace(column, time_s=np.arange(column.values.size) / rate)
+            for column, rate in zip(columns, rates, strict=True)
+            if rate is not None
+        ]
     return columns, refused
 
 

@@ -60,11 +60,12 @@ class Track:
 
     Attributes
     ----------
-    channel : the standard name that the format states, None where it follows from `source`.
+    channel : the standard name that the format states, "" of none; None where it follows from `source`.
     time_s : (n_samples,) times of a signal with a separate clock; empty where all signals of the file share one axis.
         Either all signals of a file have such times, or none.
     rate_hz : of a signal with a separate rate, None for the rate of the file.
     turn : a full turn in the unit of an angle that wraps around, None for other signals.
+    why : the channel is that, in words, "" where its name alone tells it; unit_from : where the unit is stated.
     read : of a signal that is still in its file (`values` is empty), returns the values of rows; rows : its rows there.
     """
 
@@ -75,6 +76,8 @@ class Track:
     time_s: FloatArray = field(default_factory=lambda: np.empty(0))
     rate_hz: float | None = None
     turn: float | None = None
+    why: str = ""
+    unit_from: str = "the file"
     read: Callable[[slice], FloatArray] | None = None
     rows: slice = field(default_factory=lambda: slice(0, 0))
 
@@ -121,12 +124,38 @@ def by_precedence(columns: Sequence[Track], asked: Asked) -> list[tuple[Track, N
         for column in {column.source: column for column in columns}.values():
             match = match_name(column.source)
             if column.channel is not None:
-                match = NameMatch(name=column.channel, unit=None, rank=0)
+                match = NameMatch(name=column.channel, unit=None, rank=0) if column.channel else None
             if column.source in wanted:
                 match = NameMatch(name=wanted[column.source], unit=match.unit if match else None, rank=-1)
             yield column, match
 
     return sorted(pairs(), key=lambda pair: pair[1].rank if pair[1] else 9)
+
+
+# Why a column is a channel, by the rank of its match.
+BY_RANK = {
+    -1: "as --channel states",
+    0: "the standard name",
+    1: "the standard name but for case",
+    2: "an alias",
+    3: "an alias with a unit behind it",
+}
+
+
+def why_matched(column: Track, match: NameMatch | None) -> str:
+    """Return why a column is the channel that it matches, or why it is no standard channel."""
+    if match is None:
+        return column.why or "no known name"
+    return BY_RANK[match.rank] if match.rank < 0 else column.why or BY_RANK[match.rank]
+
+
+def unit_source(column: Track, match: NameMatch | None, asked: Asked) -> str:
+    """Return where the unit of a column is stated, see `unit_of`; "" for nowhere."""
+    if asked.unit_map.get(column.source) or (match is not None and asked.unit_map.get(match.name)):
+        return "--unit"
+    if column.unit is not None:
+        return column.unit_from
+    return "its name" if match is not None and match.unit is not None else ""
 
 
 def unit_of(column: Track, match: NameMatch | None, asked: Asked) -> str | None:
@@ -139,10 +168,12 @@ def claimed(tracks: Sequence[Track], asked: Asked) -> list[Track]:
     """Return signals with the standard channel of each, see `by_precedence`, and the full turn of angles that wrap."""
     made = []
     for track, match in by_precedence(tracks, asked):
-        channel, unit, turn = match.name if match else None, unit_of(track, match, asked), None
+        channel, unit, turn = match.name if match else track.channel, unit_of(track, match, asked), None
         if channel in ANGLES:
             turn = 2.0 * math.pi / (float(to_si(1.0, unit)[0]) if unit and si_unit(unit) == "rad" else 1.0)
-        made.append(replace(track, channel=channel, unit=track.unit or (match.unit if match else None), turn=turn))
+        why, unit_from = why_matched(track, match), unit_source(track, match, replace(asked, unit_map={}))
+        unit = track.unit or (match.unit if match else None)
+        made.append(replace(track, channel=channel, unit=unit, turn=turn, why=why, unit_from=unit_from))
     return made
 
 

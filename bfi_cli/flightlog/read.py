@@ -19,9 +19,10 @@ from ..files import HDF5
 from ..notes import Note
 from ..units import si_unit, to_si
 from .clocks import on_one_clock
-from .conventions import NORMAL, with_conventions
+from .conventions import NORMAL, Convention, sentence_of, with_conventions
 from .dataflash import read_dataflash_topics
 from .hdf5 import read_hdf5
+from .igc import is_igc, read_igc
 from .matlab import read_matlab
 from .mcap import is_mcap, read_mcap
 from .phases import airborne_stretches
@@ -40,9 +41,11 @@ from .raw import (
     require_size,
     time_column,
     unit_of,
+    unit_source,
     unlike_time,
+    why_matched,
 )
-from .record import Channel, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
+from .record import Channel, Column, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
 from .resampling import with_filled, with_single_samples
 from .tdms import read_tdms
@@ -174,6 +177,9 @@ def _read_file(path: str, asked: Asked) -> RawLog:
             require_size(path, os.path.getsize(path), "cut the log")
             topics, notes = topics_in(path, topics_of(asked.sources))
             return log_of_topics(path, recorder, topics, asked, notes=notes)
+    if is_igc(head):
+        _require_no_columns(path, asked)
+        return read_igc(path, asked)
     for magic, kind in FOREIGN.items():
         if head.startswith(magic):
             raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")
@@ -257,7 +263,7 @@ def _boots(path: str, raw: RawLog, asked: Asked) -> Sequence[RawLog]:
 def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     """Return the log of columns: named, in SI, with a checked time axis, or one counted from the rate."""
     _check_maps(path, raw.columns, asked)
-    taken, notes = _named(path, raw, asked)
+    taken, columns, notes = _named(path, raw, asked)
     if not taken.keys() - {"time"}:
         why = "".join(f", '{name}' {reason.rstrip(',')}" for name, reason in list(raw.left_out.items())[:3])
         raise LogError(f"{path}: no channels beside time{why}; give a log with a column or dataset for each")
@@ -296,26 +302,50 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
                 f"no unit is stated for {units}: the one in brackets is assumed, give another with --unit NAME=UNIT"
             )
         )
-    clean = {}
-    for name, column in raw.clean.items() if raw.faults is not None else ():
-        values, _ = to_si(column.values, column.unit or "", where=f"{path}: truth of '{name}'")
-        if values.size != time_s.size:
-            raise different_length(path, f"{name}_clean", values.size, time_s.size)
-        clean[name] = convention.change(values) if name == NORMAL and convention else frozen_array(values)
     log = FlightLog(
         path=path,
         time_s=time_s,
         channels=channels,
-        truth=None if raw.faults is None else Truth(faults=raw.faults, clean=clean),
+        truth=_truth(path, raw, time_s.size, convention),
         segments=raw.segments,
         filters=raw.filters,
         sha256=sha256,
         notes=tuple(notes),
         left_out=left_out,
+        columns=_explained(columns, left_out, convention),
     )
     if time is not None and not {"time", time.source} & asked.unit_map.keys():
         _check_clock(log, time.source)
     return log
+
+
+def _truth(path: str, raw: RawLog, n_samples: int, convention: Convention | None) -> Truth | None:
+    """Return the faults and clean signals of a log in SI units, None of one without.
+
+    Raises
+    ------
+    LogError : a clean signal of another length.
+    """
+    if raw.faults is None:
+        return None
+    clean = {}
+    for name, column in raw.clean.items():
+        values, _ = to_si(column.values, column.unit or "", where=f"{path}: truth of '{name}'")
+        if values.size != n_samples:
+            raise different_length(path, f"{name}_clean", values.size, n_samples)
+        clean[name] = convention.change(values) if name == NORMAL and convention else frozen_array(values)
+    return Truth(faults=raw.faults, clean=clean)
+
+
+def _explained(
+    columns: Sequence[Column], left_out: Mapping[str, str], convention: Convention | None
+) -> tuple[Column, ...]:
+    """Return what the columns of a file are, with the convention of the normal acceleration, those left out last."""
+    kept = [column for column in columns if column.source not in left_out]
+    for i, column in enumerate(kept):
+        if column.channel == NORMAL and convention is not None:
+            kept[i] = replace(column, why=f"{column.why}; it {sentence_of(convention)}")
+    return (*kept, *(Column(source=source, why=f"left out, as it {why}") for source, why in left_out.items()))
 
 
 def _with_spread(
@@ -349,28 +379,30 @@ def _with_spread(
     return made, notes
 
 
-def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[Note]]:
-    """Return the columns as channels by their names in the log, the time axis among them, and notes."""
-    taken, notes = dict[str, Channel](), list(raw.notes)
+def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[Column], list[Note]]:
+    """Return the columns as channels by their names in the log, the time axis among them, what each is, and notes."""
+    taken, columns, notes = dict[str, Channel](), list[Column](), list(raw.notes)
     for column, match in by_precedence(raw.columns, asked):
         name, stated, in_file = column.source, unit_of(column, match, asked), column.unit
+        why, unit_from = why_matched(column, match), unit_source(column, match, asked)
         if in_file and in_file != stated and si_unit(in_file) is not None:
             notes.append(
                 Note.method(f"'{name}' is in '{in_file}' by the file and was read in '{stated}', as --unit asks")
             )
         if match is not None:
             if match.rank >= 0 and not fits(match.name, stated):
-                notes.append(Note.method(f"'{name}' is in '{stated}', so it is not taken for {match.name}"))
+                why = f"is in '{stated}', so it is not taken for {match.name}"
+                notes.append(Note.method(f"'{name}' {why}"))
             elif match.name in taken:
-                notes.append(
-                    Note.method(f"'{name}' is a second {match.name}; '{taken[match.name].source}' is used for it")
-                )
+                why = f"is a second {match.name}; '{taken[match.name].source}' is used for it"
+                notes.append(Note.method(f"'{name}' {why}"))
             else:
                 name = match.name
         spare = (name if i == 1 else f"{name}_{i}" for i in range(1, len(taken) + 2))
         name = next(candidate for candidate in spare if candidate not in taken)
         if name == "time" and stated is None:
             stated, assumed = _unit_of_time(path, column)
+            unit_from = "its steps" if assumed else ""
             notes += assumed
         unit = stated
         if stated is not None and si_unit(stated) is None and name not in STANDARD:
@@ -378,8 +410,9 @@ def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], li
                 Note.method(f"'{column.source}' is in '{stated}', an unknown unit; its values are kept as they are")
             )
             unit = None
+        columns.append(Column(source=column.source, channel=name, why=why, unit=stated, unit_from=unit_from))
         taken[name] = _channel(path, name, column.here() if name == "time" else column, unit, stated)
-    return taken, notes
+    return taken, columns, notes
 
 
 def _check_clock(log: FlightLog, source: str) -> None:

@@ -135,6 +135,23 @@ class StoredChannel(Channel):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Column:
+    """What a column of the file was taken for.
+
+    Attributes
+    ----------
+    source : its name in the file; channel : its name in the log, None where it is left out; why : it is that.
+    unit : in which its values were read, None where none is stated; unit_from : where that is stated, "" for nowhere.
+    """
+
+    source: str
+    why: str
+    channel: str | None = None
+    unit: str | None = None
+    unit_from: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Segment:
     """A labelled part of the flight, times on the log's own axis."""
 
@@ -167,6 +184,7 @@ class FlightLog:
     sha256 : of the file, "" for a log made in memory.
     notes : what the reader, or resampling, decided, as sentences for the user.
     left_out : by name in the file why an array is no channel; see `raw.RawLog`.
+    columns : of the file, those that are left out last; () for a log made in memory.
     earlier : fault-free logs of this aircraft, whose motion follows the same model; earlier_weights : the standard
         deviation of this log's prediction error over that of each earlier log; () for 1.
     """
@@ -180,6 +198,7 @@ class FlightLog:
     sha256: str = ""
     notes: tuple[Note, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
+    columns: tuple[Column, ...] = ()
     earlier: tuple[FlightLog, ...] = ()
     earlier_weights: tuple[float, ...] = ()
     _rate_hz: list[float] = field(init=False, repr=False, default_factory=list)  # `rate_hz`, after its first use

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from ..channels import STANDARD
 from ..display_units import SI, Shown, Units
 from ..faults import Fault, fault_from_dict, fault_to_dict, magnitude_unit, physical
 from ..notes import unique
@@ -28,10 +29,38 @@ LANES_HEIGHT, LANE_HEIGHT = 0.08, 0.085
 MOST_GAPS = 5  # named in a report; the document has all
 
 
+def explained(log: FlightLog) -> list[dict[str, str | None]]:
+    """Return for every column of the file of a log what it was taken for, and why, as plain data.
+
+    `column` is its name in the file, `channel` its name in the log, None where it is left out; `unit` is that in which
+    its values were read and `unit_from` where it is stated, both None where none is.
+    """
+    names = {channel.source: name for name, channel in log.channels.items()}
+    rows = []
+    for column in log.columns:
+        name = names.get(column.source, column.channel)
+        is_assumed = name in STANDARD and column.unit is None
+        rows.append(
+            {
+                "column": column.source,
+                "channel": name,
+                "why": column.why,
+                "unit": STANDARD[str(name)].unit if is_assumed else column.unit,
+                "unit_from": "assumed" if is_assumed else column.unit_from or None,
+            }
+        )
+    return rows
+
+
 def info_document(
-    report: LogReport, defects: Sequence[Defect], plausibility: Sequence[Implausible], provenance: Provenance
+    report: LogReport,
+    defects: Sequence[Defect],
+    plausibility: Sequence[Implausible],
+    provenance: Provenance,
+    *,
+    explain: Sequence[Plain] | None = None,
 ) -> dict[str, Any]:
-    """Return the document of `bfi info --json`."""
+    """Return the document of `bfi info --json`, with `explain`, see `explained`, where it is given."""
     span = ("path", "rate_hz", "n_samples", "start_s", "stop_s")
     same = ("rate_hz", "uniform", "jitter", "channels", "derived", "excitation", "phases", "windows", "segments")
     body = to_plain(
@@ -47,6 +76,8 @@ def info_document(
             "plausibility": plausibility,
         }
     )
+    if explain is not None:
+        body["explain"] = list(explain)
     return document_of("info", body, report.notes, provenance)
 
 
@@ -91,11 +122,17 @@ def info_content(document: Plain, units: Units = SI, *, where: str = "result") -
         heading="What the log holds",
         verdict=f"{contradicted}. " * bool(contradicted) + f"{log.path}: {size}, time step {step}",
         facts=(*facts, *(("Defect", str(one["sentence"])) for one in document.get("defects", ()))),
-        tables=tuple(_tables(log, units)),
+        tables=(*_tables(log, units), *_explain_table(document.get("explain", ()))),
         drawings=(timeline,) if lanes else (),
         notes=shown_notes(log.notes, units),
         data={"phases.csv": phase_columns(phases)} if phases else {},
     )
+
+
+def _explain_table(rows: Sequence[Plain]) -> Iterator[Table]:
+    heads = {"in the file": "column", "channel": "channel", "unit": "unit", "stated by": "unit_from", "why": "why"}
+    cells = [{head: row[key] for head, key in heads.items()} for row in rows]
+    yield from _table("explain", "Columns of the file", cells)
 
 
 def _report_of(document: Plain, where: str) -> LogReport:

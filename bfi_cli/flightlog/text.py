@@ -6,7 +6,6 @@ Cells are numbers, with decimal commas too, clocks and dates; columns of text ar
 from __future__ import annotations
 
 import codecs
-import math
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -14,23 +13,20 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..channels import match_name, split_unit
+from ..channels import match_name
 from ..errors import LogError
 from ..filters import filters_from_json
 from ..notes import Note
-from ..units import si_unit
-from .cells import ABSENT, Kind, Lines, Table, cells_of, with_commas
-from .raw import BESIDE_TIME, DAY_S, Asked, RawLog, Track, from_midnight, require_few
+from .cells import Kind, Lines, Table
+from .layouts import Heading, heading_of, with_channels
+from .raw import BESIDE_TIME, DAY_S, Asked, RawLog, Track, from_midnight
 from .record import CLEAN, faults_from_json, segments_from_json
-from .topics import maps_of
 
 FAULTS = "# faults: "
 SEGMENTS = "# segments: "
 FILTERS = "# filters: "
 # Limit of a text, bytes: a cell of two characters becomes a number of eight bytes, and assembling holds a log twice.
 LARGEST_TEXT = 10**9
-# Garmin's first line, and the line of units below it.
-AIRFRAME, UNITS = "#airframe_info", "# units"
 DECIMAL_POINT = re.compile(r"(?<![\d.])\d+\.\d+(?![\d.])")
 
 
@@ -75,61 +71,34 @@ def read_csv(path: str, asked: Asked, encoding: str | None = None) -> RawLog:
 def _read(path: str, encoding: str, asked: Asked) -> RawLog:
     with open(path, encoding=encoding) as file:
         lines = Lines(path, file)
-        header = lines.next()
-        if header is None:
-            raise LogError(f"{path}: no header line, the file holds no text but comments; give a log with channels")
-        second = lines.next()
-        if _is_spaced(header[1] if asked.columns or second is None else second[1]):
-            lines.spaced = True
-            header, second = with_commas(header), second and with_commas(second)
-        delimiter = next((sign for sign in (";", "\t") if sign in header[1]), ",")
-        if asked.columns:
-            lines.put_back(second)
-            header, second = (0, _named(path, header, asked.columns, delimiter)), header
-        comments = _comments(lines.comments)
-        garmin = AIRFRAME in comments
-        if garmin and second is not None and (joined := _two_headers(header[1], second[1], delimiter)):
-            header, second = (second[0], joined), lines.next()
-        heads, left_out = _header(path, *header, delimiter=delimiter, asked=asked)
-        names, units = [name for name, _ in heads], [unit for _, unit in heads]
-        stated: list[str | None] | None = None
-        if garmin and UNITS in comments:
-            stated = _units(comments[UNITS].lstrip("#"), delimiter, len(names))
-        elif second is not None and (stated := _units(second[1], delimiter, len(names))):
-            second = lines.next()
-        units = [unit or below for unit, below in zip(units, stated or units, strict=True)]
-        first = [row for row in (second, lines.next()) if row is not None]
+        heading = heading_of(path, lines, asked)
+        first = [row for row in (lines.next(), lines.next()) if row is not None]
         if len(first) < 2:
             raise LogError(f"{path}: {len(first)} samples below the header, at least 2 are needed; give a recorded log")
-        comma = delimiter != "," and not any(DECIMAL_POINT.search(text) for _, text in first)
+        comma = heading.delimiter != "," and not any(DECIMAL_POINT.search(text) for _, text in first)
         for row in reversed(first):
             lines.put_back(row)
-        table = Table(path, names, delimiter, comma=comma)
+        table = Table(path, heading.names, heading.delimiter, comma=comma)
         table.read(lines)
     table.require_numbers(asked.sources)
-    return _log_of(path, table, units, _comments(lines.comments), left_out)
+    return _log_of(path, table, heading, _comments(lines.comments))
 
 
-def _log_of(
-    path: str, table: Table, units: Sequence[str | None], comments: Mapping[str, str], left_out: dict[str, str]
-) -> RawLog:
+def _log_of(path: str, table: Table, heading: Heading, comments: Mapping[str, str]) -> RawLog:
     """Return the log of a table, with the annotations that its comments hold."""
-    tracks, kinds = list[Track](), list[Kind | None]()
-    for read, unit in zip(table.columns, units, strict=True):
+    tracks, kinds, left_out = list[Track](), list[Kind | None](), dict(heading.left_out)
+    for read, unit in zip(table.columns, heading.units, strict=True):
         if read.is_text:
             left_out[read.name] = read.why_text
         elif read.name:
             tracks.append(Track(source=read.name, values=read.values, unit=unit))
             kinds.append(read.kind)
+    if heading.recorder is not None:
+        tracks = with_channels(tracks, heading.recorder)
     made = in_seconds(tracks, kinds)
     columns = list(made.columns)
     if min((column.values.size for column in columns), default=2) < 2:
         raise LogError(f"{path}: less than 2 samples with a time, at least 2 are needed; give a recorded log")
-    maps = {row.field: row for row in maps_of("garmin")} if AIRFRAME in comments else {}
-    for i, column in enumerate(columns):
-        if known := maps.get(column.source):
-            values = known.scale * column.values + known.offset
-            columns[i] = replace(column, values=values, unit=known.unit, channel=known.channel)
     segments = segments_from_json(comments.get(SEGMENTS, "[]"), where=f"{path}: segments")
     filters = filters_from_json(comments[FILTERS], where=f"{path}: filters") if FILTERS in comments else None
     faults, clean = None, dict[str, Track]()
@@ -150,91 +119,18 @@ def _log_of(
 
 
 def _comments(lines: Sequence[str]) -> dict[str, str]:
-    """Return the comments on faults, segments, filters and the airframe, and the line of units below the last."""
+    """Return the comments on faults, segments and filters."""
     comments: dict[str, str] = {}
     for text in lines:
         for key in (FAULTS, SEGMENTS, FILTERS):
             if text.startswith(key):
                 comments.setdefault(key, text.removeprefix(key))
-        if AIRFRAME in comments:
-            comments.setdefault(UNITS, text)
-        elif text.startswith(AIRFRAME):
-            comments[AIRFRAME] = text
     return comments
 
 
-def _is_spaced(line: str) -> bool:
-    """Say whether a line holds several numbers with blanks between them."""
-    cells = line.split()
-    return len(cells) > 1 and not any(sign in line for sign in ",;\t") and all(map(_is_number, cells))
-
-
-def _named(path: str, first: tuple[int, str], named: Sequence[str], delimiter: str) -> str:
-    """Return a header line of the names that `--columns` gives to a table without one."""
-    cells = cells_of(first[1], delimiter)
-    if not all(_is_number(cell) or cell.strip().lower() in ABSENT for cell in cells):
-        raise LogError(f"{path}: line {first[0]} is a header; leave out --columns, or map its names with --channel")
-    if len(cells) != len(named):
-        raise LogError(f"{path}: line {first[0]} has {len(cells)} columns, --columns names {len(named)}; name them all")
-    return delimiter.join(named)
-
-
-def _two_headers(upper: str, lower: str, delimiter: str) -> str | None:
-    """Return the header of a Garmin G3X: the short names of the lower line with the units of the upper line."""
-    long, short = (cells_of(line, delimiter) for line in (upper, lower))
-    if len(long) != len(short) or any(map(_is_number, short)):
-        return None
-    units = [split_unit(one)[1] for one in long]
-    return delimiter.join(f"{name.strip()} [{unit}]" if unit else name for name, unit in zip(short, units, strict=True))
-
-
-def _units(line: str, delimiter: str, count: int) -> list[str | None] | None:
-    """Return the units of a line of units, None for any other line; a unit that is not known is None."""
-    cells = [cell.strip().strip("[]()").strip() for cell in cells_of(line, delimiter)]
-    stated = [cell for cell in cells[:count] if cell]
-    known = {cell for cell in stated if cell != "-" and si_unit(cell) is not None}
-    if not stated or any(map(_is_number, stated)) or 2 * sum(cell in known for cell in stated) < len(stated):
-        return None
-    return [cell if cell in known else None for cell in cells[:count]] + [None] * (count - len(cells))
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        return math.isfinite(float(cell))
-    except ValueError:
-        return False
-
-
-def _header(
-    path: str, line: int, text: str, *, delimiter: str, asked: Asked
-) -> tuple[list[tuple[str, str | None]], dict[str, str]]:
-    """Return names and units of the columns, and by name or place why a column is left out.
-
-    A column that is left out, because it has no name or that of one before it, has the name "".
-
-    Raises
-    ------
-    LogError : the line holds numbers, or several columns have a name that an option mentions.
-    """
-    cells = [cell.strip() for cell in cells_of(text, delimiter)]
-    if cells and not cells[-1]:
-        cells.pop()
-    if any(map(_is_number, cells)):
-        raise LogError(
-            f"{path}: no header, line {line} holds numbers; write the channels' names above them, or give --columns"
-        )
-    require_few(path, len(cells), "columns")
-    columns, places, left_out = list[tuple[str, str | None]](), dict[str, int](), dict[str, str]()
-    for i, (name, unit) in enumerate(map(split_unit, cells), start=1):
-        if name in places and name in asked.sources:
-            raise LogError(f"{path}: columns {places[name]} and {i} are both named '{name}'; rename one of them")
-        if not name:
-            left_out[f"column {i}"] = "has no name"
-        elif name in places:
-            left_out[f"column {i}"] = f"is a second '{name}'"
-        columns.append(("" if name in places else name, unit))
-        places.setdefault(name, i)
-    return columns, left_out
+def _is_time(column: Track) -> bool:
+    match = match_name(column.source) if column.channel is None else None
+    return column.channel == "time" or (match is not None and match.name == "time")
 
 
 def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog:
@@ -251,8 +147,7 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
     notes = list[Note]()
     kept = [c for c, kind in zip(columns, kinds, strict=True) if kind in ("number", None)]
     timed = [*moments, *clocks, *dates]
-    matches = (match_name(column.source) for column in kept)
-    if not timed or timed[0] in dates or any(match is not None and match.name == "time" for match in matches):
+    if not timed or timed[0] in dates or any(map(_is_time, kept)):
         return RawLog(columns=kept, left_out=dict.fromkeys((column.source for column in timed), BESIDE_TIME))
     chosen = timed[0]
     time_s = chosen.values.copy()
@@ -288,9 +183,12 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
                 "single missing samples"
             )
         )
-    time = Track(source=chosen.source, values=time_s[rows], unit="s", channel="time")
+    used = dates[:1] if chosen in clocks else []
+    why = f"the clock of the log{''.join(f', with the dates of {one.source!r}' for one in used)}"
+    time = Track(source=chosen.source, values=time_s[rows], unit="s", channel="time", why=why)
     kept = [time, *(replace(column, values=column.values[rows]) for column in kept)]
-    return RawLog(columns=kept, notes=tuple(notes))
+    aside = {one.source: BESIDE_TIME for one in timed if one is not chosen and one not in used}
+    return RawLog(columns=kept, notes=tuple(notes), left_out=aside)
 
 
 def _spread(time_s: np.ndarray) -> np.ndarray:

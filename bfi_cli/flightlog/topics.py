@@ -1,7 +1,8 @@
-"""Logs of many messages, each with a separate clock: which of their fields are channels, and under which names.
+"""Which fields of a recorder's messages, or columns of its tables, are channels, and under which names.
 
-One table serves every such recorder. `scale * value + offset` of a field is the channel in the unit of the table, with
-the signs and conventions of `bfi_cli.channels`.
+One table serves every recorder, those whose messages have separate clocks and those that write tables (`layouts`).
+`scale * value + offset` of a field is the channel in the unit of the table, with the signs and conventions of
+`bfi_cli.channels`.
 """
 
 from __future__ import annotations
@@ -20,8 +21,22 @@ from ..notes import Note
 from ..units import DEGREE, G
 from .raw import Asked, FloatArray, RawLog, Track
 
-Recorder = Literal["px4", "ardupilot", "mavlink", "garmin"]
-RECORDERS: dict[Recorder, str] = {"px4": "PX4", "ardupilot": "ArduPilot", "mavlink": "MAVLink", "garmin": "Garmin"}
+Recorder = Literal[
+    "px4", "ardupilot", "mavlink", "garmin", "dynon", "xplane", "inav", "flightgear", "igc", "dashlink", "sidpac"
+]
+RECORDERS: dict[Recorder, str] = {
+    "px4": "PX4",
+    "ardupilot": "ArduPilot",
+    "mavlink": "MAVLink",
+    "garmin": "Garmin",
+    "dynon": "Dynon SkyView",
+    "xplane": "X-Plane",
+    "inav": "INAV blackbox",
+    "flightgear": "FlightGear",
+    "igc": "IGC",
+    "dashlink": "DASHlink",
+    "sidpac": "SIDPAC",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -54,7 +69,10 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class ChannelMap:
-    """A field of a topic that is a standard channel: `scale * value + offset` is it, in `unit`."""
+    """A field of a topic that is a standard channel: `scale * value + offset` is it, in `unit`.
+
+    `channel` is "" of a field that is none, though another recorder's channel has its name.
+    """
 
     topic: str
     field: str
@@ -71,9 +89,20 @@ class ChannelMap:
 # ArduPilot: messages of ArduPlane 3.9 to 4.5 (LogStructure.h). Angles of ATT are degrees, their scale makes them rad.
 # Commands of AETR run to 4500, positive nose up.
 # MAVLink: common.xml; the airspeed of VFR_HUD is the indicated one of a fixed wing, accelerations are in 1e-3 g.
-# Garmin G1000 and G3X: the names of their columns; the first of the table that a log has is the channel. NormAc is the
-# load factor less one, 0 in level flight. TRK is magnetic in a G1000: on two flights of a Cessna 172 the direction of
-# the positions less TRK is MagVar within 0.1 degree. AltB is by the setting BaroA.
+# Tables (topic `csv`, `mat` or `B`): the first of the table that a log has is the channel; names are compared by
+# `layouts.plain_name`, and the unit is that of the file where the channel can have it, then without the scale but for
+# its sign. A channel "-" says that a column is none. Of `normal_acc` the level-flight median tells the convention.
+# Garmin G1000, Perspective, NXi, G3X, GDU 460, TXi: short names, and the long ones of G3X. AOA is an index, no angle;
+# Flaps are notches. HDG and TRK are magnetic: on two flights of a Cessna 172 with a G1000 the direction of the
+# positions less TRK is MagVar within 0.1 degree.
+# Dynon: SkyView user data logs (SkyView Classic and HDX system installation guide). Its angle of attack is a share.
+# X-Plane 10 to 12: Data.txt. Of two clocks the simulated time is that of the flight.
+# INAV: Blackbox.md, blackbox.c and osd.c, `blackbox_decode` of blackbox-tools. Body axes are forward, left, up, so that
+# pitch and its rate are positive nose down; an acceleration unit is 1/2048 g, the airspeed that of air at sea level.
+# FlightGear: paths of the property tree. `airspeed-kt` is the calibrated one, body axes are forward, right, down.
+# IGC: FAI, Technical Specification for GNSS Flight Recorders, appendix A: km/h, m, degrees, degrees Celsius.
+# DASHlink: parameters of NASA's sample flight data of a BAe 146; temperatures state DEG, static pressure IN.
+# SIDPAC: `fdata` of Klein and Morelli, Aircraft System Identification: feet, degrees, g.
 _TABLE = f"""
 px4
 airspeed_validated.true_airspeed_m_s          tas               m/s
@@ -198,29 +227,249 @@ SCALED_PRESSURE.press_diff  q_impact         hPa
 AOA_SSA.AOA                aoa               deg
 AOA_SSA.SSA                sideslip          deg
 garmin
-csv.TAS        tas            kt
-csv.IAS        ias            kt
-csv.GndSpd     ground_speed   kt
-csv.AltP       altitude       ft
-csv.AltB       baro_altitude  ft
-csv.AltInd     baro_altitude  ft
-csv.BaroA      baro_setting   inHg
-csv.Baro       baro_setting   inHg
-csv.AltMSL     gps_altitude   ft
-csv.AltGPS     gps_altitude   ft
-csv.RALT       radio_altitude  ft
-csv.VSpd       altitude_rate  ft/min
-csv.VSpdG      gps_altitude_rate  ft/min
-csv.TRK        magnetic_track  deg
-csv.MagVar     magnetic_variation  deg
-csv.Pitch      pitch          deg
-csv.Roll       roll           deg
-csv.HDG        yaw            deg
-csv.LatAc      lateral_acc    g
-csv.NormAc     normal_acc     g
-csv.OAT        sat            degC
-csv.Latitude   latitude       deg
-csv.Longitude  longitude      deg
+csv.TAS                  tas                 kt
+csv.True_Airspeed        tas                 kt
+csv.IAS                  ias                 kt
+csv.Indicated_Airspeed   ias                 kt
+csv.GndSpd               ground_speed        kt
+csv.GPS_Ground_Speed     ground_speed        kt
+csv.GPSVelN              velocity_north      m/s
+csv.GPS_Velocity_N       velocity_north      m/s
+csv.GPSVelE              velocity_east       m/s
+csv.GPS_Velocity_E       velocity_east       m/s
+csv.TRK                  magnetic_track      deg
+csv.GPS_Ground_Track     magnetic_track      deg
+csv.MagVar               magnetic_variation  deg
+csv.Magnetic_Variation   magnetic_variation  deg
+csv.AltP                 altitude            ft
+csv.AltPress             altitude            ft
+csv.Pressure_Altitude    altitude            ft
+csv.AltB                 baro_altitude       ft
+csv.AltInd               baro_altitude       ft
+csv.Baro_Altitude        baro_altitude       ft
+csv.BaroA                baro_setting        inHg
+csv.Baro                 baro_setting        inHg
+csv.Baro_Setting         baro_setting        inHg
+csv.AltMSL               gps_altitude        ft
+csv.AltGPS               gps_altitude        ft
+csv.GPS_Altitude         gps_altitude        ft
+csv.RALT                 radio_altitude      ft
+csv.Radar_Altitude       radio_altitude      ft
+csv.VSpd                 altitude_rate       ft/min
+csv.Vertical_Speed       altitude_rate       ft/min
+csv.VSpdG                gps_altitude_rate   ft/min
+csv.GPSVelU              gps_altitude_rate   m/s
+csv.GPS_Velocity_U       gps_altitude_rate   m/s
+csv.Pitch                pitch               deg
+csv.Roll                 roll                deg
+csv.HDG                  yaw                 deg
+csv.Magnetic_Heading     yaw                 deg
+csv.LatAc                lateral_acc         g
+csv.Lateral_Acceleration  lateral_acc        g
+csv.NormAc               normal_acc          g
+csv.Normal_Acceleration  normal_acc          g
+csv.OAT                  sat                 degC
+csv.Outside_Air_Temp     sat                 degC
+csv.Latitude             latitude            deg
+csv.Longitude            longitude           deg
+csv.AOA                  -                   1
+csv.AOA_Cp               -                   1
+csv.Flaps                -                   1
+csv.Flap_Position        -                   1
+dynon
+csv.Session_Time         time                s
+csv.True_Airspeed        tas                 kt
+csv.Indicated_Airspeed   ias                 kt
+csv.Ground_Speed         ground_speed        kt
+csv.Ground_Track         track               deg
+csv.Mag_Var              magnetic_variation  deg
+csv.Pressure_Altitude    altitude            ft
+csv.GPS_Altitude         gps_altitude        ft
+csv.Barometer_Setting    baro_setting        inHg
+csv.Vertical_Speed       altitude_rate       ft/min
+csv.Pitch                pitch               deg
+csv.Roll                 roll                deg
+csv.Magnetic_Heading     yaw                 deg
+csv.Lateral_Accel        lateral_acc         g
+csv.Vertical_Accel       normal_acc          g
+csv.OAT                  sat                 degC
+csv.Latitude             latitude            deg
+csv.Longitude            longitude           deg
+csv.Angle_of_Attack      -                   %
+csv.Turn_Rate            -                   deg/s
+xplane
+csv.totl_time            time                s
+csv.missn_time           time                s
+csv.real_time            time                s
+csv.Vtrue_ktas           tas                 kt
+csv.Vind_kias            ias                 kt
+csv.Vtrue_ktgs           ground_speed        kt
+csv.Mach_ratio           mach                1
+csv.VVI_fpm              altitude_rate       ft/min
+csv.p-alt_ftMSL          altitude            ft
+csv.alt_ftmsl            gps_altitude        ft
+csv.CG_ftMSL             gps_altitude        ft
+csv.alt_ftagl            radio_altitude      ft
+csv.gear_ftagl           radio_altitude      ft
+csv.pitch_deg            pitch               deg
+csv.roll_deg             roll                deg
+csv.hding_true           yaw                 deg
+csv.hding_mag            yaw                 deg
+csv.hpath_true           track               deg
+csv.vpath_deg            flight_path_angle   deg
+csv.alpha_deg            aoa                 deg
+csv.beta_deg             sideslip            deg
+csv.Q_rad/s              pitch_rate          rad/s
+csv.P_rad/s              roll_rate           rad/s
+csv.R_rad/s              yaw_rate            rad/s
+csv.Gload_axial          longitudinal_acc    g
+csv.Gload_side           lateral_acc         g
+csv.Gload_norml          normal_acc          g
+csv.AMprs_inHG           p_static            inHg
+csv.AMtmp_degC           sat                 degC
+csv.lat_deg              latitude            deg
+csv.lon_deg              longitude           deg
+csv.elev_surf            elevator            1
+csv.ailrn_surf           aileron             1
+csv.ruddr_surf           rudder              1
+csv.thro1_part           throttle            1
+inav
+csv.time                 time                us
+csv.AirSpeed             ias                 cm/s
+csv.BaroAlt              baro_altitude       cm
+csv.GPS_altitude         gps_altitude        m
+csv.GPS_speed            ground_speed        cm/s
+csv.GPS_ground_course    track               deg
+csv.GPS_velned[0]        velocity_north      cm/s
+csv.GPS_velned[1]        velocity_east       cm/s
+csv.navVel[0]            velocity_north      cm/s
+csv.navVel[1]            velocity_east       cm/s
+csv.navVel[2]            altitude_rate       cm/s
+csv.GPS_coord[0]         latitude            deg
+csv.GPS_coord[1]         longitude           deg
+csv.wind[0]              wind_north          cm/s
+csv.wind[1]              wind_east           cm/s
+csv.attitude[0]          roll                deg     0.1
+csv.attitude[1]          pitch               deg    -0.1
+csv.attitude[2]          yaw                 deg     0.1
+csv.gyroADC[0]           roll_rate           deg/s
+csv.gyroADC[1]           pitch_rate          deg/s  -1
+csv.gyroADC[2]           yaw_rate            deg/s  -1
+csv.accSmooth[0]         longitudinal_acc    g       {1 / 2048}
+csv.accSmooth[1]         lateral_acc         g      -{1 / 2048}
+csv.accSmooth[2]         normal_acc          g       {1 / 2048}
+csv.rcCommand[3]         throttle            1       1e-3  -1
+flightgear
+csv.Time                                                        time               s
+csv./instrumentation/airspeed-indicator/true-speed-kt           tas                kt
+csv./fdm/jsbsim/velocities/vtrue-kts                            tas                kt
+csv./velocities/airspeed-kt                                     cas                kt
+csv./fdm/jsbsim/velocities/vc-kts                               cas                kt
+csv./instrumentation/airspeed-indicator/indicated-speed-kt      ias                kt
+csv./velocities/mach                                            mach               1
+csv./velocities/groundspeed-kt                                  ground_speed       kt
+csv./velocities/speed-north-fps                                 velocity_north     ft/s
+csv./velocities/speed-east-fps                                  velocity_east      ft/s
+csv./velocities/vertical-speed-fps                              altitude_rate      ft/s
+csv./instrumentation/altimeter/pressure-alt-ft                  altitude           ft
+csv./instrumentation/altimeter/indicated-altitude-ft            baro_altitude      ft
+csv./instrumentation/altimeter/setting-inhg                     baro_setting       inHg
+csv./position/altitude-ft                                       gps_altitude       ft
+csv./position/altitude-agl-ft                                   radio_altitude     ft
+csv./position/latitude-deg                                      latitude           deg
+csv./position/longitude-deg                                     longitude          deg
+csv./orientation/pitch-deg                                      pitch              deg
+csv./orientation/roll-deg                                       roll               deg
+csv./orientation/heading-deg                                    yaw                deg
+csv./orientation/track-deg                                      track              deg
+csv./orientation/alpha-deg                                      aoa                deg
+csv./orientation/side-slip-deg                                  sideslip           deg
+csv./orientation/p-body                                         roll_rate          rad/s
+csv./orientation/q-body                                         pitch_rate         rad/s
+csv./orientation/r-body                                         yaw_rate           rad/s
+csv./accelerations/pilot/x-accel-fps_sec                        longitudinal_acc   ft/s^2
+csv./accelerations/pilot/y-accel-fps_sec                        lateral_acc        ft/s^2
+csv./accelerations/pilot/z-accel-fps_sec                        normal_acc         ft/s^2
+csv./accelerations/nlf                                          normal_acc         g
+csv./environment/pressure-inhg                                  p_static           inHg
+csv./environment/temperature-degc                               sat                degC
+csv./environment/wind-from-north-fps                            wind_north         ft/s   -1
+csv./environment/wind-from-east-fps                             wind_east          ft/s   -1
+csv./surface-positions/elevator-pos-norm                        elevator           1
+csv./surface-positions/rudder-pos-norm                          rudder             1
+csv./controls/engines/engine/throttle                           throttle           1
+csv./controls/engines/engine[0]/throttle                        throttle           1
+igc
+B.pressure_altitude      altitude            m
+B.gnss_altitude          gps_altitude        m
+B.latitude               latitude            deg
+B.longitude              longitude           deg
+B.TAS                    tas                 km/h
+B.IAS                    ias                 km/h
+B.GSP                    ground_speed        km/h
+B.TRT                    track               deg
+B.TRM                    magnetic_track      deg
+B.HDT                    yaw                 deg
+B.HDM                    yaw                 deg
+B.OAT                    sat                 degC
+dashlink
+mat.ALT       altitude            ft
+mat.BAL1      baro_altitude       ft
+mat.RALT      radio_altitude      ft
+mat.TAS       tas                 kt
+mat.CAS       cas                 kt
+mat.MACH      mach                1
+mat.GS        ground_speed        kt
+mat.TRK       track               deg
+mat.TRKM      magnetic_track      deg
+mat.ALTR      altitude_rate       ft/min
+mat.IVV       gps_altitude_rate   ft/min
+mat.PTCH      pitch               deg
+mat.ROLL      roll                deg
+mat.TH        yaw                 deg
+mat.MH        yaw                 deg
+mat.AOAC      aoa                 deg
+mat.AOA1      aoa                 deg
+mat.AOA1      aoa_1               deg
+mat.AOA2      aoa_2               deg
+mat.VRTG      normal_acc          g
+mat.LONG      longitudinal_acc    g
+mat.LATG      lateral_acc         g
+mat.PS        p_static            inHg
+mat.PSA       p_static            hPa
+mat.PT        p_total             hPa
+mat.PI        q_impact            hPa
+mat.TAT       tat                 degC
+mat.SAT       sat                 degC
+mat.LATP      latitude            deg
+mat.LONP      longitude           deg
+mat.ELEV.1    elevator            deg
+mat.AIL.1     aileron             deg
+mat.RUDD      rudder              deg
+mat.PTRM      elevator_trim       deg
+mat.LGDN      gear                1
+mat.FF.1      fuel_flow           lb/h
+mat.DA        -                   deg
+mat.FLAP      -                   1
+sidpac
+mat.fdata(:,1)   time              s
+mat.fdata(:,2)   tas               ft/s
+mat.fdata(:,3)   sideslip          deg
+mat.fdata(:,4)   aoa               deg
+mat.fdata(:,5)   roll_rate         deg/s
+mat.fdata(:,6)   pitch_rate        deg/s
+mat.fdata(:,7)   yaw_rate          deg/s
+mat.fdata(:,8)   roll              deg
+mat.fdata(:,9)   pitch             deg
+mat.fdata(:,10)  yaw               deg
+mat.fdata(:,11)  longitudinal_acc  g
+mat.fdata(:,12)  lateral_acc       g
+mat.fdata(:,13)  normal_acc        g
+mat.fdata(:,14)  elevator          deg
+mat.fdata(:,15)  aileron           deg
+mat.fdata(:,16)  rudder            deg
+mat.fdata(:,28)  mach              1
+mat.fdata(:,30)  altitude          ft
 """
 
 
@@ -234,7 +483,7 @@ for _line in _TABLE.strip().splitlines():
         continue
     _channel, _unit, *_numbers = _words
     _topic, _, _field = _place.partition(".")
-    _rows.append(ChannelMap(_topic, _field, _channel, _unit, *map(float, _numbers)))
+    _rows.append(ChannelMap(_topic, _field, _channel.strip("-"), _unit, *map(float, _numbers)))
 
 
 def maps_of(recorder: Recorder) -> tuple[ChannelMap, ...]:
@@ -335,6 +584,8 @@ def tracks_of(recorder: Recorder, topics: Sequence[Topic], wanted: Sequence[str]
                     unit=row.unit,
                     time_s=topic.time_s,
                     values=values,
+                    why=f"by the table of {RECORDERS[recorder]}",
+                    unit_from=f"table of {RECORDERS[recorder]}",
                 )
 
     tracks = list(mapped())

@@ -164,3 +164,29 @@ def test_the_time_step_is_described_as_it_is(bfi, tmp_path: Path, time_s: np.nda
         file["time"], file["tas"] = time_s, 90.0 + np.sin(time_s)
     first = " ".join(bfi("info", tmp_path / "a.h5").stdout.split("Channels")[0].split())
     assert first.endswith(words)
+
+
+def test_every_column_of_the_file_is_explained(bfi, tmp_path: Path):
+    path = tmp_path / "flight.csv"
+    rows = "".join(f"{k / 10},{100 + k % 7},{90 + k % 5},{k % 3},{1 + k % 2},{k},text,2.5\n" for k in range(60))
+    path.write_text("time,vtas,tas_2,de [deg],nz [g],TAS,ident,aoa\n" + rows)
+    document = json.loads(bfi("info", path, "--explain", "--unit", "vtas=kt", "--json").stdout)
+    told = {one["column"]: (one["channel"], one["unit"], one["unit_from"], one["why"]) for one in document["explain"]}
+    assert told == {
+        "time": ("time", "s", "assumed", "the standard name"),
+        "vtas": ("vtas", "kt", "--unit", "is a second tas; 'TAS' is used for it"),
+        "TAS": ("tas", "m/s", "assumed", "the standard name but for case"),
+        "tas_2": ("tas_2", "m/s", "assumed", "the standard name"),
+        "de": ("elevator", "deg", "the file", "an alias"),
+        "nz": (
+            "normal_acc",
+            "g",
+            "the file",
+            "an alias; it has the weight in it, upward: its median in level flight is 14.7 m/s^2; normal_acc is it "
+            "less gravity",
+        ),
+        "aoa": ("aoa", "rad", "assumed", "the standard name"),
+        "ident": (None, None, None, "left out, as it holds text"),
+    }
+    assert "Columns of the file" in bfi("info", path, "--explain").stdout
+    assert "explain" not in json.loads(bfi("info", path, "--json").stdout)

@@ -12,6 +12,7 @@ import pytest
 from bars import FULL
 from damaged_logs import read_all
 from made_dataflash import dataflash_bytes
+from made_layouts import LAYOUTS
 from made_px4 import px4_topics, write_ulog
 from made_tdms import write_tdms
 from made_tlog import tlog_bytes
@@ -129,6 +130,7 @@ FORMATS = (
     utf_16,
     flight_data_accessor,
     mcap,
+    *LAYOUTS.values(),
 )
 
 
@@ -146,7 +148,7 @@ def damaged(whole: bytes) -> list[bytes]:
 
 
 @pytest.mark.parametrize("write", FORMATS)
-def test_a_damaged_file_is_read_or_refused_in_one_line(write: Callable[[Path], None], tmp_path: Path):
+def test_a_damaged_file_is_read_or_refused_in_one_line(write: Callable[[Path], object], tmp_path: Path):
     (tmp_path / "dictionary.yaml").write_text("atoms:\n  - {shape: bias, onset_s: 13.8}\n")
     write(tmp_path / "whole.h5")
     files = damaged((tmp_path / "whole.h5").read_bytes())

@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections import Counter
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,8 @@ from bfi_cli.filters import response_of
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
 from bfi_cli.flightlog.recorder import recorder_filters
+from bfi_cli.identify.result import IdentifyResult
+from bfi_cli.onset import OnsetResult
 from bfi_cli.preprocessing.tolerance import tolerance_of
 
 FLIGHTS = Path(__file__).resolve().parents[3] / "shared" / "flights"
@@ -59,13 +62,11 @@ def starts_s(name: str) -> tuple[float, ...]:
     return tuple(found)
 
 
-def trial(number: int) -> dict[str, Any]:
-    """Return what both commands say of one window."""
+def drawn(number: int) -> dict[str, Any]:
+    """Return a window and the fault that is added to it, None of a kind of "healthy"."""
     rng = np.random.default_rng([20, number])
     flight = CITATION[number % 2]
     log, start = flight_log(flight), float(rng.choice(starts_s(flight)))
-    window = {"window.from_s": start, "window.to_s": start + LENGTH_S}
-    config = merge(Config(), {"inputs": ("auto",), **window})
     row: dict[str, Any] = {"number": number, "flight": flight, "from_s": start, "kind": "healthy", "share": 0.0}
     if rng.random() > HEALTHY_SHARE:
         shape = str(rng.choice(list(KINDS)))
@@ -74,15 +75,30 @@ def trial(number: int) -> dict[str, Any]:
         keys = {key: float(rng.uniform(*span)) for key, span in KINDS[shape].items()}
         size = share * tolerance_of(log, log.window(start, start + LENGTH_S), "tas")
         size /= (start + LENGTH_S - onset_s) if shape == "drift" else 1.0
-        fault = Fault(shape=shape, channel="tas", magnitude=size, onset_s=onset_s, **keys)  # type: ignore[arg-type]
-        filters = recorder_filters(log)[0]
-        log = inject(log, [fault], response=response_of(filters, log.rate_hz))
         row |= {"kind": shape, "share": share, "onset_s": onset_s, "magnitude": size, **keys}
-    answers = {
-        "identify": identify(log, load_dictionary("airdata", channel="tas"), config)[0],
-        "start-time": start_time(log, config),
-    }
-    for name, answer in answers.items():
+    return row
+
+
+def posed(row: Mapping[str, Any]) -> tuple[FlightLog, Config]:
+    """Return the flight of a window with its fault, and the configuration of the analysis."""
+    log, start = flight_log(row["flight"]), row["from_s"]
+    if (shape := row["kind"]) != "healthy":
+        keys = {key: row[key] for key in ("magnitude", "onset_s", *KINDS[shape])}
+        filters = recorder_filters(log)[0]
+        log = inject(log, [Fault(shape=shape, channel="tas", **keys)], response=response_of(filters, log.rate_hz))
+    window = {"window.from_s": start, "window.to_s": start + LENGTH_S}
+    return log, merge(Config(), {"inputs": ("auto",), **window})
+
+
+def answers(log: FlightLog, config: Config) -> tuple[IdentifyResult, OnsetResult]:
+    """Return what identify and start-time say of a window."""
+    return identify(log, load_dictionary("airdata", channel="tas"), config)[0], start_time(log, config)
+
+
+def trial(number: int) -> dict[str, Any]:
+    """Return what both commands say of one window."""
+    row = drawn(number)
+    for name, answer in zip(("identify", "start-time"), answers(*posed(row)), strict=True):
         row[name] = {
             "decision": answer.decision,
             "verdicts": dict(answer.verdicts),

@@ -121,12 +121,12 @@ class Asked:
         return flight, replace(self, config=config, notes=notes, dictionary=dictionary, findings=findings)
 
     def noted(self, result: Any) -> Any:
-        """Return a result with the notes of the request, and without a verdict if channels contradict each other."""
-        from ..plausibility import in_words, without_verdict
+        """Return a result with the notes of the request, and with what is wrong with channels throughout."""
+        from ..plausibility import in_words, with_plausibility
 
         result = replace(result, notes=(*self.notes, *result.notes))
         if hasattr(result, "plausibility"):
-            return without_verdict(result, self.findings)
+            return with_plausibility(result, self.findings)
         contradictions = in_words(self.findings)
         return replace(result, notes=(Note.limit(contradictions), *result.notes)) if contradictions else result
 

@@ -23,7 +23,7 @@ from ..parity.record import STATIC_LEAK, record_of
 from ..parity.sampled import unit_of
 from ..parity.static_relations import RelationAnswer, relation_series
 from ..parity.windows import Window, overlaps, windows_in
-from ..plausibility import Implausible, without_offsets
+from ..plausibility import Implausible, without_constant_errors
 from ..preprocessing.summary import LogSummary, log_summary
 from ..report.text import quantity
 from ..shapes import SHAPES
@@ -41,11 +41,8 @@ from .events import (
 )
 from .exact_events import (
     AFTER_HOLD_S,
-    event_of_offset,
     events_of_defects,
-    is_fault,
     notes_on_defects,
-    with_faults_marked,
 )
 from .flight import Flight, flight_of
 from .limits import bounds_of, limit_courses, limits_of
@@ -74,8 +71,8 @@ def diagnose_flight(
 ) -> DiagnoseResult:
     """Say which air-data fault hit a flight, when, how large and how sure, with everything that the log allows.
 
-    1. Dropouts, spikes and readings that stay still, which are left out of what follows. Phases of the flight:
-       take-off, approach, landing and parabolas are left out.
+    1. Constant errors, dropouts, spikes and readings that stay still, which are left out of what follows. Phases of the
+       flight: take-off, approach, landing and parabolas are left out.
     2. Static relations and holds of the pressure lines, over the whole flight.
     3. The parity scan, on windows of 60, 120 and 240 s.
     4. The scan for steps and oscillations, on windows of 120 s.
@@ -85,7 +82,7 @@ def diagnose_flight(
 
     Parameters
     ----------
-    findings : on channels that contradict each other; constant errors among them are faults, and left out of the rest.
+    findings : on channels that are wrong throughout; constant errors of one channel among them are taken out first.
     config : `diagnose` holds what is special to it; `window` is the part of the flight.
     workers : processes for step 4; the numbers are the same for any.
     progress : called with the name of the step and the fraction of it that is done.
@@ -97,9 +94,8 @@ def diagnose_flight(
     """
     # 1. Short defects and constant errors are taken out, and the phases found.
     progress("phases of the flight", 0.0)
-    findings = with_faults_marked(log, findings, config)
-    offsets = [one for one in findings if is_fault(log, one, config)]
-    flight = flight_of(without_offsets(log, [one for one in offsets if one.fixed]), config)
+    recorded, (log, findings) = log, without_constant_errors(log, findings, config.tolerances)
+    flight = flight_of(log, config)
 
     # 2. and 3. What lasts: holds, relations and the parity scan.
     with threadpool_limits(1):
@@ -113,7 +109,7 @@ def diagnose_flight(
 
     # 5. Events, and deviations within the tolerances.
     lasting = events_of(flight, [*drafts, *glanced])
-    every_event = [*(event_of_offset(flight, one) for one in offsets), *events_of_defects(flight), *lasting]
+    every_event = [*events_of_defects(flight), *lasting]
     events = tuple(one for one in every_event if one.beyond_tolerance is not False)
 
     # 6. What could not have been seen, and the conclusion.
@@ -145,14 +141,14 @@ def diagnose_flight(
         zero_lift_rad=flight.zero_lift,
         zero_lift_from=flight.zero_lift_from,
         time_s=flight.record.time_s,
-        measured=_measured(log, flight),
+        measured=_measured(recorded, flight),
         corrected=corrected_channels(flight.record, events),
         units={name: STANDARD[name].unit for name in _shown(flight)},
         strips=_strips(slow.scanned, static),
         limit_courses=limit_courses(flight, bounds),
         courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
         notes=_notes(slow),
-        plausibility=tuple(findings),
+        plausibility=(*findings, *flight.not_credible),
     )
 
 
@@ -190,7 +186,7 @@ def lasting_faults(flight: Flight, progress: Progress) -> tuple[list[Draft], Sta
     part = (flight.from_s, flight.to_s)
     drafts = [
         Draft(finding=one, window=part, until_s=one.offset_s or part[1])
-        for one in flight.not_credible
+        for one in flight.resting
         if one.onset_s < part[1] and (one.offset_s is None or one.offset_s > part[0])
     ]
     drafts += [

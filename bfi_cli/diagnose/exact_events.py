@@ -1,26 +1,19 @@
-"""Events that need no scan: short defects of a channel, and constant errors that arithmetic between channels shows."""
+"""Events that need no scan: short defects of a channel."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
-from ..channels import STANDARD
-from ..config import Config
-from ..flightlog import FlightLog
 from ..flightlog.defects import Defect, sentence_of_defect
 from ..notes import Note
-from ..plausibility import Implausible
 from ..preprocessing.tolerance import tolerance_of
 from .flight import Flight
 from .result import Event
 
 AROUND_S = 30.0  # shown beside a short defect
 AFTER_HOLD_S = 20.0  # after a held line, when a jump back is its end and no fault of its own
-FEWEST_WITNESSES = 2  # other channels that contradict one which is named; of two alone either may be wrong
 
 
 def events_of_defects(flight: Flight) -> tuple[Event, ...]:
@@ -60,13 +53,20 @@ def _in_part(flight: Flight) -> list[Defect]:
 def _event(flight: Flight, one: Defect) -> Event:
     onset_s, last_s = one.times_s[0], one.times_s[-1] + one.durations_s[-1]
     beside_s = max(onset_s - one.hidden[0][0], 1.0 / flight.log.rate_hz)
-    return _exact_event(
-        one.channel,
+    return Event(
+        fault=one.channel,
+        among=(one.channel,),
+        channels=(one.channel,),
+        state="declared",
         kind="abrupt",
         stages=("sensors",),
         shape=one.shape,
+        constant_s=None,
+        frequency_hz=None,
         magnitude=None,
         unit=one.unit,
+        sd=None,
+        ci95=None,
         effect={one.channel: one.largest},
         onset_s=onset_s,
         onset_ci95=(onset_s - beside_s, onset_s + beside_s),
@@ -74,6 +74,11 @@ def _event(flight: Flight, one: Defect) -> Event:
         seen_until_s=last_s,
         window_s=(max(onset_s - AROUND_S, flight.from_s), min(last_s + AROUND_S, flight.to_s)),
         statistic=one.statistic,
+        threshold=1.0,
+        p_value=None,
+        evidence={},
+        note="",
+        repeat="",
         beyond_tolerance=bool(np.abs(one.largest) > _tolerance(flight, one.channel)),
         count=one.count,
         times_s=one.times_s,
@@ -81,48 +86,5 @@ def _event(flight: Flight, one: Defect) -> Event:
     )
 
 
-def _exact_event(channel: str, **values: Any) -> Event:
-    """Return a declared event of a channel that is seen as it is: without a model, and so without an interval."""
-    usual: dict[str, Any] = dict.fromkeys(("constant_s", "frequency_hz", "sd", "ci95", "p_value"))
-    usual |= {"among": (channel,), "threshold": 1.0, "evidence": {}, "note": "", "repeat": ""}
-    return Event(fault=channel, channels=(channel,), state="declared", **(usual | values))
-
-
 def _tolerance(flight: Flight, channel: str) -> float:
     return flight.tolerances.get(channel) or tolerance_of(flight.log, flight.log, channel)
-
-
-def is_fault(log: FlightLog, one: Implausible, config: Config) -> bool:
-    """Return whether a finding is a constant error of a channel beyond its tolerance that two others contradict."""
-    if one.what != "offset" or len(one.agrees_with) < FEWEST_WITNESSES:
-        return False
-    channel = one.channels[0]
-    return abs(one.offset) > (config.tolerances.get(channel) or tolerance_of(log, log, channel))
-
-
-def with_faults_marked(log: FlightLog, findings: Sequence[Implausible], config: Config) -> tuple[Implausible, ...]:
-    """Return findings of which the faults of one channel alone are marked as left out of the rest of a diagnosis."""
-    return tuple(replace(one, fixed=True) if is_fault(log, one, config) and not one.rivals else one for one in findings)
-
-
-def event_of_offset(flight: Flight, one: Implausible) -> Event:
-    """Return a constant error as an event of the whole part that is diagnosed."""
-    channel, size = one.channels[0], -one.offset
-    return _exact_event(
-        channel,
-        among=(channel, *one.rivals),
-        kind="slow",
-        stages=("static relations",),
-        shape="offset",
-        magnitude=size,
-        unit=STANDARD[channel].unit,
-        effect={channel: size},
-        beyond_tolerance=True,
-        onset_s=flight.from_s,
-        onset_ci95=(flight.from_s, flight.from_s),
-        offset_s=None,
-        seen_until_s=flight.to_s,
-        window_s=(flight.from_s, flight.to_s),
-        statistic=abs(size) / _tolerance(flight, channel),
-        note=one.text,
-    )

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..airdata import IMPACT_SOURCES
-from ..channels import quantity_of
+from ..channels import STANDARD, quantity_of
 from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
 from ..flightlog.defects import Defect, find_defects, with_bridges, without_defects
 from ..flightlog.phases import NO_AIRSPEED, Disagreement, Phase, find_phases
+from ..flightlog.plausible import IN_FLIGHT, impossible_median, sentence_of_impossible
 from ..flightlog.recorder import with_seen_recorder
 from ..parity import (
     RESIDUALS,
@@ -34,7 +35,8 @@ from ..parity.credibility import coarse_positions, credibility_of
 from ..parity.holds import Holds, find_holds
 from ..parity.record import USED
 from ..parity.sensors import frozen_sensors, sensor_steps, without_frozen
-from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps
+from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps, within
+from ..plausibility import Implausible
 from ..preprocessing.tolerance import AIRSPEEDS, tolerance_of
 
 FloatArray = NDArray[np.float64]
@@ -92,7 +94,8 @@ class Flight:
     moved : stretches in which flaps and gear may move.
     held : pressure lines that are held.
     unused : sentences on channels that are not what their names say, or do not follow the flight, and were left out.
-    not_credible : of the latter, and of a sensor that is frozen; unusable : residuals that are not used.
+    resting : sensors that are frozen.
+    not_credible : channels that do not follow the flight; unusable : residuals that are not used.
     stepped : steps of a temperature probe or an accelerometer.
     defects : dropouts, spikes and readings that stay still; `log` has no values there.
     lasting : faults found so far, which later windows are not to find again.
@@ -114,7 +117,8 @@ class Flight:
     held: Holds
     tolerances: Mapping[str, float]
     unused: tuple[str, ...]
-    not_credible: tuple[Finding, ...] = ()
+    resting: tuple[Finding, ...] = ()
+    not_credible: tuple[Implausible, ...] = ()
     stepped: tuple[Finding, ...] = ()
     unusable: tuple[str, ...] = ()
     defects: tuple[Defect, ...] = ()
@@ -218,7 +222,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         log = without(log, "latitude", "longitude")
     log, unlike = without_other_conventions(log, phases)
     record = record_of(log)
-    credible = credibility_of(record, phases, (from_s, to_s), without=held_stretches(held.findings))
+    credible = credibility_of(record, phases, without=held_stretches(held.findings))
     if credible.findings:
         log = without(log, *credible.unused)
         record = record_of(log)
@@ -240,7 +244,8 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         held=held,
         tolerances=config.tolerances,
         unused=(*frozen, *([coarse] if coarse else ()), *unlike, *credible.sentences),
-        not_credible=(*resting, *credible.findings),
+        resting=resting,
+        not_credible=credible.findings,
         stepped=sensor_steps(record, phases, log.channels.keys(), without=held_stretches(held.findings)),
         unusable=credible.unusable,
         defects=defects,
@@ -336,8 +341,15 @@ def _reaches(hold: Finding, time_s: float) -> bool:
 
 
 def without_other_conventions(log: FlightLog, phases: Sequence[Phase]) -> tuple[FlightLog, tuple[str, ...]]:
-    """Return the log without accelerations whose mean over the flight no aircraft has, and a sentence on each."""
+    """Return the log without channels whose median or mean over the flight no aircraft has, and a sentence on each."""
     said = []
+    flown = within(log.time_s, flight_stretches(phases))
+    for name, channel in log.channels.items():
+        if name in IN_FLIGHT and channel.unit in (STANDARD[name].unit, ""):
+            middle = impossible_median(name, channel.values[flown])
+            if middle is not None:
+                said.append(sentence_of_impossible(name, middle))
+                log = without(log, name)
     record = record_of(log)
     if record.gained is not None and "tas" in record.channels:
         off = _mean_rate(record, phases)

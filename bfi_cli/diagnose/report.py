@@ -166,7 +166,7 @@ def _screen(result: DiagnoseResult, units: Units) -> tuple[str, Screen]:
         [_sentence(one, units) for one in events if one.state == state] for state in ("declared", "suspected")
     )
     small = [_sentence(one, units) for one in deviations]
-    if any(not one.fixed for one in result.plausibility):
+    if any(one.is_open for one in result.plausibility):
         suspected, small = [], []  # which may be of what the summary says
     head, summary = fault_head(result.decision, len(declared)), units.sentence(result.summary)
     several = "s" if len(small) > 1 else ""

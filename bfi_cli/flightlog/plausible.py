@@ -27,6 +27,23 @@ LIMITS = {
 }
 # A temperature of the air below it is not in kelvin.
 COLDEST_K = 150.0
+# By channel, in the unit of `channels.STANDARD`, between which the median over a flight lies. A wing flies between the
+# angle of zero lift of the most cambered sections, -8 degrees, and that of a stall, 20 (Abbott and von Doenhoff, Theory
+# of Wing Sections, 1959, app. IV), and a vane is mounted within 10 degrees; a rudder holds no more than 20 degrees of
+# sideslip; no flight climbs at 45 degrees or turns at 75 degrees of bank (3.9 g) for half of its time; a gyro is biased
+# by 20 degrees/s at most where a circle takes 18 s; air has between 150 and 400 K.
+IN_FLIGHT = {
+    "aoa": (-0.32, 0.53),
+    "sideslip": (-0.53, 0.53),
+    "pitch": (-0.79, 0.79),
+    "flight_path_angle": (-0.79, 0.79),
+    "roll": (-1.31, 1.31),
+    **dict.fromkeys(("pitch_rate", "roll_rate", "yaw_rate"), (-0.7, 0.7)),
+    **dict.fromkeys(("tat", "sat"), (COLDEST_K, 400.0)),
+}
+PARTS = 8  # of a flight, as those in which a relation fails throughout (`bfi_cli.plausibility.search.PIECES`)
+# What a channel may be that is called an angle of attack.
+RATHER = {"aoa": "an index of the lift or of the margin to the stall", "sideslip": "a slip-skid ball"}
 # Channels and their rates, which tell the length of a second of the time axis. In three recorded flights altitude and
 # roll have correlations of 0.93 to 0.999 with the integrals of their rates, and ratios of 0.91 to 1.1, over one of
 # these numbers of samples; the pitch, which turns change, 0.45 to 0.78.
@@ -53,6 +70,34 @@ def doubts_about(log: FlightLog, names: Sequence[str]) -> tuple[Note, ...]:
             Note.advice(f"the log states no unit for {assumed}: is the one in brackets right? --unit NAME=UNIT")
         )
     return tuple(questions)
+
+
+def impossible_median(name: str, flown: FloatArray) -> float | None:
+    """Return the median of a channel that no aircraft has in flight, None for one that an aircraft may have.
+
+    What runs off during the flight is a fault with an onset: the channel is as impossible in the first of its parts.
+
+    Parameters
+    ----------
+    flown : (n,) of what is in flight, in the unit of `bfi_cli.channels.STANDARD`.
+    """
+    known = flown[np.isfinite(flown)]
+    if name not in IN_FLIGHT or known.size < PARTS:
+        return None
+    low, high = IN_FLIGHT[name]
+    middle, first = (float(np.median(part)) for part in (known, known[: known.size // PARTS]))
+    return None if low <= middle <= high or low <= first <= high else middle
+
+
+def sentence_of_impossible(name: str, middle: float) -> str:
+    """Return what to say of a channel with a median over the flight that no aircraft has."""
+    unit = STANDARD[name].unit
+    degrees = f" ({np.degrees(middle):.3g} degrees)" if unit == "rad" else ""
+    rather = RATHER.get(name, "in another unit")
+    return (
+        f"'{name}' is not used: its median in flight is {middle:.3g} {unit}{degrees}, which no aircraft has; it may be "
+        f"{rather}"
+    )
 
 
 def assumed_units(channels: Iterable[Channel]) -> str:

@@ -82,7 +82,7 @@ def scan_changes(
         raise ValueError(f"floor: the least noise is greater than 0, got {floor:g}")
     if n <= nuisances.shape[1] + 1:
         raise ValueError(f"y: a scan needs more samples than its {nuisances.shape[1]} nuisances, got {n}")
-    white, log_det = _whitened(np.column_stack([y, candidates, nuisances]), time_s)
+    white, log_det = whitened(np.column_stack([y, candidates, nuisances]), time_s)
     courses = slice(1, 1 + candidates.shape[1])
     prior_sd = np.full(nuisances.shape[1], np.inf) if sizes is None else sizes / floor
     left = regressions(white[:, :, 0], white[:, :, courses], white[:, :, courses.stop :], prior_sd)
@@ -116,7 +116,7 @@ def scan_changes(
     )
 
 
-def _whitened(x: FloatArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
+def whitened(x: FloatArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return (n_correlations, ...) x with AR(1) noise of unit variance made white.
 
     And (n_correlations, 1) the logarithms of the determinants of its covariances.

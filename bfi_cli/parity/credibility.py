@@ -9,7 +9,7 @@ with an onset, which other analyses find.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from ..airdata import EARTH_RADIUS, IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of, kinematic_acceleration, vane_angle
 from ..flightlog import FlightLog
 from ..flightlog.phases import Phase
+from ..kernels.normal import TWO_SIDED_95
 from ..kernels.quantisation import find_quantum
+from ..plausibility.finding import Implausible
 from ..preprocessing.tolerance import AIRSPEED_LEAST, FIXED
-from .finding import Finding
 from .lines import RENEWED_S, renewed_every_s
 from .record import STEP_S, Record
 from .residuals import geometric_climb_rate
@@ -265,12 +266,12 @@ class Credibility:
 
     Attributes
     ----------
-    findings : channels that do not follow the flight.
+    findings : on channels that do not follow the flight.
     sentences : on each, and on what cannot be compared.
     unusable : residuals of the parity scan whose channels do not agree, though each agrees with others.
     """
 
-    findings: tuple[Finding, ...]
+    findings: tuple[Implausible, ...]
     sentences: tuple[str, ...]
     unusable: tuple[str, ...]
 
@@ -345,9 +346,7 @@ def coarse_positions(log: FlightLog) -> str:
     return f"latitude and longitude are recorded {how}: no ground speed was made of them"
 
 
-def credibility_of(
-    record: Record, phases: Sequence[Phase], window: Window, *, without: Sequence[Window] = ()
-) -> Credibility:
+def credibility_of(record: Record, phases: Sequence[Phase], *, without: Sequence[Window] = ()) -> Credibility:
     """Return the channels that do not follow the flight, by the relations that fail throughout it.
 
     A channel that another relation confirms is not accused. Where each of those that could be wrong is confirmed, gusts
@@ -355,13 +354,12 @@ def credibility_of(
 
     Parameters
     ----------
-    window : from and to which the flight is diagnosed, s.
     without : stretches that are left out, such as those in which a pressure line is held.
     """
     every = agreements(record, phases, without=without)
     holding = [one for one in every if one.holds]
     suspects: dict[str, list[Agreement]] = {}
-    findings: list[Finding] = []
+    findings: list[Implausible] = []
     sentences: list[str] = []
     unusable: list[str] = []
     for one in every:
@@ -394,44 +392,39 @@ def credibility_of(
         suspects = {other: ones for other, ones in rest.items() if ones}
         if name == AIRSPEED:  # which the analyses are for that follow
             continue
-        findings.append(_finding(name, rivals, failing, record, window))
-        words = " and ".join(
-            f"{one.relation.words} ({f'scale {one.scale:.2f}, ' if one.relation.has_scale else ''}"
-            f"correlation {one.correlation:.2f})"
-            for one in failing
-        )
-        sentences.append(f"'{name}' does not follow {words}: it was not used")
+        findings.append(_finding(name, rivals, failing))
+        sentences.append(findings[-1].text)
     return Credibility(findings=tuple(findings), sentences=tuple(sentences), unusable=tuple(unusable))
 
 
-def _finding(
-    name: str, rivals: tuple[str, ...], failing: Sequence[Agreement], record: Record, window: Window
-) -> Finding:
-    told = next((one for one in failing if one.relation.has_scale), None)
-    effect: Mapping[str, float] = {}
-    if told is not None:
-        # Of what it should move within a piece, two standard deviations.
-        effect = {name: 2.0 * (told.scale - 1.0) * float(np.sqrt(told.moments[:, 0].mean()))}
+def _finding(name: str, rivals: tuple[str, ...], failing: Sequence[Agreement]) -> Implausible:
+    words = " and ".join(
+        f"{one.relation.words} ({f'scale {one.scale:.2f}, ' if one.relation.has_scale else ''}"
+        f"correlation {one.correlation:.2f})"
+        for one in failing
+    )
+    scaled = next((one for one in failing if one.relation.has_scale), None)
+    factor, factor_ci95 = 1.0, None
+    if scaled is not None and scaled.scale > 0.0:
+        half = TWO_SIDED_95 * scaled.scale_sd
+        factor, ends = 1.0 / scaled.scale, (scaled.scale + half, scaled.scale - half)
+        factor_ci95 = (1.0 / ends[0], 1.0 / ends[1]) if ends[1] > 0.0 else None
     doubt = ""
     if rivals:
-        doubt = f"it or {' or '.join(rivals)} does not follow the others"
+        doubt = f", or {' or '.join(rivals)} does not follow the others"
     elif all(one.by_gusts for one in failing):
-        doubt = "gusts could hide that it follows the flight"
-    correlation = min(one.correlation for one in failing)
-    return Finding(
-        fault=name,
-        among=(name, *rivals),
+        doubt = ", though gusts could hide that it does"
+    return Implausible(
         channels=GROUND_SPEED if name == "ground_speed" else (name,),
-        stage="sensors",
-        shape="scale",
-        magnitude=None if told is None else told.scale - 1.0,
-        sd=None if told is None else told.scale_sd,
-        unit="1",
-        onset_s=window[0],
-        onset_ci95=(window[0], window[0]),
-        statistic=LEAST_CORRELATION / max(correlation, 1e-3),
-        threshold=1.0,
-        effect=effect,
-        evidence={f"correlation with {one.relation.words}": round(one.correlation, 2) for one in failing},
-        doubt=doubt,
+        what="unrelated",
+        unit="",
+        factor=factor,
+        offset=0.0,
+        agrees_with=(),
+        relative_misfit=1.0 - min(one.correlation for one in failing),
+        rivals=rivals,
+        text=f"'{name}' does not follow {words}{doubt}: it was not used",
+        advice=f"check {name}",
+        factor_ci95=factor_ci95,
+        fixed=True,
     )

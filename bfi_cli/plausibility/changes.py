@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, combinations
 
 from ..channels import STANDARD
@@ -65,21 +65,31 @@ class Change:
         """How likely it is before the log is asked, the likeliest 0."""
         return RANKS["scale" if self.what == "clock" and not self.unit else self.what]
 
+    @property
+    def is_constant(self) -> bool:
+        """Whether it is an error of size alone."""
+        return self.what in ("offset", "scale")
+
+    def part(self, share: float) -> Change:
+        """Return a share of it: an offset or a scale of so much less."""
+        return replace(self, offset=share * self.offset, factor=1.0 + share * (self.factor - 1.0))
+
     def of(self, state: State) -> State:
         """Return the channels with the change."""
         values, rates = dict(state.values), dict(state.rates)
         if self.what == "clock":
-            return State(values=values, rates={name: one / self.factor for name, one in rates.items()})
+            rates = {name: one / self.factor for name, one in rates.items()}
+            return replace(state, values=values, rates=rates, time_s=state.time_s * abs(self.factor))
         if self.what == "swapped":
             one, other = self.channels
             for known in (values, rates):
                 known[one], known[other] = known[other], known[one]
-            return State(values=values, rates=rates)
+            return replace(state, values=values, rates=rates)
         for name in self.channels:
             if name in values:
                 values[name] = self.factor * values[name] + self.offset
                 rates[name] = self.factor * rates[name]
-        return State(values=values, rates=rates)
+        return replace(state, values=values, rates=rates)
 
 
 def unit_changes(channels: tuple[str, ...], stated: str | None) -> Iterator[Change]:

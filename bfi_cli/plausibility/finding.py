@@ -1,12 +1,26 @@
-"""A channel that the others contradict throughout a flight, and what would make it fit: frozen data."""
+"""A channel that is wrong throughout a flight, and what would make it fit: frozen data."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-What = Literal["unit", "sign", "swapped", "clock", "offset", "scale"]
+from ..airdata import G
+
+What = Literal["unit", "sign", "swapped", "clock", "offset", "scale", "unrelated", "impossible"]
+
+# rad; the trim of a board that is mounted askew that an autopilot takes at most (ArduPilot, AHRS_TRIM_X: 0.1745).
+ASKEW = math.radians(10.0)
+# rad/s; the zero-rate output of a raw micromechanical gyro (MPU-6000 Product Specification, 6.1: 20 degrees/s).
+ZERO_RATE = math.radians(20.0)
+# By channel, in its unit, the largest constant error by where and how its sensor is mounted.
+INSTALLATION: Mapping[str, float] = {
+    **dict.fromkeys(("aoa", "sideslip", "pitch", "roll"), ASKEW),
+    **dict.fromkeys(("pitch_rate", "roll_rate", "yaw_rate"), ZERO_RATE),
+    **dict.fromkeys(("longitudinal_acc", "lateral_acc", "normal_acc"), G * math.sin(ASKEW)),
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,8 +36,8 @@ class Implausible:
     relative_misfit : what is left of the difference, over what is expected.
     rivals : channels that could be to blame in their place.
     text, advice : that in words, and what to do about it.
-    factor_ci95 : 95 % interval of the factor, None where it is not estimated.
-    fixed : whether it was applied: when the log was read (--fix-units), or as a fault that a diagnosis leaves out.
+    factor_ci95, offset_ci95 : 95 % intervals, None where they are not estimated.
+    fixed : whether it was applied when the log was read (--fix-units), or is left out of a diagnosis.
     """
 
     channels: tuple[str, ...]
@@ -37,12 +51,29 @@ class Implausible:
     text: str
     advice: str
     factor_ci95: tuple[float, float] | None = None
+    offset_ci95: tuple[float, float] | None = None
     fixed: bool = False
 
     @property
     def is_constant(self) -> bool:
-        """Whether it is an error of size alone, which a model fitted to the window absorbs."""
+        """Whether it is an error of size alone, from the first sample on: told beside what the flight shows."""
         return self.what in ("offset", "scale")
+
+    @property
+    def is_set_aside(self) -> bool:
+        """Whether its channels say nothing of the flight, and no analysis uses them."""
+        return self.what in ("unrelated", "impossible")
+
+    @property
+    def is_open(self) -> bool:
+        """Whether nothing can be concluded before a unit, a sign, a place or the clock is stated."""
+        return not (self.fixed or self.is_constant or self.is_set_aside)
+
+    @property
+    def is_installation(self) -> bool:
+        """Whether it is a constant error no larger than the mounting of a healthy sensor makes."""
+        limits = [INSTALLATION.get(name, 0.0) for name in (*self.channels, *self.rivals)]
+        return self.what == "offset" and abs(self.offset) <= min(limits, default=0.0)
 
     @property
     def is_certain(self) -> bool:

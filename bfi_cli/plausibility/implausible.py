@@ -10,7 +10,9 @@ import numpy as np
 
 from ..channels import STANDARD
 from ..flightlog import FlightLog
+from ..flightlog.plausible import impossible_median, sentence_of_impossible
 from ..kernels import FloatArray
+from ..kernels.normal import TWO_SIDED_95
 from ..notes import Note
 from ..preprocessing.tolerance import tolerance_of
 from ..report.text import quantity
@@ -22,6 +24,7 @@ from .search import Blame, blames, known_relations
 from .seconds import seconds_of
 
 TINY = 1e-12  # a tolerance of nothing, of a channel that rests
+FEWEST_WITNESSES = 2  # other channels that contradict one which is to blame; of two alone either may be wrong
 
 
 def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
@@ -32,7 +35,19 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
     stated = {name: log.channels[name].source_unit for name in seconds.values}
     sources = {name: log.channels[name].source for name in seconds.values}
     to_blame = blames(known_relations(RELATIONS, seconds), seconds, stated)
-    findings = tuple(_finding(_beyond_tolerance(one, log, seconds), stated, sources) for one in to_blame)
+    named = {name for one in to_blame if not one.change.is_constant for name in one.change.channels}
+    impossible = {
+        name: middle
+        for name, values in seconds.values.items()
+        if name not in named and (middle := impossible_median(name, values)) is not None
+    }
+    if impossible:
+        seconds = seconds.without(impossible)
+        to_blame = blames(known_relations(RELATIONS, seconds), seconds, stated)
+    findings = (
+        *(_impossible(name, middle, sources) for name, middle in impossible.items()),
+        *(_finding(_beyond_tolerance(one, log, seconds), stated, sources) for one in to_blame),
+    )
     turned = None if any("tas" in one.channels or one.what == "clock" for one in findings) else scale_by_circles(log)
     return findings if turned is None else (*findings, turned)
 
@@ -43,9 +58,25 @@ def with_fixed_units(log: FlightLog, findings: Sequence[Implausible]) -> tuple[F
     return _changed(log, [one for one in marked if one.fixed], "--fix-units"), marked
 
 
-def without_offsets(log: FlightLog, findings: Sequence[Implausible]) -> FlightLog:
-    """Return the log less the constant errors of these findings."""
-    return _changed(log, findings, "the analyses")
+def without_constant_errors(
+    log: FlightLog, findings: Sequence[Implausible], tolerances: Mapping[str, float]
+) -> tuple[FlightLog, tuple[Implausible, ...]]:
+    """Return the log less the constant errors of single channels, with notes, and the findings with these fixed.
+
+    Parameters
+    ----------
+    tolerances : that are stated, by channel; an error within the tolerance is left where it is.
+    """
+
+    def is_certain(one: Implausible) -> bool:
+        if one.what != "offset" or one.rivals or len(one.agrees_with) < FEWEST_WITNESSES:
+            return False
+        (channel,) = one.channels
+        return abs(one.offset) > (tolerances.get(channel) or tolerance_of(log, log, channel))
+
+    marked = tuple(replace(one, fixed=one.fixed or is_certain(one)) for one in findings)
+    constant = [one for one in marked if one.fixed and one.is_constant]
+    return _changed(log, constant, "throughout the flight"), marked
 
 
 def _changed(log: FlightLog, findings: Sequence[Implausible], who: str) -> FlightLog:
@@ -103,6 +134,30 @@ def _finding(blame: Blame, stated: Mapping[str, str | None], sources: Mapping[st
         rivals=tuple(dict.fromkeys(name for one in blame.rivals for name in one.channels)),
         text=text,
         advice=_advice(change, sources),
+        factor_ci95=_interval(change.factor, blame.share_sd * (change.factor - 1.0)),
+        offset_ci95=_interval(change.offset, blame.share_sd * change.offset),
+    )
+
+
+def _interval(value: float, sd: float) -> tuple[float, float] | None:
+    """Return a 95 % interval, None where nothing is estimated or nothing tells how well."""
+    half = TWO_SIDED_95 * abs(sd)
+    return (value - half, value + half) if 0.0 < half < np.inf else None
+
+
+def _impossible(name: str, middle: float, sources: Mapping[str, str]) -> Implausible:
+    return Implausible(
+        channels=(name,),
+        what="impossible",
+        unit="",
+        factor=1.0,
+        offset=0.0,
+        agrees_with=(),
+        relative_misfit=np.inf,
+        rivals=(),
+        text=sentence_of_impossible(name, middle),
+        advice=f"map the channel that is {name} with --channel {name}=NAME, if it is not {sources[name]}",
+        fixed=True,
     )
 
 

@@ -11,7 +11,7 @@ Those of `cas` by Mach number, of `q_impact` and of `aoa` had to be widened for 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import KW_ONLY, dataclass
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -63,10 +63,19 @@ class State:
     ----------
     values : (n,) by standard name, in its SI unit, NaN where a second has none.
     rates : (n,) their derivatives, per second of the log's axis.
+    time_s : (n,) on that axis.
     """
 
     values: Values
     rates: Values
+    time_s: FloatArray
+
+    def without(self, names: Collection[str]) -> State:
+        """Return the rest without some channels."""
+        values, rates = (
+            {name: one for name, one in every.items() if name not in names} for every in (self.values, self.rates)
+        )
+        return replace(self, values=values, rates=rates)
 
     @property
     def zeros(self) -> FloatArray:

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..kernels import BoolArray, FloatArray, IntArray
 from .changes import Change, named_changes
+from .constancy import ConstantPart, constant_part
 from .relations import Relation, State
 
 # Pieces of a flight in each of which a relation fails that fails throughout; what begins during a flight is a fault
@@ -104,8 +105,8 @@ class KnownRelation:
     def misfit(self, state: State) -> Misfit:
         """Return how it holds."""
         one = self.relation
+        reading, expected = self._sides(state)
         with np.errstate(all="ignore"):
-            reading, expected = one.reading(state)[self.rows], one.expected(state)[self.rows]
             difference = reading - expected
         known = np.isfinite(difference)
         difference[~known] = np.inf
@@ -127,6 +128,19 @@ class KnownRelation:
             size=float(np.median(size)),
             tolerance=float(np.median(tolerance)),
         )
+
+    def _sides(self, state: State) -> tuple[FloatArray, FloatArray]:
+        """Return (8, m) what the relation reads and what it should."""
+        with np.errstate(all="ignore"):
+            return self.relation.reading(state)[self.rows], self.relation.expected(state)[self.rows]
+
+    def constant_part(self, change: Change, state: State) -> ConstantPart | None:
+        """Return what of an offset or a scale is there from the first sample on, None where it begins later."""
+        with np.errstate(all="ignore"):
+            difference, left = (np.subtract(*self._sides(one)).ravel() for one in (state, change.of(state)))
+            constant = difference - left
+        tolerance = self.misfit(state).tolerance
+        return constant_part(difference, constant, state.time_s[self.rows.ravel()], tolerance=tolerance)
 
     def _motion(
         self, reading: FloatArray, expected: FloatArray, known: BoolArray
@@ -158,12 +172,14 @@ class Blame:
     Attributes
     ----------
     explains : the relations; misfit : of the first of them with the change, over what it expects.
+    share_sd : standard deviation of the size of an offset or a scale, as a share of it; infinite where nothing tells.
     """
 
     change: Change
     rivals: tuple[Change, ...]
     explains: tuple[KnownRelation, ...]
     misfit: float
+    share_sd: float = np.inf
 
 
 def known_relations(relations: Sequence[Relation], seconds: State) -> list[KnownRelation]:
@@ -185,14 +201,16 @@ def blames(relations: Sequence[KnownRelation], state: State, stated: Mapping[str
 
     A change is to blame that makes relations hold which fail, and lets none fail that holds. Of changes that explain
     the same, one that has a name (a unit, a sign) is likelier than a size that fits whatever it is, and one channel
-    likelier than several; what is left are rivals.
+    likelier than several; what is left are rivals. What fails by an error that begins during the flight is left to the
+    analyses.
 
     Parameters
     ----------
     stated : the units that the log states, None where it does not.
     """
     to_blame = list[Blame]()
-    for _ in range(MOST_FINDINGS):
+    relations = list(relations)
+    while len(to_blame) < MOST_FINDINGS:
         before = [one.misfit(state) for one in relations]
         failing = [one for one, misfit in zip(relations, before, strict=True) if misfit.fails]
         if not failing:
@@ -200,6 +218,14 @@ def blames(relations: Sequence[KnownRelation], state: State, stated: Mapping[str
         blame = _blame(relations, before, state, failing, stated)
         if blame is None:
             break
+        if blame.change.is_constant:
+            part = blame.explains[0].constant_part(blame.change, state)
+            if part is None:
+                relations = [one for one in relations if one not in blame.explains]
+                continue
+            changes = [one.part(part.share) for one in (blame.change, *blame.rivals)]
+            sd = part.sd / abs(part.share)
+            blame = replace(blame, change=changes[0], rivals=tuple(changes[1:]), share_sd=sd)
         to_blame.append(blame)
         state = blame.change.of(state)
     return to_blame

@@ -54,6 +54,7 @@ def seconds_of(log: FlightLog, names: Iterable[str]) -> State | None:
     return State(
         values={name: _as_slow(values)[kept] for name, values in every.items()},
         rates={name: values[kept] for name, values in rates.items()},
+        time_s=time_s[0] + at_s[kept],
     )
 
 

@@ -1,4 +1,4 @@
-"""An answer on a log whose channels cannot be true together: what to state first, and no verdict."""
+"""An answer on a log with channels that are wrong throughout: what to state first, and how far a verdict holds."""
 
 from __future__ import annotations
 
@@ -14,41 +14,56 @@ Result = TypeVar("Result", bound=Any)
 WITHHELD = "withheld while channels contradict each other"
 
 
-def without_verdict(result: Result, findings: Sequence[Implausible]) -> Result:
-    """Return an answer with the findings, and where one is left open, with no verdict and no declared fault.
+def with_plausibility(result: Result, findings: Sequence[Implausible]) -> Result:
+    """Return an answer with what is wrong with channels throughout the flight, which is told beside it.
 
-    A fault that begins within the window stays declared beside a constant error: the model of the window absorbs that,
-    while physics does not, so that events of a diagnosis are suspected.
+    A constant error, or a channel that is set aside, is no fault of the flight and withholds nothing that was found.
+    While a constant error is larger than an installation makes it, or a channel does not follow the flight, no kind of
+    fault is excluded. Where channels contradict each other by a unit, a sign, a place or the clock that is still to be
+    stated, there is no verdict and no declared fault.
 
     Parameters
     ----------
     result : of an analysis, with `decision`, `verdicts`, `summary`, `notes` and `plausibility`; what it declares is in
-        `faults`, `alarms` and `candidates`, or in `events`, of which constant errors stay.
+        `faults`, `alarms` and `candidates`, or in `events`.
     """
     findings = tuple(findings)
-    if not in_words(findings):
-        return replace(result, plausibility=findings)
+    result = replace(result, plausibility=findings)
+    if to_state := [one for one in findings if one.is_open]:
+        return _without_verdict(result, to_state)
+    beside = [Note.limit(f"throughout the flight: {one.text}") for one in findings if one.is_constant and not one.fixed]
+    result = replace(result, notes=(*result.notes, *beside))
+    errors = [one for one in findings if one.what == "unrelated" or (one.is_constant and not one.is_installation)]
+    if not errors:
+        return result
+    return replace(
+        result,
+        decision=_not_excluded(result.decision),
+        verdicts={kind: _not_excluded(verdict) for kind, verdict in result.verdicts.items()},
+        summary="; ".join(filter(None, (*(f"{one.advice}: {one.text}" for one in errors), result.summary))),
+    )
+
+
+def _not_excluded(verdict: str) -> str:
+    return "inconclusive" if verdict == "no_fault" else verdict
+
+
+def _without_verdict(result: Result, to_state: Sequence[Implausible]) -> Result:
     has = {one.name for one in fields(result)}
-    if "events" not in has and result.decision == "fault" and all(one.is_constant for one in findings if not one.fixed):
-        doubted = {kind: "fault" if said == "fault" else "inconclusive" for kind, said in result.verdicts.items()}
-        summary = "; ".join(filter(None, (in_words(findings), result.summary)))
-        return replace(result, plausibility=findings, verdicts=doubted, summary=summary)
     changes: dict[str, Any] = {name: () for name in ("faults", "alarms") if name in has}
     notes = []
     if any(getattr(result, name) for name in changes):
         notes.append(Note.limit(f"what would be declared is {WITHHELD}: {result.summary or 'see the candidates'}"))
     for name in {"candidates", "events"} & has:
         changes[name] = tuple(
-            replace(one, state="suspected", note=WITHHELD) if one.state == "declared" and one.shape != "offset" else one
+            replace(one, state="suspected", note=WITHHELD) if one.state == "declared" else one
             for one in getattr(result, name)
         )
-    own = [one for one in changes.get("events", ()) if one.state == "declared"]
     return replace(
         result,
-        decision="fault" if own else "inconclusive",
-        verdicts={kind: "fault" if kind in {one.kind for one in own} else "inconclusive" for kind in result.verdicts},
-        summary=in_words(findings),
-        plausibility=findings,
+        decision="inconclusive",
+        verdicts=dict.fromkeys(result.verdicts, "inconclusive"),
+        summary=in_words(to_state),
         notes=(*result.notes, *notes),
         **changes,
     )

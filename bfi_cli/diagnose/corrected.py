@@ -195,12 +195,18 @@ def corrected_log(log: FlightLog, events: Sequence[Event]) -> FlightLog:
                 told = known & (channel in clean.channels)
                 right = clean.channels.get(channel, values[channel])
                 values[channel] = np.where(told, right, np.where(inside, np.nan, values[channel]))
+        if (
+            "baro_altitude" in event.channels and {"altitude", "baro_altitude"} <= values.keys()
+        ):  # apart by what the setting makes, a constant
+            values["baro_altitude"] = log.channels["baro_altitude"].values + (
+                values["altitude"] - log.channels["altitude"].values
+            )
         record = replace(record, channels={one: values[one] for one in record.channels})
         lost = ", ".join(one for one in event.channels if one in values)
         size = "corrected" if known.any() else "left empty, nothing tells the size"
         notes.append(Note.method(f"{event.fault} from {event.onset_s:.1f} s: {lost} {size}"))
     wrong = [name for name, channel in log.channels.items() if values[name] is not channel.values]
-    new = {name: replace(log.channels[name], values=frozen_array(values[name])) for name in wrong}
+    new = {name: replace(log.channels[name], values=frozen_array(values[name]), derived_from=()) for name in wrong}
     kept = {f"{name}{MEASURED}": log.channels[name] for name in wrong}
     kept = {name: replace(channel, name=name, source=name) for name, channel in kept.items()}
     # What was injected is no longer in the channels.

@@ -206,7 +206,7 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
     ----------
     log : with the filters of its recorder, if known, see `recorder.with_seen_recorder`.
     """
-    tracks = {name: one for name in WATCHED if name in log.channels and (one := _track(log, log.channels[name]))}
+    tracks = {name: one for name in log.independent(WATCHED) if (one := _track(log, log.channels[name]))}
     width_s, reach_s = _recorder(log)
     errors = {name: _errors(track) for name, track in tracks.items()}
     loudness = {name: _loudness(track, errors[name], log) for name, track in tracks.items()}

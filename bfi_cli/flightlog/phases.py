@@ -26,6 +26,7 @@ from .signs import (
     ABOVE_GROUND,
     AIRSPEEDS,
     GRAVITY,
+    HEIGHTS,
     LONG,
     METRES_PER_SECOND,
     TAXI,
@@ -372,7 +373,8 @@ def _on_grid(
     means = {name: mean(values) for name, values in speeds.items()}
     speed = next(iter(means.values()))
     pitch, bank, aoa = channel("pitch"), channel("roll"), channel("aoa")
-    rate, height, load = channel("altitude_rate"), channel("altitude"), channel("normal_acc")
+    rate, load = channel("altitude_rate"), channel("normal_acc")
+    height = next((values for name in HEIGHTS if (values := channel(name)) is not None), None)
     if rate is None and height is not None:
         rate = np.gradient(height, step_s) if height.size > 1 else np.zeros(1)
     elif rate is None and pitch is not None and aoa is not None:

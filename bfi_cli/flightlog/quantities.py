@@ -15,6 +15,7 @@ import numpy as np
 from ..airdata import DEPENDS_ON, PRESSURES, altitude_of
 from ..channels import STANDARD, quantity_of
 from ..kernels.normal import MAD
+from ..kernels.quantisation import find_quantum
 from ..notes import Note
 from .record import Channel, FlightLog, FloatArray, frozen_array
 
@@ -23,11 +24,13 @@ Values = Mapping[str, FloatArray]
 # Pa: settings of an altimeter; a barometric scale ends at 28.1 and 31.0 inHg (SAE AS8009), airfields at 5000 m are set
 # by QFE.
 SETTINGS = (50_000.0, 108_000.0)
-# s: clicks of the knob this close are one change; so long before and after it the altitude still moves with it (sensors
-# filter and records are read out seconds apart); from so long on either side the climb at the change is read.
-TOGETHER_S, BESIDE_S, CLIMB_S = 5.0, 1.5, 5.0
-# Places without a change that tell how large the statistic of a change is without one, at most.
-MOST_PLACES = 400
+# s: clicks of the knob this close are one change; so long before and after it, and in so many samples, the flight is a
+# parabola.
+TOGETHER_S, CLIMB_S, FEWEST_BESIDE = 5.0, 8.0, 4
+# Lengths of the fit on either side of a change in which others are made without one, and the fewest of these.
+NEAR, FEWEST_PLACES = 8, 10
+# Of a change, what the records of altitude and setting make of it where they are some tenths of a second apart.
+APART = 0.15
 # Log-likelihood ratio, in nats, of an altitude that follows the setting over one that does not, from which it does: 1
 # in 150. A change speaks for no more than `MOST_NATS`, so that one jump of another cause does not decide alone against
 # many.
@@ -57,65 +60,59 @@ class DirectDerivation:
 def pressure_altitude(baro_altitude: FloatArray, setting: FloatArray) -> FloatArray:
     """Return the pressure altitude, m, of an altimeter's reading, m, and setting, Pa; both (n_samples,).
 
-    NaN where the setting is none, see `SETTINGS`; a setting that is missing for some samples is the one before.
+    NaN where the setting is none, see `SETTINGS`; a setting that is missing for some samples is the one before. What a
+    change of the setting adds is rounded to the steps of the reading, so that these are the steps of the result too.
     """
     known = (setting >= SETTINGS[0]) & (setting <= SETTINGS[1])
     if not known.any():
         return np.full(baro_altitude.shape, np.nan)
     last = np.maximum.accumulate(np.where(known, np.arange(known.size), -1))
     held = setting[np.where(last < 0, np.argmax(known), last)]
-    return np.asarray(baro_altitude + altitude_of(np.clip(held, PRESSURES[0], PRESSURES[1])))
+    shift = altitude_of(np.clip(held, PRESSURES[0], PRESSURES[1]))
+    step = find_quantum(baro_altitude[np.isfinite(baro_altitude)])
+    if step is not None:
+        shift = shift[0] + step * np.round((shift - shift[0]) / step)
+    return np.asarray(baro_altitude + shift)
 
 
 def follows_setting(time_s: FloatArray, altitude: FloatArray, setting: FloatArray) -> bool:
     """Say whether an altitude moves with the setting of an altimeter where that is changed.
 
-    Each change says how much likelier the step of the altitude there, less its climb, is with the setting than without
-    it, given the steps at other places of the log.
+    About each change the part b of what the setting should move is fitted beside a parabola, which the flight is; the
+    same fit at places near it where nothing is set tells its standard deviation. A change says how much likelier its b
+    is with a mean of 1 than of 0.
 
     Parameters
     ----------
     time_s, altitude, setting : (n,) s, m and Pa.
     """
     known = np.isfinite(altitude) & np.isfinite(setting) & (setting >= SETTINGS[0]) & (setting <= SETTINGS[1])
-    time_s, altitude, setting = time_s[known], altitude[known], setting[known]
-    clicks = np.flatnonzero(np.diff(setting))
+    time_s, altitude = time_s[known], altitude[known]
+    shown = -altitude_of(setting[known])
+    clicks = np.flatnonzero(np.diff(shown))
     if not clicks.size:
         return False
-    groups = np.split(clicks, np.flatnonzero(np.diff(time_s[clicks]) > TOGETHER_S) + 1)
-    first, last = (np.array([group[end] for group in groups]) + shift for end, shift in ((0, 0), (-1, 1)))
-    expected = altitude_of(setting[first]) - altitude_of(setting[last])
-    length_s = max(CLIMB_S, 3.0 * float(np.median(np.diff(time_s))))
-    between = np.linspace(time_s[0], time_s[-1], MOST_PLACES)
-    near = np.searchsorted(time_s, between).clip(0, time_s.size - 1)
-    quiet = between[setting[np.maximum(near - 1, 0)] == setting[near]]
+    step_s = float(np.median(np.diff(time_s)))
+    beside = max(FEWEST_BESIDE, round(CLIMB_S / step_s))
     evidence = 0.0
-    for from_s, to_s, change in zip(time_s[first], time_s[last], expected, strict=True):
-        if abs(change) < LEAST_CHANGE_M:
+    for group in np.split(clicks, np.flatnonzero(np.diff(time_s[clicks]) > TOGETHER_S) + 1):
+        first, last = int(group[0]) + 1 - beside, int(group[-1]) + 1 + beside
+        if first < 0 or last > time_s.size or np.ptp(shown[first:last]) < LEAST_CHANGE_M:
             continue
-        step = _step(time_s, altitude, from_s, to_s, length_s)
-        others = np.array([_step(time_s, altitude, one, one + to_s - from_s, length_s) for one in quiet])
-        others = others[np.isfinite(others)]
-        if not np.isfinite(step) or not others.size:
+        from_middle = np.linspace(-1.0, 1.0, last - first)
+        flight = np.linalg.qr(np.column_stack([np.ones_like(from_middle), from_middle, from_middle**2]))[0]
+        course = shown[first:last] - flight @ (flight.T @ shown[first:last])
+        weights = course / float(course @ course)
+        around = max(0, first - NEAR * (last - first)), last + NEAR * (last - first)
+        places = np.lib.stride_tricks.sliding_window_view(altitude[slice(*around)], last - first)
+        settings = np.lib.stride_tricks.sliding_window_view(shown[slice(*around)], last - first)
+        quiet = places[np.ptp(settings, axis=1) == 0.0]
+        if len(quiet) < FEWEST_PLACES:
             continue
-        # A tenth of the change for what the records of both are apart.
-        sd = np.hypot(MAD * np.median(np.abs(others)), 0.1 * change)
-        evidence += float(np.clip(change * (step - 0.5 * change) / sd**2, -MOST_NATS, MOST_NATS))
+        sd = float(np.hypot(MAD * np.median(np.abs(quiet @ weights)), APART))
+        part = float(altitude[first:last] @ weights)
+        evidence += float(np.clip((part - 0.5) / sd**2, -MOST_NATS, MOST_NATS))
     return evidence >= FOLLOWS
-
-
-def _step(time_s: FloatArray, values: FloatArray, from_s: float, to_s: float, length_s: float) -> float:
-    """Return the step between two times of the lines through `length_s` before and after; NaN where a side is empty."""
-    middle, ends = 0.5 * (from_s + to_s), (from_s - BESIDE_S, to_s + BESIDE_S)
-    sides = []
-    for low, high in ((ends[0] - length_s, ends[0]), (ends[1], ends[1] + length_s)):
-        part = slice(*np.searchsorted(time_s, (low, high + 1e-9)).tolist())
-        from_middle = time_s[part] - middle
-        if from_middle.size < 3:
-            return np.nan
-        columns = np.column_stack([np.ones(from_middle.size), from_middle])
-        sides.append(float(np.linalg.lstsq(columns, values[part], rcond=None)[0][0]))
-    return sides[1] - sides[0]
 
 
 def _magnetic(values: Values) -> FloatArray:
@@ -167,6 +164,18 @@ DIRECT = (
         words="{0}, from magnetic north: velocities and winds are turned by the variation",
         stands_in=True,
     ),
+    DirectDerivation(
+        name="velocity_north",
+        needs=("ground_speed", "track"),
+        make=lambda values: values["ground_speed"] * np.cos(values["track"]),
+        words="that of the ground velocity of {0} and {1}",
+    ),
+    DirectDerivation(
+        name="velocity_east",
+        needs=("ground_speed", "track"),
+        make=lambda values: values["ground_speed"] * np.sin(values["track"]),
+        words="that of the ground velocity of {0} and {1}",
+    ),
 )
 
 
@@ -211,7 +220,12 @@ def with_quantities(log: FlightLog, typed: Collection[str]) -> FlightLog:
                 continue
             sources = tuple(needs.values())
             channels[name] = Channel(
-                name=name, values=values, unit=STANDARD[name].unit, source=name, derived_from=sources
+                name=name,
+                values=values,
+                unit=STANDARD[name].unit,
+                source=name,
+                source_unit=STANDARD[name].unit,
+                derived_from=sources,
             )
             if clean.keys() & set(sources):
                 right = {need: clean[here] for need, here in needs.items() if here in clean}

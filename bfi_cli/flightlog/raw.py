@@ -29,7 +29,7 @@ LARGEST_CHUNK = 2**28
 DAY_S = 86_400.0  # without leap seconds, which clocks of recorders do not count
 BESIDE_TIME = "holds dates or times beside the time axis"
 # Angles that wrap around.
-ANGLES = frozenset({"roll", "yaw", "longitude"})
+ANGLES = frozenset({"roll", "yaw", "longitude", "track", "magnetic_track"})
 # Discrete states: held from sample to sample, never interpolated or filtered.
 FLAGS = frozenset({"valid_airspeed", "hover", "gear"})
 # Limit of the channels of a file; the largest recorders have about 4000 parameters.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import weakref
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -240,6 +240,11 @@ class FlightLog:
         """Return a channel by its standard name, or by its name in the file; None where there is none."""
         by_source = (channel for channel in self.channels.values() if channel.source == name)
         return self.channels.get(name) or next(by_source, None)
+
+    def independent(self, names: Collection[str]) -> tuple[str, ...]:
+        """Return those of some channels that the log has and that follow from no other of them."""
+        here = (name for name in names if name in self.channels)
+        return tuple(name for name in here if set(names).isdisjoint(self.channels[name].derived_from))
 
     def unit_of(self, name: str) -> str:
         """Return the unit of a channel of the log, else of the standard channel of that name, "" of any other."""

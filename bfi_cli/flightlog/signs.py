@@ -42,6 +42,8 @@ WALK = 3.0
 LONG = 5.0
 # A flight before or after a stay on the ground rises above it by this share of V^2 / g; one around a stall does not.
 ABOVE_GROUND = 0.1
+# What tells the height above the ground of the day, the best first: satellites tell it where no pressure does.
+HEIGHTS = ("altitude", "gps_altitude")
 # On the ground the pressure altitude changes by less than this share of V^2 / g, also with the weather of a day.
 LOST = 0.25
 # Motion and thrust vote only where flight and ground differ: the first quantile in flight exceeds the second on the

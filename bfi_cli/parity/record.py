@@ -25,6 +25,7 @@ from ..airdata import (
     kinematic_acceleration,
 )
 from ..flightlog import FlightLog
+from ..flightlog.quantities import pressures_of
 from ..kernels import FloatArray, IntArray
 from ..kernels.runs import bridged
 
@@ -51,12 +52,14 @@ class Record:
     channels : (n,) means by standard name, NaN where less than half of a second was recorded.
     gained : (n,) integral of the kinematic acceleration, m/s, taken at the log's rate; None where the log has none.
     airspeed : the channel that the true airspeed comes from, itself ("tas") or another; "" where there is none.
+    is_inertial : whether the rate of climb is one that no pressure moves.
     """
 
     time_s: FloatArray
     channels: Mapping[str, FloatArray]
     gained: FloatArray | None
     airspeed: str
+    is_inertial: bool = False
 
     @cached_property
     def air(self) -> AirData:
@@ -128,6 +131,10 @@ def record_of(log: FlightLog) -> Record:
         values["altitude_rate"] = np.gradient(values["altitude"], log.time_s)
     if "velocity_north" not in values and {"latitude", "longitude"} <= values.keys():
         north, east = ground_velocity(log.time_s, values["latitude"], values["longitude"])
+        if "ground_speed" in log.channels:  # recorded: the positions tell its direction alone
+            size = np.hypot(north, east)
+            share = log.channels["ground_speed"].values / np.where(size > 0.0, size, np.nan)
+            north, east = share * north, share * east
         values |= {"velocity_north": north, "velocity_east": east}
     channels = {name: _means(one, seconds, n, expected) for name, one in values.items()}
     gained = None
@@ -139,7 +146,8 @@ def record_of(log: FlightLog) -> Record:
         airspeed = next(name for name in IMPACT_SOURCES if name in channels)
         channels["tas"] = _true_airspeed(channels)
     time_s = float(log.time_s[0]) - half + STEP_S * (np.arange(n, dtype=np.float64) + 0.5)
-    return Record(time_s=time_s, channels=channels, gained=gained, airspeed=airspeed)
+    is_inertial = "altitude_rate" in log.channels and not pressures_of(log, "altitude_rate")
+    return Record(time_s=time_s, channels=channels, gained=gained, airspeed=airspeed, is_inertial=is_inertial)
 
 
 def _true_airspeed(channels: Mapping[str, FloatArray]) -> FloatArray:
@@ -172,7 +180,7 @@ def with_fault(record: Record, fault: str, amount: FloatArray) -> Record:
 
     A fault of the pitot line changes the impact pressure by that part of it, and all that follows from it; where it
     leaves subsonic flight, these are NaN. A leak of the static line changes the static pressure, and the altitude's
-    rate by how fast it does.
+    rate, unless that is inertial, by how fast it does.
     """
     channels = dict(record.channels)
     if fault in LINES:
@@ -188,7 +196,7 @@ def with_fault(record: Record, fault: str, amount: FloatArray) -> Record:
         for name, depends in DEPENDS_ON.items():
             if name in channels and name in new and LINES[fault] in depends:
                 channels[name] = channels[name] + new[name] - record.made[name]
-        if fault == STATIC_LEAK and "altitude_rate" in channels:
+        if fault == STATIC_LEAK and "altitude_rate" in channels and not record.is_inertial:
             rate = np.gradient(new["altitude"] - record.made["altitude"], STEP_S)
             channels["altitude_rate"] = channels["altitude_rate"] + rate
     elif fault == "ground_speed":
@@ -205,7 +213,7 @@ def with_fault(record: Record, fault: str, amount: FloatArray) -> Record:
 
 def climbing(record: Record, slope: float) -> Record:
     """Return a record whose static pressure, and nothing else yet, changes by `slope`, Pa/s: its altitude's rate."""
-    if "altitude_rate" not in record.channels:
+    if "altitude_rate" not in record.channels or record.is_inertial:
         return record
     p_static = record.air.p_static
     sizes = np.where(p_static + slope > PRESSURES[0], slope, np.nan)

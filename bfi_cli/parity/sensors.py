@@ -83,7 +83,7 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
 
     reference = still_air_angle(record) if record.channels.keys() >= VANE_NEEDS else None
     found = []
-    for name in (one for one in log.channels if quantity_of(one) in MOVING):
+    for name in log.independent([name for name in log.channels if quantity_of(name) in MOVING]):
         for first, end in rests[name]:
             seconds = float(flown[end] - flown[first])
             if seconds < fewest_s or flown_s - seconds < RESTS_S:

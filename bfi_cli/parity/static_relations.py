@@ -91,8 +91,8 @@ DOMAIN: dict[str, tuple[float, float]] = {
 AIR = frozenset(("p_static", "altitude", "tat", "sat"))
 # Channels of which `FOLLOWS` is made.
 FOLLOWED = frozenset(("cas", "ias", "mach", "altitude", "p_static", "tas"))
-# Headings turn by a whole round, which is no difference.
-COMPARED = frozenset(REPEATED) - {"yaw"}
+# Headings turn by a whole round, which is no difference; altimeters have a knob each.
+COMPARED = frozenset(REPEATED) - {"yaw", "baro_altitude"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -208,10 +208,11 @@ def _relations(log: FlightLog) -> tuple[list[Relation], list[str]]:
 
 def _by_quantity(log: FlightLog) -> dict[str, list[str]]:
     """Return the channels that read each quantity of the relations, in its unit, the plain name first."""
-    sensors = {name: [name] for name in log.channels if name in STANDARD and _quantity(name) == name}
-    for name in sorted(log.channels):
+    here = log.independent([name for name in log.channels if _quantity(name) in DOMAIN])
+    sensors = {name: [name] for name in here if name in STANDARD and _quantity(name) == name}
+    for name in sorted(here):
         quantity = _quantity(name)
-        if name != quantity and quantity in DOMAIN and (unit_of(log, name) or "1") == STANDARD[quantity].unit:
+        if name != quantity and (unit_of(log, name) or "1") == STANDARD[quantity].unit:
             sensors.setdefault(quantity, []).append(name)
     return sensors
 

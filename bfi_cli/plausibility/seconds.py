@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -27,7 +27,7 @@ SETTLING = 10
 ONE_TURN = 6.4
 
 
-def seconds_of(log: FlightLog, names: Iterable[str]) -> State | None:
+def seconds_of(log: FlightLog, names: Collection[str]) -> State | None:
     """Return channels of a log once a second, in flight; None where nothing tells that it flies."""
     middle = max(0, (log.n_samples - LOOKED_AT) // 2)
     rows = slice(middle, middle + LOOKED_AT)
@@ -40,8 +40,8 @@ def seconds_of(log: FlightLog, names: Iterable[str]) -> State | None:
         return None
     every = {
         name: _means(_continuous(name, log.channels[name].between(rows)), first)
-        for name in names
-        if name in log.channels and log.channels[name].unit in ("", "1", STANDARD[name].unit)
+        for name in log.independent(names)
+        if log.channels[name].unit in ("", "1", STANDARD[name].unit)
     }
     flown = _flown(every)
     if flown is None or not flown.any():

@@ -20,6 +20,7 @@ from ..faults import Decision, Fault
 from ..flightlog import Channel, FlightLog
 from ..flightlog.phases import HOVER, TRANSITION, airborne_stretches, phases_of
 from ..flightlog.quality import advice_on_windows, gap_starts, held_hz
+from ..flightlog.signs import HEIGHTS
 from ..kernels.runs import runs, within
 from ..notes import Note
 from ..shapes import Kind
@@ -152,7 +153,7 @@ def _flight(log: FlightLog) -> tuple[int, int]:
     """
     whole = (0, log.n_samples)
     by_ground_speed = "ground_speed" in log.channels
-    if not by_ground_speed and "altitude" not in log.channels:
+    if not by_ground_speed and log.channels.keys().isdisjoint(HEIGHTS):
         return whole
     stretches = airborne_stretches(log, suspects=("tas", "cas", "ias", "mach"))
     if not stretches:
@@ -170,7 +171,7 @@ def _flight(log: FlightLog) -> tuple[int, int]:
 
 def _is_low(log: FlightLog, first: int, stop: int, part: slice) -> bool:
     """Say whether the outer half of a part of the log before take-off or after landing is as low as the ground."""
-    altitude = log.channels["altitude"].values
+    altitude = next(log.channels[name].values for name in HEIGHTS if name in log.channels)
     flown = altitude[first:stop]
     flown, outer = flown[np.isfinite(flown)], altitude[part]
     outer = outer[: -(-outer.size // 2)] if part.stop is not None else outer[outer.size // 2 :]

@@ -67,7 +67,7 @@ def tolerance_of(log: FlightLog, window: FlightLog, channel: str) -> float:
     if quantity in AIRSPEEDS:
         speed = _median_speed(window, name)
         return min(max(AIRSPEED_SHARE * speed, AIRSPEED_LEAST), AIRSPEED_MOST * speed)
-    if quantity == "altitude":
+    if quantity in ("altitude", "baro_altitude"):
         known = [one for one in AIRSPEEDS if one in window.channels]
         speed = _median_speed(window, known[0]) if known else 0.0
         return max(ALTITUDE_PER_SPEED * speed, ALTITUDE_LEAST)

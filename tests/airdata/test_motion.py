@@ -159,6 +159,48 @@ def test_crossing_the_date_line_is_no_speed():
     np.testing.assert_allclose(east, 6.378137, rtol=1e-6)
 
 
+def positions(time_s, speed=60.0, turn=0.02):
+    """Return latitude and longitude of a steady turn near the equator, and its velocity to the north and east."""
+    north, east = speed / turn * np.sin(turn * time_s), speed / turn * (1.0 - np.cos(turn * time_s))
+    # On the equator a radian of latitude is a (1 - e^2), one of longitude a.
+    scales = (6_378_137.0 * (1.0 - 6.694_379_990_14e-3), 6_378_137.0)
+    return north / scales[0], east / scales[1], speed * np.cos(turn * time_s), speed * np.sin(turn * time_s)
+
+
+CLOCK = np.arange(0.0, 120.0)
+PAIRS = np.where(np.arange(120) % 10 == 5, CLOCK - 1.0, CLOCK)  # a second repeated, the next one skipped
+
+
+@pytest.mark.parametrize(
+    ("time_s", "shown_at", "digits", "limit"),
+    [
+        (np.arange(0.0, 120.0, 0.1), np.arange(0.0, 120.0, 0.1), 12, 0.3),
+        (CLOCK, CLOCK, 12, 0.3),
+        (PAIRS, CLOCK, 12, 8.0),
+        (np.arange(0.0, 120.0, 0.1), np.floor(np.arange(0.0, 120.0, 0.1)), 12, 1.5),  # held for a second
+        (CLOCK, CLOCK - (CLOCK % 17 == 3), 12, 13.0),  # repeats now and then
+        (CLOCK, CLOCK, 7, 0.5),  # the seventh decimal of a radian is 0.6 m
+    ],
+)
+def test_positions_that_repeat_lag_or_are_rounded_make_no_wild_velocity(time_s, shown_at, digits, limit):
+    latitude, longitude, _, _ = positions(shown_at)
+    *_, north, east = positions(time_s)
+    made = ground_velocity(time_s, np.round(latitude, digits), np.round(longitude, digits))
+    error = np.hypot(made[0] - north, made[1] - east)
+    assert np.isfinite(error).all()
+    inner = (time_s > 3.0) & (time_s < 117.0)
+    assert error[inner].max() < limit
+
+
+def test_positions_across_a_gap_make_a_velocity_on_either_side_alone():
+    latitude, longitude, north, _ = positions(CLOCK)
+    latitude[40:70] = np.nan
+    made, _ = ground_velocity(CLOCK, latitude, longitude)
+    assert np.isnan(made[44:66]).all()
+    np.testing.assert_allclose(made[5:40], north[5:40], atol=1.0)
+    assert np.isnan(ground_velocity(CLOCK, np.full(120, np.nan), longitude)[0]).all()
+
+
 def test_the_dynamic_pressure_of_these_flights_is_below_the_impact_pressure():
     """So that the two are not mixed up here: 1 + M^2 / 4 at Mach 0.35."""
     *_, q_dynamic, tas, altitude, sat = flight()

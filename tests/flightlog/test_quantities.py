@@ -14,6 +14,7 @@ from bfi_cli.channels import STANDARD
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, read_log, write_log
 from bfi_cli.flightlog.quantities import follows_setting, pressure_altitude, with_quantities
+from bfi_cli.kernels.quantisation import find_quantum
 
 TIME = np.arange(0.0, 1200.0)
 
@@ -85,7 +86,7 @@ def test_an_altitude_that_follows_the_knob_is_a_baro_altitude_unless_it_was_type
     made = with_quantities(log, ())
     assert made.channels["baro_altitude"].values.tolist() == shown.tolist()
     assert made.channels["altitude"].derived_from == ("baro_altitude", "baro_setting")
-    np.testing.assert_allclose(made.channels["altitude"].values, height, atol=0.16)
+    np.testing.assert_allclose(made.channels["altitude"].values, height, atol=0.31)
     assert any("steps with 'baro_setting' and is taken for baro_altitude" in text for text in texts(made.notes))
     assert with_quantities(log, ("altitude",)) is log
 
@@ -104,7 +105,7 @@ def test_what_a_missing_altitude_follows_from(channels: tuple[str, ...], derived
     log = with_quantities(recorded(**{name: values[name] for name in channels}), ())
     assert log.channels["altitude"].derived_from == derived
     expected = shown if len(channels) == 1 else height
-    np.testing.assert_allclose(log.channels["altitude"].values, expected, atol=0.16)
+    np.testing.assert_allclose(log.channels["altitude"].values, expected, atol=0.31)
     assert note in " ".join(texts(log.notes))
 
 
@@ -140,3 +141,21 @@ def test_a_fault_of_a_derived_channel_is_written_and_read(tmp_path: Path):
     read = read_log(tmp_path / "a.csv")
     np.testing.assert_allclose(read.channels["altitude"].values - log.channels["altitude"].values, 50.0 * (TIME >= 700))
     assert read.channels["altitude"].derived_from == ()
+
+
+def test_ground_speed_and_track_are_the_ground_velocity_and_a_magnetic_track_is_turned_first():
+    speed, track = np.full(TIME.size, 60.0), 0.01 * TIME
+    log = with_quantities(
+        recorded(ground_speed=speed, magnetic_track=track, magnetic_variation=np.full(TIME.size, 0.06)), ()
+    )
+    np.testing.assert_allclose(log.channels["velocity_north"].values, 60.0 * np.cos(track + 0.06), atol=1e-9)
+    np.testing.assert_allclose(log.channels["velocity_east"].values, 60.0 * np.sin(track + 0.06), atol=1e-9)
+    assert log.independent(("ground_speed", "velocity_north")) == ("ground_speed",)
+    assert log.independent(("velocity_north", "velocity_east")) == ("velocity_north", "velocity_east")
+    recorded_already = recorded(ground_speed=speed, track=track, velocity_north=speed, velocity_east=speed)
+    assert with_quantities(recorded_already, ()) is recorded_already
+
+
+def test_the_steps_of_the_reading_are_those_of_the_pressure_altitude():
+    _, setting, shown = flight(clicks=CLICKS["several within seconds"], step=0.3048)
+    assert find_quantum(pressure_altitude(shown, setting)) == pytest.approx(0.3048, rel=1e-3)

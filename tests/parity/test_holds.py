@@ -439,6 +439,6 @@ def test_a_tube_that_stays_blocked_over_landings_is_no_calm_flight(flights: Path
     start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1])
     assert find_holds(log, start_s, stop_s).findings == ()
     blocked = inject(log, [Fault(shape="pitot_blocked", onset_s=51_500.0)])
-    (found,) = find_holds(blocked, start_s, stop_s).findings
-    assert found.fault == "pitot_blocked"
-    assert found.onset_s == pytest.approx(51_500.0, abs=5.0)
+    found = find_holds(blocked, start_s, stop_s).findings
+    assert {one.fault for one in found} == {"pitot_blocked"}
+    assert found[0].onset_s == pytest.approx(51_500.0, abs=5.0)

@@ -10,8 +10,8 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from ..errors import ConfigError, LogError
 from ..kernels import FloatArray
+from .axis import LATEST
 from .raw import require_memory
-from .read import LATEST
 from .record import FlightLog, frozen_array
 
 # A step of more than so many typical steps is a gap, in which nothing is interpolated.

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from ..errors import LogError
 from ..kernels.decimation import WHITE, lowpass_taps
+from ..kernels.regular_clock import regular_times
 from ..notes import Note
 from .raw import FLAGS, FloatArray, RawLog, Track, require_memory
 
@@ -151,18 +152,20 @@ def in_order(track: Track) -> tuple[Track | None, str | None]:
     if time_s.size < 2:
         return None, f"left out with {time_s.size} samples that are numbers"
     n_back = int(np.count_nonzero(np.diff(time_s) <= 0.0))
+    if n_back > max(2.0, MENDED * time_s.size) and (regular := regular_times(time_s)) is not None:
+        time_s, n_back = regular.time_s, 0
     if n_back > max(2.0, MENDED * time_s.size):
         return None, f"left out, as the clock runs backwards {n_back} times"
     if not n_back:
         return replace(track, time_s=time_s, values=values), None
-    kept = _longest_in_order(time_s)
+    kept = longest_in_order(time_s)
     if kept.size < 2:
         return None, "left out, as no two samples are in order of time"
     note = f"samples out of order of time are left out, {time_s.size - kept.size} of them"
     return replace(track, time_s=time_s[kept], values=values[kept]), note
 
 
-def _longest_in_order(time_s: FloatArray) -> NDArray[np.intp]:
+def longest_in_order(time_s: FloatArray) -> NDArray[np.intp]:
     """Return the samples of the longest increasing subsequence of times, by patience sorting."""
     tops: list[float] = []  # entry n - 1: the least time with which an increasing run of n samples can end
     at: list[int] = []

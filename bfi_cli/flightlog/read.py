@@ -18,6 +18,7 @@ from ..errors import ConfigError, LogError, reason_of
 from ..files import HDF5
 from ..notes import Note
 from ..units import si_unit, to_si
+from .axis import FEWEST_TIMES, LATEST, axis_of
 from .clocks import on_one_clock
 from .conventions import NORMAL, Convention, sentence_of, with_conventions
 from .dataflash import read_dataflash_topics
@@ -28,7 +29,6 @@ from .mcap import is_mcap, read_mcap
 from .phases import airborne_stretches
 from .plausible import RIGHT, assumed_units, time_scale
 from .px4 import folder_digest, read_folder, read_topic_file, read_ulog_topics
-from .quality import is_uniform
 from .quantities import with_quantities
 from .rates import boot_starts
 from .raw import (
@@ -70,16 +70,13 @@ OF_MESSAGES: tuple[tuple[Callable[[bytes], bool], Recorder, Topics], ...] = (
     (is_tlog, "mavlink", lambda path, _: read_tlog_topics(path)),
 )
 FOREIGN = {b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data", b"TDSh": "the index of a TDMS file"}
-# Largest time, s. Times since 1904 or 1970 are up to 4e9 s; in ms or us without a stated unit they are beyond this.
-LATEST = 1e12
 # Longest step, s, and highest rate, Hz, of a time axis without a unit, and its units beside seconds.
 LONGEST_STEP, FASTEST_LOG = 5.0, 1000.0
 TIME_UNITS = {"ms": 1e-3, "us": 1e-6}
 # Longest step of a usable log, s: in more an aircraft turns around, or flies its whole approach.
 SLOWEST_S = 30.0
-# Decimals of a rounded time axis, s, their largest share of a step (a missing sample is then a larger jump than
-# rounding makes), and the fewest times for a line through them.
-DECIMALS, MOST_ROUNDED, FEWEST_TIMES = (0.1, 0.01, 0.001, 1e-4, 1e-5, 1e-6), 0.65, 20
+# Highest rate of a time axis, Hz: vibrations are recorded at 1e5 Hz.
+FASTEST_CLOCK = 1e6
 # Limit of sample_rate_hz, Hz; audio has 2e5.
 FASTEST = 1e9
 
@@ -281,16 +278,18 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
             f"'{time.source}'; leave it out"
         )
     else:
-        time_s, rounded = _without_rounding(_checked_time(path, time), time.source)
-        notes += rounded
+        axis = axis_of(path, time.source, time.values)
+        time_s = axis.time_s
+        notes += axis.notes
+        if axis.rows is not None:
+            alike = {name for name, channel in channels.items() if channel.n_samples == time.n_samples}
+            channels |= {name: channels[name].taken(axis.rows) for name in alike}
+            clean = {name: replace(track, values=track.here().values[axis.rows]) for name, track in raw.clean.items()}
+            raw = replace(raw, clean=clean)
     channels, spread = _with_spread(path, channels, time_s, asked)
     notes += spread
-    left_out = dict(raw.left_out)
-    of_other_length = {name: one for name, one in channels.items() if one.n_samples != time_s.size}
-    for name, channel in of_other_length.items():
-        if channel.source in asked.sources or 2 * len(of_other_length) > len(channels):
-            raise different_length(path, channel.source, channel.n_samples, time_s.size)
-        left_out[channel.source] = unlike_time(channel.source, channels.pop(name).n_samples, time_s.size)
+    left_out = {**raw.left_out, **_unlike_time(path, channels, time_s.size, asked)}
+    channels = {name: channel for name, channel in channels.items() if channel.source not in left_out}
     for name, why in left_out.items():
         reason, semicolon, advice = why.partition("; ")
         notes.append(Note.method(f"'{name}' {reason} and is left out{semicolon}{advice}"))
@@ -317,6 +316,20 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     if time is not None and not {"time", time.source} & asked.unit_map.keys():
         _check_clock(log, time.source)
     return log
+
+
+def _unlike_time(path: str, channels: Mapping[str, Channel], n_times: int, asked: Asked) -> dict[str, str]:
+    """Return by source which channels have another number of samples than the time axis, and why each is left out.
+
+    Raises
+    ------
+    LogError : they are most of all channels, or one of them was asked for.
+    """
+    unlike = [channel for channel in channels.values() if channel.n_samples != n_times]
+    for channel in unlike:
+        if channel.source in asked.sources or 2 * len(unlike) > len(channels):
+            raise different_length(path, channel.source, channel.n_samples, n_times)
+    return {channel.source: unlike_time(channel.source, channel.n_samples, n_times) for channel in unlike}
 
 
 def _truth(path: str, raw: RawLog, n_samples: int, convention: Convention | None) -> Truth | None:
@@ -423,7 +436,7 @@ def _check_clock(log: FlightLog, source: str) -> None:
     LogError : the step is no recorder's, the record runs backwards, or a second of the axis is no second.
     """
     step = float(np.median(np.diff(log.time_s)))
-    if step > SLOWEST_S and log.n_samples >= FEWEST_TIMES:
+    if (step > SLOWEST_S and log.n_samples >= FEWEST_TIMES) or step < 1.0 / FASTEST_CLOCK:
         fit = _units_of(step)
         advice = f"state its unit with --unit {source}={fit[0]}" if fit else "mend it"
         raise LogError(f"{log.path}: '{source}' has steps of {step:.6g} s, which no recorder of a flight has; {advice}")
@@ -519,57 +532,11 @@ def _unit_of_time(path: str, time: Track) -> tuple[str | None, tuple[Note, ...]]
     )
 
 
-def _checked_time(path: str, channel: Channel) -> FloatArray:
-    time_s, source = channel.values, channel.source
-    bad = np.flatnonzero(~np.isfinite(time_s))
-    if bad.size:
-        raise LogError(f"{path}: '{source}' is not a number at sample {bad[0]} ({bad.size} in all); mend the time axis")
-    if time_s.size < 2:
-        raise LogError(f"{path}: {time_s.size} samples, at least 2 are needed; give a longer log")
-    late = np.flatnonzero(np.abs(time_s) > LATEST)
-    if late.size:
-        raise LogError(
-            f"{path}: '{source}' is no time of a flight at sample {late[0]}, got {time_s[late[0]]:.6g} s; state its "
-            f"unit with --unit {source}=us, or mend the time axis"
-        )
-    back = np.flatnonzero(np.diff(time_s) <= 0.0)
-    if back.size:
-        k = int(back[0]) + 1
-        mend = "reverse its samples" if 2 < time_s.size == back.size + 1 else "sort or mend the time axis"
-        raise LogError(
-            f"{path}: '{source}' does not increase at sample {k} ({time_s[k]:.6g} s after {time_s[k - 1]:.6g} s, "
-            f"{back.size} such steps); {mend}"
-        )
-    return time_s
-
-
-def _without_rounding(time_s: FloatArray, source: str) -> tuple[FloatArray, tuple[Note, ...]]:
-    """Return the times, replaced by a straight line, and a note, if they are even times rounded to few decimals.
-
-    They are where no time lies further from the line than rounding explains.
-    """
-    if time_s.size < FEWEST_TIMES or is_uniform(time_s):
-        return time_s, ()
-    from_start = time_s - time_s[0]
-    quantum = next(
-        (one for one in DECIMALS if np.max(np.abs(from_start / one - np.round(from_start / one))) < 1e-3), None
-    )
-    count = np.arange(time_s.size) - 0.5 * (time_s.size - 1)
-    step = float(count @ from_start / (count @ count))
-    if quantum is None or quantum > MOST_ROUNDED * step:
-        return time_s, ()
-    line = from_start.mean() + step * count
-    # Rounding to the nearest or down; half a quantum more for the line through rounded times.
-    if np.ptp(from_start - line) > 1.5 * quantum:
-        return time_s, ()
-    note = Note.method(
-        f"the times of '{source}' are rounded to {quantum:g} s; their even steps of {step:.6g} s are taken"
-    )
-    return frozen_array(time_s[0] + line), (note,)
-
-
 def _counted_time(path: str, channels: Mapping[str, Channel], raw: RawLog, rate_hz: float | None) -> FloatArray:
     if rate_hz is None:
+        for name, why in raw.left_out.items():
+            if (match := match_name(name)) is not None and match.name == "time":
+                raise LogError(f"{path}: no time axis, '{name}' {why.rstrip(',')}; mend it, or give --sample-rate HZ")
         raise LogError(
             f"{path}: no time axis, got neither a channel 'time' nor an attribute sample_rate_hz; the log has: "
             f"{', '.join(sorted(channels))}; map one with --channel time=NAME, or give --sample-rate HZ"

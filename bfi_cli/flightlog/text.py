@@ -17,6 +17,7 @@ from ..channels import match_name
 from ..errors import LogError
 from ..filters import filters_from_json
 from ..notes import Note
+from .axis import made_regular, without_jumps
 from .cells import Kind, Lines, Table
 from .layouts import Heading, heading_of, with_channels
 from .raw import BESIDE_TIME, DAY_S, Asked, RawLog, Track, from_midnight
@@ -157,12 +158,16 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
     if chosen in clocks and not dates:
         known = time_s[rows]
         time_s[rows] = known + DAY_S * np.cumsum(np.diff(known, prepend=known[:1]) < -0.5 * DAY_S)
+    time_s[rows], jumps = without_jumps(chosen.source, time_s[rows], zones=True)
+    notes += jumps
     if rows.any() and time_s[rows][0] >= DAY_S:
         first = np.floor(time_s[rows][0] / DAY_S) * DAY_S
         time_s -= first
         notes.append(from_midnight(first, zone=""))
     if not rows.all():
         notes.append(Note.method(f"{np.count_nonzero(~rows)} rows without a time are left out"))
+    time_s[rows], regular = made_regular(chosen.source, time_s[rows])
+    notes += regular
     steps = np.diff(time_s[rows])
     if np.any(steps == 0.0) and np.all(time_s[rows] % 1.0 == 0.0):
         if np.median(steps) == 0.0:

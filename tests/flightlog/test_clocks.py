@@ -4,17 +4,22 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from noted import texts
 
+from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
+from bfi_cli.config import Config
+from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import Channel, FlightLog, read_log
 from bfi_cli.flightlog.plausible import time_scale
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.flightlog.resampling import with_single_samples
+from bfi_cli.identify import identify_faults
 
 N = 400
 
@@ -112,3 +117,87 @@ def test_a_clock_that_is_not_in_seconds_is_refused_in_a_line(
 def test_the_unit_that_is_asked_for_mends_it(tmp_path: Path) -> None:
     path = csv(tmp_path / "a.csv", 500.0 * np.arange(N), flown(np.arange(N) / 2.0))
     assert read_log(path, unit_map={"time": "ms"}).rate_hz == pytest.approx(2.0)
+
+
+def rows_of(clocks: list[str], header: str = "Lcl Time,TAS [kt],Pitch [deg]") -> str:
+    return header + "\n" + "".join(f"{clock},{100 + k},{k % 7}\n" for k, clock in enumerate(clocks))
+
+
+def clock(seconds: int) -> str:
+    return f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
+
+
+MINUTE = list(range(40_000, 40_060))
+ODD_CLOCKS: dict[str, tuple[list[int], list[int], str]] = {
+    # Seconds as written, seconds as they were, part of the note.
+    "in pairs": ([k - (k % 3 == 1) for k in MINUTE], MINUTE, "20 of its rows, which repeat or skip"),
+    "set back": ([*range(40_003, 40_008), *MINUTE[5:]], MINUTE, "was set by -3 s after row 5"),
+    "set back by one": ([*range(40_001, 40_006), *MINUTE[5:]], MINUTE, "re-timed"),
+    "zone forwards": ([*MINUTE[:30], *(k + 3600 for k in MINUTE[30:])], MINUTE, "its zone by +1 h after row 30"),
+    "zone back": ([*MINUTE[:30], *(k - 1800 for k in MINUTE[30:])], MINUTE, "its zone by -0.5 h after row 30"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ODD_CLOCKS)
+def test_what_a_clock_of_a_recorder_does_loses_no_row(name: str, tmp_path: Path) -> None:
+    written, true, note = ODD_CLOCKS[name]
+    (tmp_path / "a.csv").write_text(rows_of([clock(k) for k in written]))
+    log = read_log(tmp_path / "a.csv")
+    assert log.time_s.tolist() == true
+    assert log.n_samples == len(written)
+    assert any(note in text for text in texts(log.notes))
+
+
+@pytest.mark.parametrize(
+    ("change", "n", "note"),
+    [
+        (lambda t: np.where(np.arange(t.size) == 150, np.nan, t), 399, "rows without a time are left out: 1"),
+        (lambda t: np.where(np.arange(t.size) == 150, 900.0, t), 399, "time is out of order are left out: 1"),
+        (lambda t: np.where(np.arange(t.size) < 30, t + 1.2, t), 400, "was set by -1.2 s after row 30"),
+        (lambda t: np.where(np.arange(t.size) < 30, t - 3e8, t), 400, "was set by +3e+08 s after row 30"),
+    ],
+)
+def test_single_wrong_times_and_a_clock_that_is_set(change, n: int, note: str, tmp_path: Path) -> None:
+    time_s = 100.0 + np.arange(N) / 4.0
+    log = read_log(csv(tmp_path / "a.csv", change(time_s), {"tas": 60.0 + time_s}))
+    assert any(note in text for text in texts(log.notes))
+    assert log.rate_hz == pytest.approx(4.0)
+    np.testing.assert_allclose(log.channels["tas"].values, 60.0 + log.time_s, atol=1e-6)
+    assert log.n_samples in (n, N)  # a single missing sample is interpolated
+
+
+@pytest.mark.parametrize("step_s", [1e-10, 2e-8])
+def test_a_clock_that_no_recorder_has_is_refused_in_a_line(step_s: float, tmp_path: Path) -> None:
+    path = csv(tmp_path / "a.csv", step_s * np.arange(N), {"tas": 60.0 + 0.1 * np.arange(N)})
+    with pytest.raises(LogError, match=r"'time' has steps of .* s, which no recorder of a flight has; ") as refused:
+        read_log(path)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    "written",
+    [
+        lambda t: (70_000.0 + t).astype(np.float32).astype(np.float64),
+        lambda t: np.floor(1000.0 * (12.0 + t)) / 1000.0,
+        lambda t: np.round(10.0 * t) / 10.0,
+    ],
+    ids=["single precision at 70 000 s", "milliseconds", "tenths of a second"],
+)
+def test_a_drift_on_a_rounded_clock_has_its_rate(written, tmp_path: Path) -> None:
+    """A drift of 1.5 m/s^2 is that to 1 %, whatever the resolution of the clock, at 99.7 Hz."""
+    flight = simulate(MODELS["citation"], manoeuvre("3211", time_axis()), rng=np.random.default_rng(0), noise_sd={})
+    time_s, rate_hz = np.arange(flight.n_samples) / 99.7, 99.7
+    drift = 1.5 * np.maximum(0.0, time_s - time_s[600])
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        file["time"] = written(time_s)
+        for name, channel in flight.channels.items():
+            file[name] = channel.values + (drift if name == "tas" else 0.0)
+            file[name].attrs["units"] = channel.unit
+    log = read_log(tmp_path / "a.h5")
+    assert log.n_samples == flight.n_samples
+    assert log.rate_hz == pytest.approx(rate_hz, rel=1e-4)
+    entry = f"{{name: drift, shape: drift, channel: tas, onset_s: {float(log.time_s[600])!r}}}"
+    (tmp_path / "d.yaml").write_text(f"atoms: [{entry}]\nrelative_to: log\n")
+    found = identify_faults(log, load_dictionary(tmp_path / "d.yaml"), Config())
+    (fault,) = found.faults
+    assert fault.magnitude == pytest.approx(1.5, rel=0.01)

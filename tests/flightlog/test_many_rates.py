@@ -324,12 +324,22 @@ def test_times_rounded_to_decimals_are_made_even(rate_hz: float, decimals: int, 
     np.testing.assert_allclose(log.time_s, t, atol=1.01 * 10.0**-decimals)
 
 
-@pytest.mark.parametrize("change", ["gap", "jitter"])
-def test_times_that_are_not_on_a_rounded_grid_are_left_alone(change: str, tmp_path: Path):
+def written(path: Path, t: np.ndarray) -> np.ndarray:
+    """Return the times that are read of times written with two decimals."""
+    path.write_text("time,tas\n" + "".join(f"{one:.2f},{k % 7}\n" for k, one in enumerate(t)))
+    return read_log(path).time_s
+
+
+def test_jitter_beyond_rounding_and_a_gap_stay(tmp_path: Path):
     t = np.arange(200) / 30.0
-    t = np.where(t > 3.0, t + 0.3, t) if change == "gap" else t + 0.01 * np.random.default_rng(0).uniform(-1, 1, t.size)
-    (tmp_path / "a.csv").write_text("time,tas\n" + "".join(f"{one:.2f},{k % 7}\n" for k, one in enumerate(t)))
-    np.testing.assert_array_equal(read_log(tmp_path / "a.csv").time_s, np.round(t, 2))
+    jitter = t + 0.01 * np.random.default_rng(0).uniform(-1, 1, t.size)
+    np.testing.assert_array_equal(written(tmp_path / "a.csv", jitter), np.round(jitter, 2))
+    gap = np.where(t > 3.0, t + 0.31, t)
+    read = written(tmp_path / "b.csv", gap)
+    np.testing.assert_allclose(read, gap, atol=0.01)
+    steps = 30.0 * np.diff(read)
+    np.testing.assert_allclose(np.delete(steps, 90), 1.0, rtol=1e-3)
+    assert 10.0 < steps[90] < 10.6
 
 
 @pytest.mark.realdata

@@ -118,7 +118,7 @@ def test_a_clock_of_whole_seconds_with_many_rows_each(tmp_path: Path):
     rows = "".join(f"12:00:{k // 5:02d},{k}\n" for k in range(2, 53))
     log = read_log(write_text(tmp_path / "a.csv", "clock,tas\n" + rows))
     np.testing.assert_allclose(log.time_s - 43200.0, np.arange(2, 53) / 5.0, atol=1e-9)
-    assert any("spread over it" in note for note in texts(log.notes))
+    assert any("a regular clock of 5 Hz" in note for note in texts(log.notes))
 
 
 @pytest.mark.parametrize(

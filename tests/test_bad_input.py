@@ -61,7 +61,7 @@ LOGS: dict[str, tuple[str, str]] = {
     "prose.csv": ("flight of the day\nit rained\n", "prose.csv: 1 samples below the header"),
     "unit.csv": (
         "time,elevator,tas [furlong]\n0,0,1\n1,0,1\n",
-        "unit.csv: 'tas': unknown unit 'furlong'; give an SI unit",
+        "unit.csv: 'tas' is in 'furlong', an unknown unit, and is left out; the log has: elevator; state",
     ),
     "no_input.csv": (
         csv().replace("elevator", "spoiler"),

@@ -38,13 +38,14 @@ def _has(name: str) -> Callable[[Sequence[str]], bool]:
 
 
 # The first that fits. Garmin: G1000, Perspective, NXi, G3X, GDU 460, TXi, where its first line is lost. Dynon: logs of
-# SkyView and HDX. X-Plane: `Data.txt`. INAV: `blackbox_decode`. FlightGear: the logger, untitled properties by path.
+# SkyView and HDX. X-Plane: `Data.txt`. INAV: `blackbox_decode`. FlightGear: the logger, and `playback`.
 LAYOUTS = (
     Layout(recorder="garmin", is_header=_has("lcl_date")),
     Layout(recorder="dynon", is_header=_has("session_time")),
     Layout(recorder="xplane", is_header=lambda names: 2 * sum(map(bool, map(XPLANE.fullmatch, names))) > len(names)),
     Layout(recorder="inav", is_header=_has("loopiteration")),
     Layout(recorder="flightgear", is_header=lambda names: any(name.startswith("/") for name in names)),
+    Layout(recorder="flightgear", is_header=_has("airspeed_indicator_indicated_speed_kt")),
 )
 
 

@@ -260,6 +260,7 @@ def _boots(path: str, raw: RawLog, asked: Asked) -> Sequence[RawLog]:
 def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     """Return the log of columns: named, in SI, with a checked time axis, or one counted from the rate."""
     _check_maps(path, raw.columns, asked)
+    raw = _without_unknown_units(raw, asked)
     taken, columns, notes = _named(path, raw, asked)
     if not taken.keys() - {"time"}:
         why = "".join(f", '{name}' {reason.rstrip(',')}" for name, reason in list(raw.left_out.items())[:3])
@@ -390,6 +391,21 @@ def _with_spread(
             )
         )
     return made, notes
+
+
+def _without_unknown_units(raw: RawLog, asked: Asked) -> RawLog:
+    """Return the log without the columns that would be standard channels but for a unit that nobody knows."""
+    left_out = dict(raw.left_out)
+    for column, match in by_precedence(raw.columns, asked):
+        if match is None or match.rank < 0 or match.name == "time" or unit_source(column, match, asked) == "--unit":
+            continue
+        unit, name = unit_of(column, match, asked), column.source
+        try:
+            to_si(0.0, unit or "")
+        except LogError as error:
+            _, _, hint = str(error).partition("; ")
+            left_out[name] = f"is in '{unit}', an unknown unit,; state it with --unit {name}=UNIT, {hint}"
+    return replace(raw, columns=[one for one in raw.columns if one.source not in left_out], left_out=left_out)
 
 
 def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[Column], list[Note]]:

@@ -99,7 +99,8 @@ class ChannelMap:
 # X-Plane 10 to 12: Data.txt. Of two clocks the simulated time is that of the flight.
 # INAV: Blackbox.md, blackbox.c and osd.c, `blackbox_decode` of blackbox-tools. Body axes are forward, left, up, so that
 # pitch and its rate are positive nose down; an acceleration unit is 1/2048 g, the airspeed that of air at sea level.
-# FlightGear: paths of the property tree. `airspeed-kt` is the calibrated one, body axes are forward, right, down.
+# FlightGear: paths of the property tree, and names of the protocol `playback`. `airspeed-kt` is the calibrated one,
+# body axes are forward, right, down.
 # IGC: FAI, Technical Specification for GNSS Flight Recorders, appendix A: km/h, m, degrees, degrees Celsius.
 # DASHlink: parameters of NASA's sample flight data of a BAe 146; temperatures state DEG, static pressure IN.
 # SIDPAC: `fdata` of Klein and Morelli, Aircraft System Identification: feet, degrees, g.
@@ -366,18 +367,32 @@ csv./fdm/jsbsim/velocities/vtrue-kts                            tas             
 csv./velocities/airspeed-kt                                     cas                kt
 csv./fdm/jsbsim/velocities/vc-kts                               cas                kt
 csv./instrumentation/airspeed-indicator/indicated-speed-kt      ias                kt
+csv.airspeed-kt                                                 cas                kt
+csv.airspeed-indicator_indicated-speed-kt                       ias                kt
 csv./velocities/mach                                            mach               1
 csv./velocities/groundspeed-kt                                  ground_speed       kt
+csv.groundspeed-kt                                              ground_speed       kt
+csv.gps_indicated-ground-speed-kt                               ground_speed       kt
 csv./velocities/speed-north-fps                                 velocity_north     ft/s
 csv./velocities/speed-east-fps                                  velocity_east      ft/s
 csv./velocities/vertical-speed-fps                              altitude_rate      ft/s
+csv.vertical-speed-fps                                          altitude_rate      ft/s
 csv./instrumentation/altimeter/pressure-alt-ft                  altitude           ft
+csv.altimeter_pressure-alt-ft                                   altitude           ft
 csv./instrumentation/altimeter/indicated-altitude-ft            baro_altitude      ft
+csv.altimeter_indicated-altitude-ft                             baro_altitude      ft
 csv./instrumentation/altimeter/setting-inhg                     baro_setting       inHg
 csv./position/altitude-ft                                       gps_altitude       ft
+csv.altitude-ft                                                 gps_altitude       ft
 csv./position/altitude-agl-ft                                   radio_altitude     ft
 csv./position/latitude-deg                                      latitude           deg
 csv./position/longitude-deg                                     longitude          deg
+csv.latitude-deg                                                latitude           deg
+csv.longitude-deg                                               longitude          deg
+csv.pitch-deg                                                   pitch              deg
+csv.roll-deg                                                    roll               deg
+csv.heading-deg                                                 yaw                deg
+csv.side-slip-deg                                               sideslip           deg
 csv./orientation/pitch-deg                                      pitch              deg
 csv./orientation/roll-deg                                       roll               deg
 csv./orientation/heading-deg                                    yaw                deg
@@ -397,6 +412,11 @@ csv./environment/wind-from-north-fps                            wind_north      
 csv./environment/wind-from-east-fps                             wind_east          ft/s   -1
 csv./surface-positions/elevator-pos-norm                        elevator           1
 csv./surface-positions/rudder-pos-norm                          rudder             1
+csv.elevator                                                    elevator           1
+csv.rudder                                                      rudder             1
+csv.aileron                                                     aileron            1
+csv.throttle                                                    throttle           1
+csv.flaps                                                       -                  1
 csv./controls/engines/engine/throttle                           throttle           1
 csv./controls/engines/engine[0]/throttle                        throttle           1
 igc

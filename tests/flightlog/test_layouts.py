@@ -10,6 +10,7 @@ from made_layouts import KT, LAYOUTS, N, g1000, skyview, xplane
 from noted import texts
 
 from bfi_cli.channels import STANDARD
+from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
 
 LOW_PASSED = {"pitch", "radio_altitude"}  # recorded faster than the airspeed
@@ -58,3 +59,60 @@ def test_what_the_file_does_not_name_keeps_its_name_or_is_left_out_with_a_note(t
     assert "'COM1': 3 cells are not a number, the first '123.075 RX' in line 4: left out" in texts(log.notes)
     assert "aoa" not in log.channels
     assert "GPS Time of Week" in log.channels
+
+
+IGC = "AXXX001\nHFDTE010524\n"
+FIX = "B1200{:02d}4006000N08806123WA0092000940"
+
+
+@pytest.mark.parametrize(
+    ("lines", "said", "channels"),
+    [
+        ([FIX.format(k) for k in range(9)], (), {"latitude", "longitude", "altitude", "gps_altitude"}),
+        (["I013638FXA", *(f"{FIX.format(k)}035" for k in range(9))], (), {"altitude", "FXA"}),
+        (["I013640TAS", *(f"{FIX.format(k)}{'18000' if k else '  xyz'}" for k in range(9))], (), {"tas"}),
+        (
+            ["I013640TAS", "garbage", *(FIX.format(k) for k in range(9)), "B12zz"],
+            ("B records that are damaged are left out: 1",),
+            {"altitude", "tas"},
+        ),
+        (
+            [FIX.format(k).replace("A00920", "A00000") for k in range(9)],
+            ("'pressure_altitude' is zero throughout and is left out",),
+            {"gps_altitude"},
+        ),
+    ],
+)
+def test_what_igc_files_hold_and_lack(tmp_path: Path, lines: list[str], said: tuple[str, ...], channels: set[str]):
+    (tmp_path / "flight.igc").write_text(IGC + "\n".join(lines) + "\n")
+    log = read_log(tmp_path / "flight.igc")
+    assert channels <= log.channels.keys()
+    assert set(said) <= set(texts(log.notes))
+    assert log.n_samples == 9
+    assert log.time_s[0] == 43_200.0
+    tas = log.channels["tas"].values if "tas" in log.channels else np.empty(0)
+    assert set(tas[np.isfinite(tas)]) <= {50.0}  # 180 km/h
+
+
+def test_an_igc_file_without_fixes_is_refused(tmp_path: Path):
+    (tmp_path / "flight.igc").write_text(f"{IGC}{FIX.format(1)}\n")
+    with pytest.raises(LogError, match=r"flight\.igc: 1 fixes, at least 2 are needed; give a file with B records$"):
+        read_log(tmp_path / "flight.igc")
+
+
+def test_repeated_and_blank_names_of_a_layout_refuse_nothing(tmp_path: Path):
+    xplane(tmp_path / "Data.txt")
+    lines = (tmp_path / "Data.txt").read_text().splitlines(keepends=True)
+    lines[1] = lines[1].replace("_gear,__rat", "thro1,_part").replace("_Mach,ratio", " " * 11)
+    (tmp_path / "Data.txt").write_text("".join(lines))
+    log = read_log(tmp_path / "Data.txt")
+    assert "mach" not in log.channels
+    np.testing.assert_array_equal(log.channels["throttle"].values, np.full(N, 0.7))
+
+
+def test_a_column_in_an_unknown_unit_gives_way_to_another(tmp_path: Path):
+    rows = "".join(f"{k / 10},{100 + k},{k % 3}\n" for k in range(30))
+    (tmp_path / "log.csv").write_text("time,tas [furlong],vtas [kt]\n" + rows)
+    log = read_log(tmp_path / "log.csv")
+    np.testing.assert_allclose(log.channels["tas"].values, KT * (np.arange(30) % 3))
+    assert log.left_out["tas"].startswith("is in 'furlong', an unknown unit,; state it with --unit tas=UNIT")

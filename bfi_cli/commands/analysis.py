@@ -220,7 +220,7 @@ def with_findings(flight: FlightLog, config: Config) -> tuple[FlightLog, tuple[I
 
     findings = implausible_channels(flight)
     if config.fix_units:
-        flight, findings = with_fixed_units(flight, findings)
+        flight, findings = with_fixed_units(flight, findings, config.units)
     for one in findings:
         note(f"{one.advice}: {one.text}" if not one.fixed else f"--fix-units: {one.text}")
     return flight, findings

@@ -70,6 +70,10 @@ class Change:
         """Whether it is an error of size alone."""
         return self.what in ("offset", "scale")
 
+    def doubts_unit(self, stated: Mapping[str, str | None]) -> bool:
+        """Return whether it gives a channel another unit than the one that is stated for it."""
+        return self.what == "unit" and any(stated[name] for name in self.channels)
+
     def part(self, share: float) -> Change:
         """Return a share of it: an offset or a scale of so much less."""
         return replace(self, offset=share * self.offset, factor=1.0 + share * (self.factor - 1.0))

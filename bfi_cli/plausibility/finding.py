@@ -38,6 +38,7 @@ class Implausible:
     text, advice : that in words, and what to do about it.
     factor_ci95, offset_ci95 : 95 % intervals, None where they are not estimated.
     fixed : whether it was applied when the log was read (--fix-units), or is left out of a diagnosis.
+    is_stated : whether it doubts a unit that the file or the user states: that is kept, and nothing depends on it.
     """
 
     channels: tuple[str, ...]
@@ -53,6 +54,7 @@ class Implausible:
     factor_ci95: tuple[float, float] | None = None
     offset_ci95: tuple[float, float] | None = None
     fixed: bool = False
+    is_stated: bool = False
 
     @property
     def is_constant(self) -> bool:
@@ -67,7 +69,7 @@ class Implausible:
     @property
     def is_open(self) -> bool:
         """Whether nothing can be concluded before a unit, a sign, a place or the clock is stated."""
-        return not (self.fixed or self.is_constant or self.is_set_aside)
+        return not (self.fixed or self.is_stated or self.is_constant or self.is_set_aside)
 
     @property
     def is_installation(self) -> bool:
@@ -83,4 +85,4 @@ class Implausible:
 
 def in_words(findings: Sequence[Implausible]) -> str:
     """Return what to state first, and why: "state the unit with --unit tas=kt: tas looks like kt, ..."."""
-    return "; ".join(f"{one.advice}: {one.text}" for one in findings if not one.fixed)
+    return "; ".join(f"{one.advice}: {one.text}" for one in findings if not (one.fixed or one.is_stated))

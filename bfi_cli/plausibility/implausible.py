@@ -52,9 +52,20 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
     return findings if turned is None else (*findings, turned)
 
 
-def with_fixed_units(log: FlightLog, findings: Sequence[Implausible]) -> tuple[FlightLog, tuple[Implausible, ...]]:
-    """Return the log in the units and signs that are certain, with notes, and the findings with these fixed."""
-    marked = tuple(replace(one, fixed=one.is_certain) for one in findings)
+def with_fixed_units(
+    log: FlightLog, findings: Sequence[Implausible], given: Collection[str] = ()
+) -> tuple[FlightLog, tuple[Implausible, ...]]:
+    """Return the log in the units and signs that are certain, with notes, and the findings with these fixed.
+
+    Parameters
+    ----------
+    given : channels, or their names in the file, whose unit the user has given, which stays.
+    """
+
+    def is_given(one: Implausible) -> bool:
+        return not {*one.channels, *(log.channels[name].source for name in one.channels)}.isdisjoint(given)
+
+    marked = tuple(replace(one, fixed=one.is_certain and not is_given(one)) for one in findings)
     return _changed(log, [one for one in marked if one.fixed], "--fix-units"), marked
 
 
@@ -123,6 +134,7 @@ def _finding(blame: Blame, stated: Mapping[str, str | None], sources: Mapping[st
     text = _text(change, _and(near) or _and(others), blame.misfit, stated)
     if rivals := [f"{_and(one.channels) or 'time'}{_wrong(one)}" for one in blame.rivals]:
         text += f"; or {' or '.join(rivals)}"
+    is_stated = change.doubts_unit(stated)
     return Implausible(
         channels=change.channels,
         what=change.what,
@@ -133,9 +145,10 @@ def _finding(blame: Blame, stated: Mapping[str, str | None], sources: Mapping[st
         relative_misfit=blame.misfit,
         rivals=tuple(dict.fromkeys(name for one in blame.rivals for name in one.channels)),
         text=text,
-        advice=_advice(change, sources),
+        advice="kept as stated" if is_stated else _advice(change, sources),
         factor_ci95=_interval(change.factor, blame.share_sd * (change.factor - 1.0)),
         offset_ci95=_interval(change.offset, blame.share_sd * change.offset),
+        is_stated=is_stated,
     )
 
 

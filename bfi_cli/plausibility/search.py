@@ -200,9 +200,10 @@ def blames(relations: Sequence[KnownRelation], state: State, stated: Mapping[str
     """Return what explains the relations that fail throughout a flight, what explains most of them first.
 
     A change is to blame that makes relations hold which fail, and lets none fail that holds. Of changes that explain
-    the same, one that has a name (a unit, a sign) is likelier than a size that fits whatever it is, and one channel
-    likelier than several; what is left are rivals. What fails by an error that begins during the flight is left to the
-    analyses.
+    the same, one that has a name (a unit, a sign) is likelier than a size that fits whatever it is, one channel than
+    several, and the unit of a channel that states none likelier than a stated one; what is left are rivals. What
+    the unit of a channel would explain that states another is named, and the channel stays as it is. What fails by an
+    error that begins during the flight is left to the analyses.
 
     Parameters
     ----------
@@ -227,6 +228,10 @@ def blames(relations: Sequence[KnownRelation], state: State, stated: Mapping[str
             sd = part.sd / abs(part.share)
             blame = replace(blame, change=changes[0], rivals=tuple(changes[1:]), share_sd=sd)
         to_blame.append(blame)
+        if blame.change.doubts_unit(stated):
+            known = [known for known, misfit in zip(relations, before, strict=True) if misfit.fails]
+            relations = [one for one in relations if one not in known or not one.is_touched_by(blame.change)]
+            continue
         state = blame.change.of(state)
     return to_blame
 
@@ -261,13 +266,13 @@ def _blame(
         if explained and (change.what != "clock" or len(explained) >= FEWEST_CLOCKED):
             # In level flight a scale fits as well as an offset, which is simpler.
             cost += SIMPLER * (change.what == "scale")
-            order = (-len(explained), change.rank, len(change.channels) > 1, cost)
+            order = (-len(explained), change.rank, change.doubts_unit(stated), len(change.channels) > 1, cost)
             explanations.append((order, Blame(change=change, rivals=(), explains=tuple(explained), misfit=left)))
     if not explanations:
         return None
     explanations.sort(key=lambda explanation: explanation[0])
     best, blame = explanations[0]
-    as_likely = [other.change for rank, other in explanations if rank[:3] == best[:3]]
+    as_likely = [other.change for rank, other in explanations if rank[:4] == best[:4]]
     rivals = {change.channels: change for change in reversed(as_likely)}
     rivals.pop(blame.change.channels)
     return replace(blame, rivals=tuple(rivals.values()))

@@ -17,7 +17,8 @@ WITHHELD = "withheld while channels contradict each other"
 def with_plausibility(result: Result, findings: Sequence[Implausible]) -> Result:
     """Return an answer with what is wrong with channels throughout the flight, which is told beside it.
 
-    A constant error, or a channel that is set aside, is no fault of the flight and withholds nothing that was found.
+    A unit that is stated is kept, and what arithmetic thinks of it is one line. A constant error, or a channel that is
+    set aside, is no fault of the flight and withholds nothing that was found.
     While a constant error is larger than an installation makes it, or a channel does not follow the flight, no kind of
     fault is excluded. Where channels contradict each other by a unit, a sign, a place or the clock that is still to be
     stated, there is no verdict and no declared fault.
@@ -32,6 +33,7 @@ def with_plausibility(result: Result, findings: Sequence[Implausible]) -> Result
     if to_state := [one for one in findings if one.is_open]:
         return _without_verdict(result, to_state)
     beside = [Note.limit(f"throughout the flight: {one.text}") for one in findings if one.is_constant and not one.fixed]
+    beside += [Note.method(f"{one.advice}: {one.text}") for one in findings if one.is_stated and not one.fixed]
     result = replace(result, notes=(*result.notes, *beside))
     errors = [one for one in findings if one.what == "unrelated" or (one.is_constant and not one.is_installation)]
     if not errors:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import h5py
 import pytest
 from made_journeys import made_journey
 
@@ -15,7 +16,7 @@ from bfi_cli.flightlog.record import frozen_array
 
 KNOT = 1852.0 / 3600.0
 PART = ("--from", 240, "--to", 330, "--rate", 2, "--order", 2)
-STATE = "state the unit with --unit tas=kt: tas is stated in m/s and looks like kt"
+STATE = "state the unit with --unit tas=kt: tas looks like kt"
 LOGS = {
     "knots": lambda values: values / KNOT,
     "offset": lambda values: values + 10.0,
@@ -24,11 +25,18 @@ LOGS = {
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return the folder of a journey whose true airspeed is in knots, and of one that reads 10 m/s too much."""
+    """Return the folder of a journey whose true airspeed is in knots, and of one that reads 10 m/s too much.
+
+    The knots are not stated; in a further log they are said to be m/s.
+    """
     folder, journey = tmp_path_factory.mktemp("logs"), made_journey()
     for name, change in LOGS.items():
         tas = replace(journey.channels["tas"], values=frozen_array(change(journey.channels["tas"].values)))
         write_log(replace(journey, channels={**journey.channels, "tas": tas}), folder / f"{name}.h5")
+        if name == "knots":
+            write_log(replace(journey, channels={**journey.channels, "tas": tas}), folder / "stated.h5")
+            with h5py.File(folder / "knots.h5", "a") as file:
+                del file["tas"].attrs["units"]
     return folder
 
 
@@ -91,3 +99,16 @@ def test_a_constant_error_is_told_beside_and_is_no_fault_of_the_flight(bfi: Call
     assert low < beside["offset"] < high
     assert beside["offset"] == pytest.approx(-10.0, abs=0.1)
     assert document["summary"].startswith("check tas: tas is 10 m/s above ")
+
+
+def test_a_stated_unit_is_kept_whatever_arithmetic_thinks_of_it(bfi: Callable, logs: Path):
+    thought = "tas is stated in m/s and looks like kt: x 0.514 agrees with "
+    document = json.loads(bfi("info", logs / "stated.h5", "--json").stdout)
+    (doubt,) = document["plausibility"]
+    assert (doubt["advice"], doubt["is_stated"], doubt["fixed"]) == ("kept as stated", True, False)
+    assert doubt["text"].startswith(thought)
+    document = json.loads(bfi("start-time", logs / "stated.h5", "--shape", "bias", *PART, "--json").stdout)
+    assert not document["summary"].startswith("state")
+    assert [one["text"] for one in document["notes"] if "kept as stated" in one["text"]] != []
+    given = json.loads(bfi("info", logs / "knots.h5", "--unit", "tas=m/s", "--fix-units", "--json").stdout)
+    assert [(one["is_stated"], one["fixed"]) for one in given["plausibility"]] == [(True, False)]

@@ -183,3 +183,39 @@ def test_the_words_say_what_to_state(flight):
     said = in_words(implausible_channels(changed(flight, tas=times(1.0 / KNOT))))
     assert said.startswith("state the unit with --unit tas=kt: tas looks like kt: x 0.514 agrees with mach and ")
     assert in_words(implausible_channels(changed(flight, tas=plus(10.0)))).startswith("check tas: tas is 10 m/s above ")
+
+
+def stating(log: FlightLog, **units: str) -> FlightLog:
+    """Return the log whose file states the units of some channels."""
+    stated = {name: replace(log.channels[name], source_unit=unit) for name, unit in units.items()}
+    return replace(log, channels={**log.channels, **stated})
+
+
+def test_a_stated_unit_is_kept_and_its_doubt_names_nothing(flight):
+    doubt = found(stating(changed(flight, tas=times(1.0 / KNOT)), tas="m/s"))
+    assert (doubt.what, doubt.unit, doubt.is_stated, doubt.is_open) == ("unit", "kt", True, False)
+    assert doubt.text.startswith("tas is stated in m/s and looks like kt: x 0.514 agrees with ")
+    assert in_words([doubt]) == ""
+
+
+def test_of_two_units_the_one_that_is_not_stated_is_to_blame(flight):
+    """Either the airspeed is in km/h, or the ground speed was m/s where km/h is stated."""
+    channels = {name: flight.channels[name] for name in ("tas", "altitude")}
+    channels["ground_speed"] = replace(flight.channels["tas"], name="ground_speed", source="ground_speed")
+    log = stating(changed(replace(flight, channels=channels), tas=times(3.6)), ground_speed="km/h")
+    doubt = found(log)
+    assert (doubt.channels, doubt.unit, doubt.rivals, doubt.is_open) == (("tas",), "km/h", (), True)
+
+
+def test_an_indicated_airspeed_is_held_against_ground_speed_as_a_true_one(flight):
+    """At 10.7 km 140 m/s of indicated airspeed are 240 m/s."""
+    t = np.arange(900.0)
+    steady = {"altitude": 10_668.0 + 2.0 * np.sin(t / 30.0), "ground_speed": 241.0 + np.sin(t / 50.0)}
+    units = {"ias": "m/s", "ground_speed": "m/s", "altitude": "m", "gps_altitude": "m"}
+    assert implausible_channels(made_log(t, units, ias=138.9 + np.sin(t / 40.0), **steady)) == ()
+    # With nothing that tells the height the two are not compared.
+    del steady["altitude"]
+    assert implausible_channels(made_log(t, units, ias=138.9 + np.sin(t / 40.0), **steady)) == ()
+    steady["gps_altitude"] = 10_900.0 + np.sin(t)
+    (one,) = implausible_channels(made_log(t, units, ias=270.0 + np.sin(t / 40.0), **steady))
+    assert (one.what, one.unit) == ("unit", "kt")

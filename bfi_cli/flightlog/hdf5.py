@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 from bisect import bisect_left
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +19,7 @@ from ..filters import filters_from_json
 from ..notes import Note
 from ..units import si_unit, to_si
 from . import raw
+from .layouts import with_channels
 from .raw import LARGEST, LARGEST_CHUNK, Asked, FloatArray, RawLog, Track
 from .record import CLEAN, faults_from_json, nothing_between, segments_from_json
 
@@ -122,9 +123,11 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
     node = file if chosen is None else root[chosen]
     if chosen is not None:
         signals, unlike = _signals(path, dict(_members(path, node, (file,))))
-    parameters = {name: one.data.parent for name, one in signals.items() if FREQUENCY in one.data.parent.attrs}
-    if parameters and len(parameters) == len(signals):
+    if signals and all(FREQUENCY in one.data.parent.attrs for one in signals.values()):
         return _of_parameters(path, signals, unlike)
+    rates = [_rate(path, one) for one in signals.values()]
+    if rates and all(rate is not None for rate in rates):
+        return _of_rates(path, signals, [rate for rate in rates if rate is not None], unlike)
     clean: dict[str, _Signal] = {}
     if isinstance(truth, h5py.Group):
         injected, _ = _signals(path, dict(_members(path, truth, (file,))))
@@ -197,6 +200,28 @@ def _of_parameters(path: str, signals: Mapping[str, _Signal], unlike: Mapping[st
     return RawLog(columns=tracks, left_out=unlike)
 
 
+def _rate(path: str, signal: _Signal) -> float | None:
+    """Return the rate, Hz, that MATLAB's struct of a signal states in its field `Rate`; None where it states none."""
+    is_struct = str(signal.data.name).endswith(f"/{signal.name}/data")
+    rate = _member(path, signal.data.parent, "Rate") if is_struct else None
+    if rate is None or getattr(rate, "size", 0) != 1 or rate.dtype.kind not in "fiu":
+        return None
+    _require_readable(path, f"{signal.name}/Rate", rate)
+    stated = float(np.ravel(rate[()])[0])
+    return stated if 0.0 < stated < np.inf else None
+
+
+def _of_rates(path: str, signals: Mapping[str, _Signal], rates: Sequence[float], unlike: Mapping[str, str]) -> RawLog:
+    """Return the log of MATLAB's structs with separate rates, which begin together, as `matlab.read_matlab` does."""
+    raw.require_memory(path, 16 * sum(one.data.size for one in signals.values()), "its parameters", "export fewer")
+    tracks = []
+    for signal, rate_hz in zip(signals.values(), rates, strict=True):
+        _require_readable(path, signal.name, signal.data)
+        track = signal.track(slice(0, signal.data.size))
+        tracks.append(replace(track, time_s=np.arange(track.values.size) / rate_hz))
+    return RawLog(columns=with_channels(tracks, "dashlink"), left_out=unlike)
+
+
 def _number(path: str, name: str, node: h5py.Group, key: str, default: float | None) -> float:
     stated = _attribute(node, key) if key in node.attrs else default
     if (number := raw.number_of(stated)) is None:
@@ -222,7 +247,8 @@ def _signals(path: str, children: Mapping[str, Any]) -> tuple[dict[str, _Signal]
             unlike[name] = why
             continue
         unit = _text(_attribute(data, "units")) or _text(_attribute(data, "unit"))
-        units: Any = _member(path, child, "units") if is_struct and not unit else None
+        fields = ("units", "Units") if is_struct and not unit else ()
+        units: Any = next((one for key in fields if (one := _member(path, child, key)) is not None), None)
         is_stated = isinstance(units, h5py.Dataset) and "MATLAB_empty" not in units.attrs
         if is_stated and units.size and units.size <= LONGEST_UNIT:
             if units.dtype.kind in "iu":

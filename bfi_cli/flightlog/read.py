@@ -102,8 +102,9 @@ def read_log(
 
     Parameters
     ----------
-    path : HDF5 (also of FlightDataAccessor), CSV, MATLAB v5 or v7.3, PX4 ULog, ArduPilot DataFlash, MAVLink tlog, TDMS
-        and MCAP (with the extras `tdms` and `mcap`), or a folder of files of `ulog2csv`.
+    path : HDF5 (also of FlightDataAccessor), CSV (also in the layouts of recorders), IGC, MATLAB v5 or v7.3, PX4 ULog,
+        ArduPilot DataFlash, MAVLink tlog, TDMS and MCAP (with the extras `tdms` and `mcap`), or a folder of files of
+        `ulog2csv`.
     group : HDF5 or TDMS group or MATLAB struct that holds the channels, or the log of several in a folder; may be left
         out where there is just one, or where the groups of a TDMS have clocks.
     channel_map : standard name -> name in the file, for names that are not known.

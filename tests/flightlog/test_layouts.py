@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from made_layouts import KT, LAYOUTS, N, g1000, skyview, xplane
 from noted import texts
+from scipy.io import loadmat
 
 from bfi_cli.channels import STANDARD
 from bfi_cli.errors import LogError
@@ -116,3 +118,19 @@ def test_a_column_in_an_unknown_unit_gives_way_to_another(tmp_path: Path):
     log = read_log(tmp_path / "log.csv")
     np.testing.assert_allclose(log.channels["tas"].values, KT * (np.arange(30) % 3))
     assert log.left_out["tas"].startswith("is in 'furlong', an unknown unit,; state it with --unit tas=UNIT")
+
+
+def test_dashlink_structs_in_hdf5_are_those_of_matlab_5(tmp_path: Path):
+    LAYOUTS["dashlink"](tmp_path / "old.mat")
+    structs = {k: v for k, v in loadmat(tmp_path / "old.mat", simplify_cells=True).items() if isinstance(v, dict)}
+    with h5py.File(tmp_path / "new.mat", "w", userblock_size=512) as file:
+        for name, struct in structs.items():
+            file[f"{name}/data"] = struct["data"][None, :]
+            file[f"{name}/Rate"] = np.array([[struct["Rate"]]])
+            file[f"{name}/Units"] = np.array([[ord(c)] for c in struct["Units"]], dtype=np.uint16)
+    with open(tmp_path / "new.mat", "r+b") as raw:
+        raw.write(b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(128))
+    old, new = read_log(tmp_path / "old.mat"), read_log(tmp_path / "new.mat")
+    assert old.channels.keys() == new.channels.keys()
+    for name, channel in old.channels.items():
+        np.testing.assert_array_equal(new.channels[name].values, channel.values, err_msg=name)

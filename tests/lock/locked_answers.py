@@ -30,8 +30,8 @@ NUMBERS = 1e-9
 ELSEWHERE = 1e-2
 # Numbers below it count as zero: residuals of what is solved exactly.
 ZERO = 1e-12
-# Keys that are left out at any depth: they say when, where and by which version an answer was made.
-LEFT_OUT = ("provenance", "schema")
+# Keys that are left out at any depth: they say when, how fast and by which version an answer was made.
+LEFT_OUT = ("provenance", "schema", "seconds")
 # By which keys the entries of a list are known, so that one more entry is one difference; else they go by position.
 NAMES = (("name",), ("text",), ("fault", "shape", "channel", "bounds", "holds_in", "grows_on"))
 # Letters of a value in a list of differences.

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from made_journeys import write_journey
 from made_logs import made_log
 from noted import texts
 
@@ -113,3 +116,54 @@ def test_a_log_is_not_modified():
     before = log.channels["normal_acc"].values.copy()
     with_conventions(log.channels)
     np.testing.assert_array_equal(log.channels["normal_acc"].values, before)
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("attitude", [True, False])
+def test_every_half_minute_of_recorded_flights_tells_the_convention(flights: Path, attitude: bool):
+    """Without attitude only the half minute of a parabola does not."""
+    n, wrong = 0, list[tuple[str, float]]()
+    for path in sorted(flights.glob("*.h5")):
+        log = read_log(path)
+        names = [name for name in ("normal_acc", *(("pitch", "roll") if attitude else ())) if name in log.channels]
+        size = round(30.0 * log.rate_hz)
+        for first in range(0, log.n_samples - size + 1, size) if "normal_acc" in names else ():
+            cut = {name: log.channels[name].taken(slice(first, first + size)) for name in names}
+            normal = cut["normal_acc"]
+            if np.count_nonzero(np.isfinite(normal.values)) < 20:
+                continue
+            for factor, offset in ((1.0, 0.0), (1.0, G), (-1.0, -G)):
+                recorded = replace(normal, values=factor * normal.values + offset, source_unit="m/s^2")
+                made, _, _ = with_conventions({**cut, "normal_acc": recorded})
+                n += 1
+                if not np.allclose(made["normal_acc"].values, normal.values, atol=1e-9, equal_nan=True):
+                    wrong.append((path.name, first / log.rate_hz))
+    assert n > 4000
+    assert len(set(wrong)) <= (0 if attitude else 1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ["diagnose", "detect"])
+def test_an_answer_is_the_same_in_any_convention(bfi, tmp_path: Path, command: str):
+    write_journey(tmp_path / "log.h5")
+    answers = []
+    for factor, offset, unit in ((1.0, 0.0, "m/s^2"), (-1.0 / G, -1.0, "g")):
+        with h5py.File(tmp_path / "log.h5", "r+") as file:
+            file["normal_acc"][...] = factor * file["normal_acc"][()] + offset
+            file["normal_acc"].attrs["units"] = unit
+        answer = json.loads(bfi(command, tmp_path / "log.h5", "--json").stdout)
+        answers.append({key: answer[key] for key in answer.keys() - {"provenance", "notes", "log"}})
+    for one, other in zip(numbers_of(answers[0]), numbers_of(answers[1]), strict=True):
+        assert one == other or one == pytest.approx(other, rel=1e-6, abs=1e-6)
+
+
+def numbers_of(answer: object) -> Iterator[object]:
+    """Yield what a document holds, in order."""
+    if isinstance(answer, dict):
+        for key in sorted(answer):
+            yield from (key, *numbers_of(answer[key]))
+    elif isinstance(answer, list):
+        for one in answer:
+            yield from numbers_of(one)
+    else:
+        yield answer

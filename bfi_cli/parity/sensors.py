@@ -18,6 +18,7 @@ from ..channels import quantity_of
 from ..flightlog import FlightLog
 from ..flightlog.defects import FEWEST_REPEATS, WATCHED
 from ..flightlog.phases import Phase
+from ..flightlog.quantities import pressures_of
 from ..kernels.normal import MAD, TWO_SIDED_95
 from ..kernels.quantisation import find_quantum
 from ..kernels.runs import is_repeated, left_of, repeats
@@ -120,7 +121,15 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
 def _others_move(
     log: FlightLog, name: str, stretch: tuple[int, int], usual_s: Callable[[str, tuple[int, int]], float]
 ) -> bool:
-    """Return whether most of the other sensors that hardly rest move; of what a port holds, whether its rate does."""
+    """Return whether most of the other sensors that hardly rest move.
+
+    A blocked port holds the altitude and its rate at once: of an altitude only its rate counts, a rate is not frozen
+    while the altitude rests.
+    """
+    if quantity_of(name) == "altitude_rate" and pressures_of(log, name):
+        altitudes = [log.channels[one].values[slice(*stretch)] for one in PORT_HOLDS if one in log.channels]
+        if any(np.mean(is_repeated(values)) >= 0.5 for values in altitudes):
+            return False
     if quantity_of(name) in PORT_HOLDS:
         rate = log.channels["altitude_rate"].values[slice(*stretch)] if "altitude_rate" in log.channels else np.zeros(1)
         climbed = np.cumsum(np.nan_to_num(rate)) / log.rate_hz

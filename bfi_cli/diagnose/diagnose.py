@@ -220,8 +220,9 @@ def events_of(flight: Flight, drafts: Sequence[Draft]) -> list[Event]:
 
 
 def _shown(flight: Flight) -> list[str]:
-    """Return the channels that are drawn over the flight."""
-    return [name for name in SHOWN if name in flight.record.channels]
+    """Return the channels that are drawn over the flight, those with short defects too."""
+    wrong = (one.channel for one in flight.defects)
+    return [name for name in dict.fromkeys((*SHOWN, *wrong)) if name in flight.record.channels]
 
 
 def _measured(recorded: FlightLog, flight: Flight) -> dict[str, FloatArray]:

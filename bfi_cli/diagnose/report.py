@@ -97,7 +97,8 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
     verdict, screen = _screen(result, units)
     drawings = [_timeline(result, units)] if result.time_s.size else []
     drawings += [_limits_figure(result, units)] if result.limit_courses else []
-    drawings += [_page(result, k, units) for k in range(min(len(events), MOST_PAGES))]
+    pages = (_page(result, k, units) for k in range(min(len(events), MOST_PAGES)))
+    drawings += [one for one in pages if one.panels]  # none of what is neither drawn nor has evidence by residual
     return ReportContent(
         category="Diagnosis of a flight",
         title=log.path,

@@ -77,6 +77,9 @@ POSITIVE = ("tas", "cas", "ias", "mach", "q_impact", "p_total", "p_static", "tat
 # An excursion returns: it swings back by less than the first share of its height, and falls below the second share
 # within the gap.
 RETURNED, FOOT = 0.35, 0.1
+# rad/s, by channel, that an aircraft does: a roll and back between samples is none of the sensor's. Unlimited aerobatic
+# aircraft roll by 420 degrees/s (Extra 330SC, manufacturer's data).
+FASTEST_MOTION: Mapping[str, float] = {"roll": np.radians(420.0)}
 # Longest spike: so many seconds, or so many samples of a slow log.
 SPIKE_S, SPIKE_SAMPLES = 0.4, 3.0
 # A dropout is off by the first share of the reading, rests within the second share of that, and lasts so long, s.
@@ -229,7 +232,12 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
     unwatched = [(one.from_s - BESIDE_S, one.to_s + BESIDE_S) for one in phases if one.phase in UNWATCHED]
     for name, every in flaws.items():
         is_out = within(np.array([one.time_s for one in every]), unwatched)
-        flaws[name] = [one for one, out in zip(every, is_out, strict=True) if not out]
+        moved = FASTEST_MOTION.get(name, 0.0) * tracks[name].step_s
+        flaws[name] = [
+            one
+            for one, out in zip(every, is_out, strict=True)
+            if not out and not (one.shape == "spikes" and abs(one.height) <= moved)
+        ]
     return _defects(flaws, tracks)
 
 

@@ -166,7 +166,7 @@ def _impossible(name: str, middle: float, sources: Mapping[str, str]) -> Implaus
         factor=1.0,
         offset=0.0,
         agrees_with=(),
-        relative_misfit=np.inf,
+        relative_misfit=1.0,
         rivals=(),
         text=sentence_of_impossible(name, middle),
         advice=f"map the channel that is {name} with --channel {name}=NAME, if it is not {sources[name]}",

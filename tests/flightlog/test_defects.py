@@ -12,7 +12,7 @@ from made_flights import made_flight
 from made_logs import made_log
 
 from bfi_cli.filters import Filter, response_of
-from bfi_cli.flightlog import FlightLog
+from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.defects import find_defects, sentence_of_defect, with_bridges, without_defects
 from bfi_cli.flightlog.record import frozen_array
 
@@ -123,6 +123,16 @@ def test_a_channel_that_is_renewed_seldom_does_not_stay_still():
         for name in ("tas", "cas")
     }
     assert find_defects(replace(log, channels={**log.channels, **knots})) == ()
+
+
+@pytest.mark.parametrize(("rate_hz", "shapes"), [(1.0, []), (10.0, ["spikes"])])
+def test_a_roll_between_two_samples_is_none(rate_hz: float, shapes: list[str]):
+    log = made_flight(seconds=600.0, rate_hz=rate_hz)
+    x = 0.02 * np.random.default_rng(0).standard_normal(log.n_samples)
+    x[[round(250 * rate_hz), round(400 * rate_hz)]] += 3.0
+    roll = Channel(name="roll", values=frozen_array(x), unit="rad", source="roll")
+    found = find_defects(replace(log, channels={**log.channels, "roll": roll}))
+    assert [one.shape for one in found] == shapes
 
 
 def test_a_dropout_of_a_log_at_one_hertz():

@@ -14,7 +14,7 @@ from noted import texts
 
 from bfi_cli.channels import STANDARD
 from bfi_cli.flightlog import FlightLog, inspect_log, read_log
-from bfi_cli.flightlog.plausible import LIMITS, doubts_about
+from bfi_cli.flightlog.plausible import IN_FLIGHT, LIMITS, doubts_about, impossible_median, sentence_of_impossible
 
 TIME_S = np.arange(200) / 10.0
 DATA = Path(__file__).parents[2] / "data"
@@ -38,6 +38,21 @@ def test_a_channel_is_asked_about_beyond_its_limit_and_not_for_a_spike(name: str
     assert doubts_about(stated(unit, **{name: within}), [name]) == ()
     assert doubts_about(stated(unit, **{name: np.nan * TIME_S}), [name]) == ()
     assert doubts_about(stated(unit, **{name: within}), ["no such"]) == ()
+
+
+@pytest.mark.parametrize("name", IN_FLIGHT)
+def test_a_median_that_no_flight_has_is_impossible_and_a_fault_that_begins_is_not(name: str):
+    low, high = IN_FLIGHT[name]
+    inside, beyond = 0.5 * (low + high) + 0.0 * TIME_S, high + 0.1 * (high - low) + 0.0 * TIME_S
+    assert impossible_median(name, inside) is None
+    assert impossible_median(name, beyond) == pytest.approx(beyond[0])
+    assert impossible_median(name, np.where(TIME_S < 5.0, inside, beyond)) is None
+    assert impossible_median(name, np.nan * TIME_S) is None
+    assert sentence_of_impossible(name, beyond[0]).startswith(f"'{name}' is not used: its median in flight is ")
+
+
+def test_a_channel_without_a_range_is_never_impossible():
+    assert impossible_median("elevator", 1e3 + TIME_S) is None
 
 
 def test_air_of_20_kelvin_is_asked_about():

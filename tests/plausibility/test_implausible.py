@@ -148,6 +148,41 @@ def test_what_begins_during_the_flight_is_left_to_the_analyses(flight):
     assert implausible_channels(changed(flight, tas=lambda values: values + 20.0 * late)) == ()
 
 
+@pytest.mark.parametrize("course", [1.0, 0.12])
+def test_what_begins_in_the_first_minutes_is_no_constant_error(flight, course: float):
+    started = np.clip((flight.time_s - flight.time_s[0] - 90.0) / (course * 300.0), 0.0, 1.0)
+    for name, size in (("aoa", 6.0 * DEGREE), ("tas", 18.0)):
+        assert implausible_channels(changed(flight, **{name: lambda x, size=size: x + size * started})) == ()
+
+
+def test_a_constant_error_that_changes_is_what_it_is_before(flight):
+    late = flight.time_s > flight.time_s[0] + 0.85 * np.ptp(flight.time_s)
+    one = found(changed(flight, tas=lambda values: values + 10.0 + 20.0 * late))
+    assert (one.what, one.channels) == ("offset", ("tas",))
+    assert one.offset == pytest.approx(-10.0, abs=0.5)
+
+
+def test_a_constant_error_has_an_interval_and_a_scale_too(flight):
+    one = found(changed(flight, tas=plus(10.0)))
+    assert one.offset_ci95 is not None
+    assert one.offset_ci95[0] < one.offset < one.offset_ci95[1]
+    assert one.factor_ci95 is None
+    scaled = found(changed(flight, mach=times(1.1)))
+    assert scaled.factor_ci95 is not None
+    assert scaled.factor_ci95[0] < scaled.factor < scaled.factor_ci95[1]
+
+
+def test_a_channel_that_no_aircraft_has_is_set_aside_and_says_nothing_of_others(flight):
+    index = changed(flight, aoa=lambda values: -0.7 + 0.3 * np.sin(flight.time_s / 40.0) + 0.0 * values)
+    one = found(index)
+    assert (one.what, one.channels, one.fixed, one.is_open) == ("impossible", ("aoa",), True, False)
+    assert "(-37.5 degrees)" in one.text
+    assert "index" in one.text
+    both = implausible_channels(changed(index, tas=plus(10.0)))
+    assert [(one.what, one.channels) for one in both] == [("impossible", ("aoa",)), ("offset", ("tas",))]
+    assert "aoa" not in both[1].agrees_with
+
+
 def test_a_log_of_the_ground_or_about_zero_is_not_judged(flight):
     assert implausible_channels(changed(flight, **dict.fromkeys(("tas", "cas", "mach"), times(0.01)))) == ()
     about_zero = made_log(np.arange(600) / 10.0, tas=np.sin(np.arange(600.0)), cas=np.zeros(600))

@@ -9,6 +9,8 @@ from ..config import Config
 from ..errors import ConfigError
 from ..faults import did_you_mean
 from ..flightlog import FlightLog
+from ..flightlog.record import FloatArray
+from ..flightlog.signs import cruise_of
 
 # Exact by definition.
 KNOT, FOOT, DEGREE = 1852.0 / 3600.0, 0.3048, np.pi / 180.0
@@ -58,26 +60,33 @@ def tolerance_of(log: FlightLog, window: FlightLog, channel: str) -> float:
     Parameters
     ----------
     log : the flight, of which the part outside the window says how far a channel without a rule travels.
-    window : the part analysed, whose median airspeed counts.
+    window : the part analysed, whose airspeed counts.
     """
     name = window.channel(channel).name
     quantity = quantity_of(name)
     if quantity in FIXED:
         return FIXED[quantity]
     if quantity in AIRSPEEDS:
-        speed = _median_speed(window, name)
-        return min(max(AIRSPEED_SHARE * speed, AIRSPEED_LEAST), AIRSPEED_MOST * speed)
+        speed = _cruising_speed(window, name)
+        # An airspeed that is lost from the first sample on has no share of a speed.
+        return min(max(AIRSPEED_SHARE * speed, AIRSPEED_LEAST), AIRSPEED_MOST * speed) or AIRSPEED_LEAST
     if quantity in ("altitude", "baro_altitude"):
         known = [one for one in AIRSPEEDS if one in window.channels]
-        speed = _median_speed(window, known[0]) if known else 0.0
+        speed = _cruising_speed(window, known[0]) if known else 0.0
         return max(ALTITUDE_PER_SPEED * speed, ALTITUDE_LEAST)
     outside = (log.time_s < window.time_s[0]) | (log.time_s > window.time_s[-1])
-    # Of the window itself where it is the whole log, or the channel is derived from others within it.
-    elsewhere = name in log.channels and bool(outside.any())
-    rest = log.channel(name).values[outside] if elsewhere else window.channel(name).values
-    return OTHER_SHARE * float(np.ptp(rest[np.isfinite(rest)]))
+    # Of the window itself where it is the whole log, the channel is derived from others within it, or rests elsewhere.
+    elsewhere = [log.channel(name).values[outside]] if name in log.channels else []
+    travels = (_travel(values) for values in (*elsewhere, window.channel(name).values))
+    return OTHER_SHARE * next((travel for travel in travels if travel > 0.0), 0.0)
 
 
-def _median_speed(window: FlightLog, channel: str) -> float:
-    values = window.channel(channel).values
-    return float(np.median(np.abs(values[np.isfinite(values)]), overwrite_input=True))
+def _travel(values: FloatArray) -> float:
+    """Return the distance between the least and the greatest value; 0 of none."""
+    known = values[np.isfinite(values)]
+    return float(np.ptp(known)) if known.size else 0.0
+
+
+def _cruising_speed(window: FlightLog, channel: str) -> float:
+    """Return the median of an airspeed where it is not lost, nor the aircraft on the ground; 0 where there is none."""
+    return cruise_of(np.abs(window.channel(channel).values))

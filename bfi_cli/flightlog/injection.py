@@ -171,6 +171,8 @@ def _stored(
 
     largest = amount[on][np.argmax(np.abs(amount[on]))]
     under_largest = _changes(log, fault, np.full(amount.shape, largest), part)
+    if not under_largest:  # where it acts it is less than rounding, as an oscillation is at its first sample
+        return added
     share = low_passed(np.where(on, amount, 0.0)) / largest
     for channel, change in changes.items():
         whole = under_largest[channel]

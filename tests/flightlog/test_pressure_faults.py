@@ -138,6 +138,15 @@ def test_a_trapped_line_is_still_whatever_recorder_the_log_went_through():
     assert np.ptp(air_of(recorded).p_total[after]) > 1000.0
 
 
+def test_an_oscillation_of_its_first_sample_changes_nothing_through_a_recorder():
+    p_static, q_impact, tat = true_air()
+    made = channels_of(p_static, q_impact, tat, rate_of=T)
+    log = made_log(T, {"altitude": "m", "tat": "K"}, altitude=made["altitude"], cas=made["cas"], tat=tat)
+    water = Fault(shape="pitot_water", magnitude=0.1, frequency_hz=0.02, onset_s=ONSET_S, offset_s=ONSET_S + 0.1)
+    with pytest.raises(DictionaryError, match="changes no channel of the log"):
+        inject(log, [water], response=response_of([FILTER], RATE_HZ))
+
+
 def test_the_offsets_and_the_noise_of_the_log_stay():
     rng = np.random.default_rng(4)
     noisy = replace(

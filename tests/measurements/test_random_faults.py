@@ -1,0 +1,22 @@
+"""Random faults of every shape, size, onset and end never end a command with a defect.
+
+A few trials run; BFI_FULL=1 takes 1000.
+"""
+
+from __future__ import annotations
+
+import pytest
+from bars import FULL
+from random_faults import FLIGHTS, report, trial
+
+pytestmark = [pytest.mark.slow]
+
+N = 1000 if FULL else 16
+
+
+def test_random_faults_are_answered_or_refused() -> None:
+    rows = [trial(number) for number in range(N)]
+    print(f"recorded flights: {'there' if FLIGHTS.is_dir() else 'absent'}")
+    report(rows)
+    assert len({row["command"] for row in rows if row["code"] is not None}) > 1
+    assert [(row["number"], row["wrong"]) for row in rows if row["wrong"]] == []

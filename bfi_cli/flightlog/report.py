@@ -35,7 +35,7 @@ def explained(log: FlightLog) -> list[dict[str, str | None]]:
     `column` is its name in the file, `channel` its name in the log, None where it is left out; `unit` is that in which
     its values were read and `unit_from` where it is stated, both None where none is.
     """
-    names = {channel.source: name for name, channel in log.channels.items()}
+    names = {channel.source: name for name, channel in log.channels.items() if not channel.derived_from}
     rows = []
     for column in log.columns:
         name = names.get(column.source, column.channel)
@@ -44,7 +44,7 @@ def explained(log: FlightLog) -> list[dict[str, str | None]]:
             {
                 "column": column.source,
                 "channel": name,
-                "why": column.why,
+                "why": column.why if name == column.channel else f"{column.why} of {column.channel}, but see the notes",
                 "unit": STANDARD[str(name)].unit if is_assumed else column.unit,
                 "unit_from": "assumed" if is_assumed else column.unit_from or None,
             }

@@ -190,3 +190,20 @@ def test_every_column_of_the_file_is_explained(bfi, tmp_path: Path):
     }
     assert "Columns of the file" in bfi("info", path, "--explain").stdout
     assert "explain" not in json.loads(bfi("info", path, "--json").stdout)
+
+
+def test_an_altitude_that_follows_the_knob_is_explained_as_what_it_is(bfi, tmp_path: Path):
+    path, t = tmp_path / "flight.csv", np.arange(600)
+    setting = 101_300.0 + 500.0 * (t > 300)
+    altitude = 1000.0 + 3.0 * np.sin(t / 9.0) + 0.083 * (setting - 101_300.0)
+    columns = {
+        "time [s]": t,
+        "altitude [m]": altitude,
+        "baro_setting [Pa]": setting,
+        "tas [m/s]": 60.0 + np.sin(t / 7.0),
+    }
+    rows = "\n".join(",".join(f"{column[k]:.3f}" for column in columns.values()) for k in t)
+    path.write_text(",".join(columns) + "\n" + rows)
+    told = {one["column"]: one for one in json.loads(bfi("info", path, "--explain", "--json").stdout)["explain"]}
+    assert told["altitude"]["channel"] == "baro_altitude"
+    assert told["altitude"]["why"] == "the standard name of altitude, but see the notes"

@@ -17,6 +17,7 @@ import numpy as np
 from ..errors import LogError
 from ..notes import Note
 from .layouts import with_channels
+from .rates import in_order
 from .raw import DAY_S, Asked, RawLog, Track, from_midnight
 
 HEAD = re.compile(rb"(?:\xef\xbb\xbf)?A[A-Za-z0-9]{3}[^\n]*\n")
@@ -67,6 +68,13 @@ def read_igc(path: str, _: Asked) -> RawLog:
         raise LogError(f"{path}: {len(fixes)} fixes, at least 2 are needed; give a file with B records")
     time_s, *values = np.array(fixes).T
     time_s = time_s + DAY_S * np.cumsum(np.diff(time_s, prepend=time_s[0]) < -0.5 * DAY_S)
+    # A microsecond more for each fix: one that repeats the second before is in order.
+    ordered, why = in_order(
+        Track(source="B", values=np.arange(time_s.size), time_s=time_s + 1e-6 * np.arange(time_s.size))
+    )
+    if ordered is not None and why is not None:
+        kept = ordered.values.astype(np.intp)
+        time_s, values = time_s[kept], [column[kept] for column in values]
     names = ("latitude", "longitude", "pressure_altitude", "gnss_altitude", *_channels(extensions))
     columns = [Track(source="time", values=time_s, unit="s", channel="time", why="UTC of the fixes")]
     columns += [Track(source=name, values=column) for name, column in zip(names, values, strict=True)]
@@ -74,6 +82,7 @@ def read_igc(path: str, _: Asked) -> RawLog:
     if not columns[3].values.any():  # a recorder without a pressure sensor
         left_out[columns.pop(3).source] = "is zero throughout"
     notes = [Note.limit(f"B records that are damaged are left out: {n_damaged}")] if n_damaged else []
+    notes += [Note.limit(f"B records: {why}")] if ordered is not None and why is not None else []
     if day is not None and (first := _since_1970(*map(int, day.groups()))) is not None:
         notes.append(from_midnight(first))
     return RawLog(columns=with_channels(columns, "igc"), notes=tuple(notes), left_out=left_out)

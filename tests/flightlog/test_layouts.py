@@ -96,6 +96,16 @@ def test_what_igc_files_hold_and_lack(tmp_path: Path, lines: list[str], said: tu
     assert set(tas[np.isfinite(tas)]) <= {50.0}  # 180 km/h
 
 
+def test_a_fix_out_of_order_is_left_out(tmp_path: Path):
+    lines = [FIX.format(k // 2) for k in range(90)]  # two a second
+    lines.insert(30, FIX.format(12).replace("B1200", "B1150"))
+    (tmp_path / "flight.igc").write_text(IGC + "\n".join(lines) + "\n")
+    log = read_log(tmp_path / "flight.igc")
+    assert log.n_samples == 90
+    assert "B records: samples out of order of time are left out, 1 of them" in texts(log.notes)
+    assert log.rate_hz == pytest.approx(2.0)
+
+
 def test_an_igc_file_without_fixes_is_refused(tmp_path: Path):
     (tmp_path / "flight.igc").write_text(f"{IGC}{FIX.format(1)}\n")
     with pytest.raises(LogError, match=r"flight\.igc: 1 fixes, at least 2 are needed; give a file with B records$"):

@@ -21,6 +21,8 @@ from .topics import RECORDERS, Recorder, maps_of
 DELIMITERS = ("|", ";", "\t")  # tried in this order; else a comma
 # Garmin's first line; the line of units below it is a comment too.
 AIRFRAME = "#airframe_info"
+# Short names of a G3X that a G1000 has for another channel: the true track here, a magnetic one there.
+AMBIGUOUS = frozenset({"TRK"})
 # X-Plane pads the two halves of a name to five characters: "_Vind,_kias", "alpha,__deg".
 XPLANE = re.compile(r"[^,|]{5},[^,|]{5}")
 
@@ -164,7 +166,7 @@ def _named(path: str, first: tuple[int, str], named: Sequence[str], delimiter: s
 
 def _two_headers(upper: str, lower: str, delimiter: str) -> str | None:
     """Return the header of a Garmin G3X: the short names of the lower line, the long ones of the upper where these are
-    blank, with the units of the upper line; None of a line that is no second header.
+    blank or `AMBIGUOUS`, with the units of the upper line; None of a line that is no second header.
     """
     long, short = (cells_of(line, delimiter) for line in (upper, lower))
     short += [""] * (len(long) - len(short))
@@ -173,7 +175,8 @@ def _two_headers(upper: str, lower: str, delimiter: str) -> str | None:
     names = []
     for one, brief in zip(long, short, strict=True):
         name, unit = split_unit(one)
-        names.append(f"{brief.strip() or name} [{unit}]" if unit else brief.strip() or name)
+        name = name if brief.strip() in AMBIGUOUS else brief.strip() or name
+        names.append(f"{name} [{unit}]" if unit else name)
     return delimiter.join(names)
 
 

@@ -94,7 +94,8 @@ class ChannelMap:
 # its sign. A channel "-" says that a column is none. Of `normal_acc` the level-flight median tells the convention.
 # Garmin G1000, Perspective, NXi, G3X, GDU 460, TXi: short names, and the long ones of G3X. AOA is an index, no angle;
 # Flaps are notches. HDG and TRK are magnetic: on two flights of a Cessna 172 with a G1000 the direction of the
-# positions less TRK is MagVar within 0.1 degree.
+# positions less TRK is MagVar within 0.1 degree. The GPS Ground Track of a G3X is true: with a variation of -12.8
+# degrees it is that of the positions within 0.5.
 # Dynon: SkyView user data logs (SkyView Classic and HDX system installation guide). Its angle of attack is a share.
 # X-Plane 10 to 12: Data.txt. Of two clocks the simulated time is that of the flight.
 # INAV: Blackbox.md, blackbox.c and osd.c, `blackbox_decode` of blackbox-tools. Body axes are forward, left, up, so that
@@ -239,7 +240,7 @@ csv.GPS_Velocity_N       velocity_north      m/s
 csv.GPSVelE              velocity_east       m/s
 csv.GPS_Velocity_E       velocity_east       m/s
 csv.TRK                  magnetic_track      deg
-csv.GPS_Ground_Track     magnetic_track      deg
+csv.GPS_Ground_Track     track               deg
 csv.MagVar               magnetic_variation  deg
 csv.Magnetic_Variation   magnetic_variation  deg
 csv.AltP                 altitude            ft

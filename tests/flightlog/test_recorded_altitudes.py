@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from bfi_cli.airdata import ground_velocity
 from bfi_cli.flightlog import read_log
 from bfi_cli.parity import record_of
 
@@ -55,3 +56,12 @@ def test_a_clock_that_repeats_and_skips_seconds_makes_no_ground_speed_of_a_rocke
     assert np.nanmax(speed) < 75.0
     above = log.channels["gps_altitude"].values - log.channels["baro_altitude"].values
     assert np.nanquantile(np.abs(above), 0.99) < 12.0
+
+
+@pytest.mark.parametrize("name", ["reader_samples/g3x_homebuilt.csv", "reader_samples/g1000_c172.csv"])
+def test_the_track_is_the_direction_of_the_positions_from_true_north(flights, name):
+    log = read_log(flights / name)
+    north, east = ground_velocity(log.time_s, log.channels["latitude"].values, log.channels["longitude"].values)
+    moving = np.hypot(north, east) > 20.0
+    apart = np.angle(np.exp(1j * (np.arctan2(east, north) - log.channels["track"].values)))[moving]
+    assert abs(np.degrees(np.nanmedian(apart))) < 1.0

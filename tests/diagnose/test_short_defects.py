@@ -86,6 +86,15 @@ def test_the_report_counts_them(document: dict[str, Any]):
     assert [len(lane.blocks) for lane in lanes] == [2]
 
 
+def test_a_defect_of_a_channel_that_is_not_stored_has_no_figure_of_its_own(document: dict[str, Any]):
+    [event] = document["events"]
+    of_roll = {**event, "fault": "roll", "among": ["roll"], "channels": ["roll"], "effect": {"roll": 3.0}}
+    content = diagnose_content({**document, "events": [of_roll]})
+    assert all(drawing.panels for drawing in content.drawings)
+    assert "event_1" in {one.name for one in diagnose_content(document).drawings}
+    assert "event_1" not in {one.name for one in content.drawings}
+
+
 def test_within_the_tolerance_they_are_no_fault(document: dict[str, Any]):
     [event] = document["events"]
     small = {**document, "decision": "inconclusive", "events": [], "deviations": [{**event, "beyond_tolerance": False}]}

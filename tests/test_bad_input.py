@@ -46,6 +46,12 @@ def altered(values: np.ndarray, at: int, value: float) -> np.ndarray:
     return np.where(np.arange(values.size) == at, value, values)
 
 
+def holed(values: np.ndarray, at: int) -> np.ndarray:
+    """Return values without those of 0.9 s from a sample on, more than what is interpolated."""
+    k = np.arange(values.size)
+    return np.where((k >= at) & (k < at + 9), np.nan, values)
+
+
 LOGS: dict[str, tuple[str, str]] = {
     "empty.csv": ("", "empty.csv: the file is empty; copy"),
     "comments.csv": ("# a\n# b\n", "comments.csv: no header line"),
@@ -68,8 +74,8 @@ LOGS: dict[str, tuple[str, str]] = {
         "no channel 'elevator'; the log has: spoiler, tas; map one with",
     ),
     "no_output.csv": (csv().replace("tas", "ias_x"), "no channel 'tas'; the log has: elevator, ias_x; map one with"),
-    "nan.csv": (csv(tas=altered(TAS, 7, np.nan)), "'tas' is not a number at sample 7 (0.7 s), 1 of 600 samples in all"),
-    "nan_input.csv": (csv(elevator=altered(ELEVATOR, 9, np.nan)), "'elevator' is not a number at sample 9 (0.9 s)"),
+    "nan.csv": (csv(tas=holed(TAS, 7)), "'tas' is not a number at sample 7 (0.7 s), 9 of 600 samples in all"),
+    "nan_input.csv": (csv(elevator=holed(ELEVATOR, 9)), "'elevator' is not a number at sample 9 (0.9 s)"),
     "infinite.csv": (csv(tas=altered(TAS, 7, np.inf)), "'tas' is not a number at sample 7"),
     "huge.csv": (csv(tas=altered(TAS, 7, -1e300)), "'tas' is no measurement at sample 7 (0.7 s), got -1e+300 m/s"),
     "all_huge.csv": (csv(tas=1e305 * TAS), "'tas' is no measurement at sample 0 (0 s)"),

@@ -277,7 +277,7 @@ def _rows(
         what = f"{len(every)} channels of {max(sizes)} samples"
         raw.require_memory(path, 8 * sum(sizes), what, "give --from/--to for a part of it")
     time = raw.time_column([Track(source=s.name, values=np.empty(0), unit=s.unit) for s in signals.values()], asked)
-    n = sizes[0] if time is None else signals[time.source].data.size
+    n = raw.most_common(sizes) if time is None else signals[time.source].data.size
     for signal in every:
         is_needed = signal in clean or signal.name in {*asked.sources} - {*asked.keep}
         if is_needed and signal.data.size != n:

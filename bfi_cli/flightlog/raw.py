@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -216,6 +217,12 @@ def unlike_time(name: str, n: int, n_times: int) -> str:
 def from_midnight(time_s: float, zone: str = " UTC") -> Note:
     """Return the note on a time axis that counts from the beginning of a day, given in s since 1970."""
     return Note.method(f"time counts from midnight of {np.datetime64(int(time_s), 's').astype('datetime64[D]')}{zone}")
+
+
+def most_common(lengths: Iterable[int]) -> int:
+    """Return the length that most channels have, of several the longest."""
+    counts = Counter(lengths)
+    return max(counts, key=lambda length: (counts[length], length))
 
 
 def different_length(path: str, name: str, n: int, n_times: int) -> LogError:

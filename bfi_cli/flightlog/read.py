@@ -38,6 +38,7 @@ from .raw import (
     by_precedence,
     different_length,
     fits,
+    most_common,
     require_size,
     time_column,
     unit_of,
@@ -47,7 +48,7 @@ from .raw import (
 )
 from .record import Channel, Column, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
-from .resampling import with_filled, with_single_samples
+from .resampling import with_filled, with_short_gaps
 from .tdms import read_tdms
 from .text import read_csv, wide_encoding
 from .tlog import is_tlog, read_tlog_topics
@@ -140,12 +141,12 @@ def read_log(
         keep=tuple(keep),
     )
     if os.path.isdir(name):
-        log = _of_boot(name, read_folder(name, asked), asked, folder_digest(name), boot)
+        log = with_short_gaps(_of_boot(name, read_folder(name, asked), asked, folder_digest(name), boot))
     else:
         raw = _read_file(name, asked)
         with open(name, "rb") as file:
             sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-        log = with_seen_recorder(with_single_samples(_of_boot(name, raw, asked, sha256, boot)))
+        log = with_seen_recorder(with_short_gaps(_of_boot(name, raw, asked, sha256, boot)))
     log = with_quantities(log, asked.channel_map)
     return log if fill_s is None else with_filled(log, fill_s)
 
@@ -558,7 +559,7 @@ def _counted_time(path: str, channels: Mapping[str, Channel], raw: RawLog, rate_
             f"{path}: no time axis, got neither a channel 'time' nor an attribute sample_rate_hz; the log has: "
             f"{', '.join(sorted(channels))}; map one with --channel time=NAME, or give --sample-rate HZ"
         )
-    samples = raw.first_sample + np.arange(next(iter(channels.values())).n_samples)
+    samples = raw.first_sample + np.arange(most_common(channel.n_samples for channel in channels.values()))
     if not (0.0 < rate_hz <= FASTEST) or samples[-1] / rate_hz > LATEST:
         raise LogError(f"{path}: sample_rate_hz is no rate of a recorder, got {rate_hz:g} Hz; mend it")
     return frozen_array(samples / rate_hz)

@@ -114,6 +114,11 @@ class StoredChannel(Channel):
         return values
 
     @property
+    def is_stored(self) -> bool:
+        """Whether the values are still in the file."""
+        return self._held is None
+
+    @property
     def n_samples(self) -> int:
         """Number of values."""
         return int(self._rows.stop - self._rows.start) if self._held is None else int(self._held.size)

@@ -1,6 +1,6 @@
 """Missing samples interpolated, and logs resampled to another rate through a low-pass.
 
-Single missing samples of an even clock are interpolated, longer stretches only where the user asks for it. A log at
+What is missing for half a second is interpolated, longer stretches only where the user asks for it. A log at
 another rate is laid on a uniform grid, low-passed and decimated, every channel alike.
 """
 
@@ -22,7 +22,7 @@ from ..kernels.runs import bridged, runs
 from ..notes import Note
 from .quality import hold_of, is_uniform
 from .raw import ANGLES, FLAGS
-from .record import FlightLog, FloatArray, frozen_array
+from .record import FlightLog, FloatArray, StoredChannel, frozen_array
 
 LONGEST_BRIDGE = 4.5  # median time steps: up to three missing samples are interpolated
 SAME_RATE = 1e-3  # relative error of a recorder's clock
@@ -34,8 +34,14 @@ CUTOFF = 0.8  # of the sinc, over the new Nyquist frequency
 KAISER_BETA = 8.0  # of the sinc's window: a stop band 80 dB down
 # Share of a step by which a clock may wander: a stretch of just the length asked for is filled.
 BESIDE = 0.02
-# Share of double steps up to which a clock is even with samples missing. A Garmin G1000 at 1 Hz misses one in 45.
-MOST_DOUBLE = 0.05
+# What is missing for so many seconds is interpolated: air data change little within them, and the seconds of a flight
+# that diagnoses are counted in keep at least half their samples.
+BRIDGED_S = 0.5
+# Share of samples up to which a clock is even with rows missing, or a channel has gaps and not a lower rate. A Garmin
+# G1000 at 1 Hz misses one row in 45.
+MOST_MISSING = 0.05
+FEWEST_SAMPLES = 4
+MOST_NAMED = 5  # channels in a note
 # With more double steps in a row the clock runs at half its rate.
 MOST_IN_A_ROW = 3
 
@@ -240,35 +246,79 @@ def with_filled(log: FlightLog, longest_s: float) -> FlightLog:
     return replace(changed, notes=tuple(notes))
 
 
-def with_single_samples(log: FlightLog) -> FlightLog:
-    """Return the log with single missing samples of an even clock interpolated, and a note.
+def with_short_gaps(log: FlightLog) -> FlightLog:
+    """Return the log with what is missing for up to `BRIDGED_S`, or a single sample, interpolated, and notes.
 
-    A single sample is missing where a step is twice the median step. Longer gaps stay, and so do logs whose clock is
-    uneven apart from that.
+    Rows are missing where a step of an even clock is several periods long, samples of a channel where they are NaN.
+    Longer gaps stay, and so do logs whose clock is uneven apart from that and channels of which much is missing: these
+    have samples less often. Channels that are still in their file stay as they are.
     """
-    if log.n_samples < 4:
+    if log.n_samples < FEWEST_SAMPLES:
         return log
+    return _with_samples(_with_rows(log))
+
+
+def _longest(log: FlightLog) -> int:
+    """Return the most samples in a row that are interpolated."""
+    return max(1, math.floor(BRIDGED_S * log.rate_hz * (1.0 + BESIDE)))
+
+
+def _with_rows(log: FlightLog) -> FlightLog:
+    """Return the log with the rows that are missing for a short time, interpolated, and a note."""
     step = np.diff(log.time_s) * log.rate_hz
-    double, single = np.abs(step - 2.0) <= 2.0 * BESIDE, np.abs(step - 1.0) <= BESIDE
-    even = double.sum() <= MOST_DOUBLE * step.size and double.sum() + single.sum() >= (1.0 - MOST_DOUBLE) * step.size
-    for first, stop in runs(double):
-        double[first:stop] = stop - first <= MOST_IN_A_ROW
-    at = np.flatnonzero(double) + 1
-    if not at.size or not even:
+    periods = np.round(step)
+    whole = np.abs(step - periods) <= BESIDE * periods
+    short = whole & (periods >= 2.0) & (periods <= _longest(log) + 1.0)
+    single = whole & (periods == 1.0)
+    even = short.sum() <= MOST_MISSING * step.size and short.sum() + single.sum() >= (1.0 - MOST_MISSING) * step.size
+    for first, stop in runs(short):
+        short[first:stop] = stop - first <= MOST_IN_A_ROW
+    if not even or not short.any():
         return log
-    time_s = np.insert(log.time_s, at, 0.5 * (log.time_s[at - 1] + log.time_s[at]))
+    count = np.where(short, periods - 1.0, 0.0).astype(np.intp)  # of rows that are missing after each row
+    at = np.repeat(np.arange(1, log.n_samples), count)
+    place = np.arange(at.size) - np.repeat(np.cumsum(count) - count, count) + 1.0
+    part = place / np.repeat(count + 1.0, count)
+    time_s = np.insert(log.time_s, at, log.time_s[at - 1] + part * (log.time_s[at] - log.time_s[at - 1]))
     missing = np.insert(np.zeros(log.n_samples, dtype=bool), at, True)
     longer = replace(log, time_s=frozen_array(time_s), channels={}, truth=None)
+    longest_s = _longest(log) / log.rate_hz
 
     def with_holes(name: str, values: FloatArray) -> FloatArray:
         inserted = np.insert(values, at, np.nan)
-        filled, _ = _filled(name, inserted, longer, 1.0 / log.rate_hz)
+        filled, _ = _filled(name, inserted, longer, longest_s)
         # Samples that are NaN in the file stay NaN.
         return frozen_array(np.where(missing, filled, inserted))
 
     first_s = log.time_s[at[0] - 1]
-    note = Note.method(f"{at.size} single missing samples, the first after {first_s:.6g} s, are interpolated")
+    note = Note.method(f"{at.size} missing samples, the first after {first_s:.6g} s, are interpolated")
     return log.changed(with_holes, time_s=longer.time_s, notes=(*log.notes, note))
+
+
+def _with_samples(log: FlightLog) -> FlightLog:
+    """Return the log with the samples of its channels that are missing for a short time, interpolated, and a note."""
+    longest, filled = _longest(log), dict[str, int]()
+    channels = {
+        name: one for name, one in log.channels.items() if not (isinstance(one, StoredChannel) and one.is_stored)
+    }
+
+    def bridged_of(name: str, values: FloatArray) -> FloatArray:
+        missing = np.isnan(values)
+        if not missing.any() or np.count_nonzero(missing) > MOST_MISSING * values.size + 1.0:
+            return values
+        short = [(a, b) for a, b in runs(missing) if b - a <= longest and a > 0 and b < values.size]
+        out, lengths_s = _filled(name, values, log, longest / log.rate_hz)
+        if lengths_s:
+            filled.setdefault(name, sum(b - a for a, b in short))
+        return out
+
+    part = replace(log, channels=channels).changed(bridged_of)
+    if not filled:
+        return log
+    named = [f"{n} of '{name}'" for name, n in filled.items()]
+    more = f" and of {len(named) - MOST_NAMED} more channels" if len(named) > MOST_NAMED else ""
+    note = Note.method(f"missing samples are interpolated: {', '.join(named[:MOST_NAMED])}{more}")
+    return replace(part, channels={**log.channels, **part.channels}, notes=(*log.notes, note))
 
 
 def _filled(name: str, values: FloatArray, log: FlightLog, longest_s: float) -> tuple[FloatArray, list[float]]:

@@ -179,15 +179,6 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
             repeated = np.flatnonzero(rows)[1:][steps == 0.0]
             rows[repeated] = False
             notes.append(Note.method(f"rows that repeat the second before are left out: {repeated.size}"))
-    steps = np.diff(time_s[rows])
-    missing = int(np.count_nonzero(steps > 1.5 * np.median(steps))) if steps.size else 0
-    if missing:
-        notes.append(
-            Note.advice(
-                f"the clock '{chosen.source}' skips {missing} times; --rate {1.0 / float(np.median(steps)):.4g} fills "
-                "single missing samples"
-            )
-        )
     used = dates[:1] if chosen in clocks else []
     why = f"the clock of the log{''.join(f', with the dates of {one.source!r}' for one in used)}"
     time = Track(source=chosen.source, values=time_s[rows], unit="s", channel="time", why=why)

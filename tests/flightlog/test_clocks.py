@@ -18,7 +18,7 @@ from bfi_cli.errors import LogError
 from bfi_cli.flightlog import Channel, FlightLog, read_log
 from bfi_cli.flightlog.plausible import time_scale
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.flightlog.resampling import with_single_samples
+from bfi_cli.flightlog.resampling import with_short_gaps
 from bfi_cli.identify import identify_faults
 
 N = 400
@@ -50,14 +50,25 @@ def csv(path: Path, time_s: np.ndarray, signals: dict[str, np.ndarray]) -> Path:
     return path
 
 
+def length(missing: set[int], k: int) -> int:
+    """Return how many in a row are missing about one that is."""
+    first = last = k
+    while first - 1 in missing:
+        first -= 1
+    while last + 1 in missing:
+        last += 1
+    return last - first + 1
+
+
 @settings(max_examples=40, deadline=None)
 @given(missing=st.sets(st.integers(1, N - 2), max_size=12), rate_hz=st.sampled_from([1.0, 4.0]))
-def test_what_is_straight_stays_so_where_single_samples_are_missing(missing: set[int], rate_hz: float) -> None:
-    """Those in a row are a gap, and stay one."""
-    single = {k for k in missing if not {k - 1, k + 1} & missing}
+def test_what_is_straight_stays_so_where_few_samples_are_missing(missing: set[int], rate_hz: float) -> None:
+    """Those in a row for more than half a second are a gap, and stay one."""
+    most = max(1, int(0.5 * rate_hz))
+    single = {k for k in missing if length(missing, k) <= most}
     kept = np.array([k not in missing for k in range(N)])
     time_s = 10.0 + np.arange(N) / rate_hz
-    log = with_single_samples(log_of(time_s[kept], {"tas": 3.0 * time_s[kept]}))
+    log = with_short_gaps(log_of(time_s[kept], {"tas": 3.0 * time_s[kept]}))
     filled = np.array([k not in missing - single for k in range(N)])
     np.testing.assert_allclose(log.time_s, time_s[filled], atol=1e-9)
     np.testing.assert_allclose(log.channels["tas"].values, 3.0 * time_s[filled], atol=1e-6)
@@ -66,14 +77,14 @@ def test_what_is_straight_stays_so_where_single_samples_are_missing(missing: set
 
 def test_a_clock_at_half_its_rate_for_long_is_no_single_sample() -> None:
     time_s = np.concatenate([np.arange(300.0), 300.0 + 2.0 * np.arange(10)])
-    assert with_single_samples(log_of(time_s, {"tas": time_s})).n_samples == 310
+    assert with_short_gaps(log_of(time_s, {"tas": time_s})).n_samples == 310
 
 
 def test_what_the_file_lacks_beside_a_missing_sample_stays_missing() -> None:
     time_s = np.delete(np.arange(100.0), 50)
     values = np.where(np.isin(time_s, [20.0, 51.0]), np.nan, time_s)
-    log = with_single_samples(log_of(time_s, {"tas": values}))
-    assert np.flatnonzero(np.isnan(log.channels["tas"].values)).tolist() == [20, 50, 51]
+    log = with_short_gaps(log_of(time_s, {"tas": values}))
+    assert np.flatnonzero(np.isnan(log.channels["tas"].values)).tolist() == [50, 51]
 
 
 @pytest.mark.parametrize("scale", [10.0, 1000.0, 1e6, 0.02, -1.0])

@@ -76,17 +76,19 @@ def test_the_clean_signal_of_a_fault_is_filled_alike():
     np.testing.assert_allclose(filled.channels["tas"].values - filled.truth.clean["tas"], 2.0 * (TIME_S >= 5.0))
 
 
-def test_reading_fills_on_request_only_and_says_so(bfi: Callable, tmp_path: Path):
-    path = write_hdf5(tmp_path / "a.h5", time=TIME_S, tas=holed(LINE, (50, 53)), elevator=np.sin(TIME_S))
-    assert np.isnan(read_log(path).channels["tas"].values).sum() == 3
-    assert not np.isnan(read_log(path, fill_s=0.3).channels["tas"].values).any()
-    assert bfi("convert", path, "-o", tmp_path / "b.csv", "--fill", 0.3).code == 0
+def test_reading_fills_more_than_half_a_second_on_request_only_and_says_so(bfi: Callable, tmp_path: Path):
+    path = write_hdf5(tmp_path / "a.h5", time=TIME_S, tas=holed(LINE, (50, 58), (70, 73)), elevator=np.sin(TIME_S))
+    log = read_log(path)
+    assert np.flatnonzero(np.isnan(log.channels["tas"].values)).tolist() == list(range(50, 58))
+    assert "missing samples are interpolated: 3 of 'tas'" in texts(log.notes)
+    assert not np.isnan(read_log(path, fill_s=0.8).channels["tas"].values).any()
+    assert bfi("convert", path, "-o", tmp_path / "b.csv", "--fill", 0.8).code == 0
     assert not np.isnan(read_log(tmp_path / "b.csv").channels["tas"].values).any()
-    (tmp_path / "c.yaml").write_text("fill_s: 0.2\n")
+    (tmp_path / "c.yaml").write_text("fill_s: 0.7\n")
     refused = bfi("identify", path, "-d", "airdata", "-c", tmp_path / "c.yaml")
     assert (refused.code, "'tas' is not a number" in refused.stderr) == (3, True)
-    outcome = bfi("info", path, "--fill", 0.3)
-    assert "'tas': 1 stretch of up to 0.3 s without samples interpolated (--fill)" in " ".join(outcome.stdout.split())
+    outcome = bfi("info", path, "--fill", 0.8)
+    assert "'tas': 1 stretch of up to 0.8 s without samples interpolated (--fill)" in " ".join(outcome.stdout.split())
     assert bfi("info", path, "--fill", 0).code == 2
 
 

@@ -106,6 +106,20 @@ def test_time_is_counted_from_a_sample_rate(tmp_path: Path):
     assert "time is counted from sample_rate_hz = 20 Hz" in texts(log.notes)
 
 
+@pytest.mark.parametrize("kind", ["h5", "mat"])
+def test_without_a_time_axis_the_most_common_length_decides(kind: str, tmp_path: Path):
+    arrays = {"a_table": np.arange(7.0), "tas": 90.0 + np.arange(30.0), "pitch": np.zeros(30), "roll": np.ones(30)}
+    if kind == "h5":
+        path = write_hdf5(tmp_path / "a.h5", **arrays)
+    else:
+        path = tmp_path / "a.mat"
+        savemat(path, arrays)
+    log = read_log(path, sample_rate_hz=10.0)
+    assert log.n_samples == 30
+    assert set(log.channels) == {"tas", "pitch", "roll"}
+    assert any("'a_table' has 7 samples, the time axis 30" in note for note in texts(log.notes))
+
+
 def test_empty_cells_are_nan(tmp_path: Path):
     log = read_log(write_text(tmp_path / "a.csv", "time,tas [m/s]\n0,1\n1,\n2,nan\n3,4\n"))
     np.testing.assert_array_equal(log.channels["tas"].values, [1.0, np.nan, np.nan, 4.0])

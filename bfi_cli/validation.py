@@ -52,7 +52,7 @@ class Rules(BaseModel):
     The docstrings are read when a schema is written, not at import, where they would cost a tenth of every command.
     """
 
-    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=False, defer_build=True)
 
 
 def validate(

@@ -23,7 +23,13 @@ from ..faults import Fault
 from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.normal import ONE_SIDED_90, ONE_SIDED_95
 from ..kernels.onset.frequency import PEAKS, frequency_grid, screen_grid
-from ..kernels.onset.limits import excluded_error, likelihood_ratios, mean_ratios, undeclared_magnitudes
+from ..kernels.onset.limits import (
+    excluded_error,
+    likelihood_ratios,
+    mean_ratios,
+    profile_with_deviances,
+    undeclared_magnitudes,
+)
 from ..kernels.onset.pairs import peaks
 from ..kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onsets, scan_shape
 from ..kernels.onset.waveform import Waveform
@@ -44,6 +50,9 @@ CLAIMED_CYCLES, CYCLES_LEFT = 6.0, 2.0
 FREQUENCIES = 8
 # Onsets, spread over the window, at which the size that would be declared is sought: its median over them is stated.
 SIZED = 25
+# Of more hypotheses than the first, one of so many onsets as the second is looked at, and all of them for as many that
+# hide most, and as many that are likeliest. Chosen without tuning.
+FULL, GLANCED = 2, 5
 # Lags and ramps that a claim about steps covers, with their time constants and durations: by their longest, since what
 # builds up faster stands out more. The same answers in 340 runs on two recorded flights with ramps of 5 s beside; with
 # 10 s alone a ramp over 12.3 s of 2.4 tolerances was excluded.
@@ -296,12 +305,27 @@ def _weighed(
     assert candidate.tolerance is not None
     tolerance = candidate.tolerance / float(record.unit[form.output])
     threshold = None if peak is None else rule.threshold(shape)
-    of_forms = [_likeliness(record, scan, claimed, tolerance, threshold) for claimed, _ in parts(weighing, forms)]
-    covered = [likeliness for likeliness in of_forms if likeliness is not None]
+    # Every onset counts for the hypotheses that hide most only: fewer onsets tell which these are.
+    every = GLANCED if len(forms) > FULL else 1
+    glances = {
+        claimed: _likeliness(record, scan, claimed, tolerance, threshold, every=every)
+        for claimed, _ in parts(weighing, forms)
+    }
+    covered = {claimed: glance for claimed, glance in glances.items() if glance is not None}
     if not covered:
         return candidate
-    detectable = None if peak is None else float(np.median([likeliness.detected for likeliness in covered]))
-    likeliest = max(covered, key=lambda likeliness: likeliness.beyond)
+    detectable = None if peak is None else float(np.median([glance.detected for glance in covered.values()]))
+    if every > 1:
+        of_most = {
+            claimed
+            for most in (lambda at: covered[at].hidden(), lambda at: covered[at].beyond)
+            for claimed in sorted(covered, key=most)[-FULL:]
+        }
+        looked_at = (_likeliness(record, scan, claimed, tolerance) for claimed in forms if claimed in of_most)
+        likelinesses = [likeliness for likeliness in looked_at if likeliness is not None]
+    else:
+        likelinesses = list(covered.values())
+    likeliest = max(likelinesses, key=lambda likeliness: likeliness.beyond)
     values = [claimed.parameter or 0.0 for claimed in forms]
     if shape == "sine":
         note, named = f"of {min(values):.2g} to {max(values):.2g} Hz", f"an oscillation of {likeliest.parameter:.3g} Hz"
@@ -316,7 +340,7 @@ def _weighed(
             f"the log is {likeliest.beyond:.2g} times as likely with {named} beyond the tolerance as without, most of "
             f"all from {likeliest.onset_s[likeliest.profile.best]:.6g} s on; see --shape {shape}"
         )
-    hidden = max(likeliness.hidden() for likeliness in covered)
+    hidden = max(likeliness.hidden() for likeliness in likelinesses)
     return _bounded(record, candidate, form.output, likeliest.profile, detectable, *hidden, note=note)
 
 
@@ -349,21 +373,29 @@ def _bounded(
 
 
 def _likeliness(
-    record: ScanRecord, scan: Scan, form: ShapeHypothesis, tolerance: float, threshold: float | None = None
+    record: ScanRecord,
+    scan: Scan,
+    form: ShapeHypothesis,
+    tolerance: float,
+    threshold: float | None = None,
+    *,
+    every: int = 1,
 ) -> Likeliness | None:
     """Return the likelihood ratios of a hypothesis; None where there is no onset that a claim covers.
 
     Parameters
     ----------
     threshold : of the statistic, of which `detected` is the size; None where it is not asked for.
+    every : of so many onsets one is looked at.
     """
     wave = waveform(form, replace(record.sampling, n_samples=scan.n_samples))
-    onsets = _covered(record, scan, form)
+    onsets = _covered(record, scan, form)[::every]
     if onsets.size == 0:
         return None
-    profile = scan_shape(scan, wave, onsets)
-    errors, detected, dispersion = tolerance * ERRORS, None, profile.dispersion
+    errors, detected = tolerance * ERRORS, None
     magnitudes = errors[:, None] / wave.largest(scan.n_samples - onsets)
+    profile, both_signs = profile_with_deviances(scan, wave, onsets, magnitudes)
+    dispersion = profile.dispersion
     if threshold is not None:
         some = profile.take(np.linspace(0, len(onsets) - 1, min(SIZED, len(onsets))).astype(np.intp))
         detected = float(np.median(_sizes(scan, wave, some, threshold, dispersion)[0]))
@@ -372,7 +404,7 @@ def _likeliness(
         parameter=form.parameter or 0.0,
         onset_s=record.onsets_s(onsets + record.sampling.lead),
         errors=errors,
-        ratios=likelihood_ratios(scan, wave, onsets, magnitudes, dispersion=dispersion),
+        ratios=likelihood_ratios(both_signs, dispersion=dispersion),
         tolerance=tolerance,
         detected=detected,
     )

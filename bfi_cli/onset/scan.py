@@ -162,7 +162,7 @@ def _bic_with_fault(
             scan, n_parameters = of_outputs[form.output], 3 if form.parameter or form.shape == "sine" else 2
             sampling = replace(record.sampling, n_samples=scan.n_samples)
             if form.shape == "sine":
-                statistic = float(screen_sines(scan, candidates[form.output], own).max())
+                statistic = float(screen_sines(scan, np.array(candidates[form.output]), own).max())
             elif record.settings.ends:
                 statistic = scan_ends(scan, waveform(form, replace(sampling, factor=1)), report=own).statistic
                 n_parameters += 1

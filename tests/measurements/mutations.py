@@ -40,7 +40,7 @@ FLIGHT_LIMITS = (
 RELATIONS = ("tests/parity/test_*static_relations*.py", "tests/parity/test_*limits*.py")
 ONSET_CLAIMS = ("tests/onset/test_*claims*.py", "tests/onset/test_*decision*.py", "tests/onset/test_*excluded*.py")
 MAGNITUDES = ("tests/preprocessing/test_*magnitudes*.py", "tests/preprocessing/test_*limits*.py")
-BOUND = ("tests/kernels/onset/test_frequency_bound.py",)
+SINES = ("tests/kernels/onset/test_sines.py",)
 LINES = (
     Line(
         "parity/static_relations.py",
@@ -219,30 +219,10 @@ LINES = (
         ("tests/parity/test_explain.py",),
     ),
     Line(
-        "kernels/onset/frequency_bound.py",
-        "apart = np.maximum(1.0 - angle, ROUNDING)",
-        ("apart = np.ones_like(angle)", "apart = np.maximum(1.0 - 0.5 * angle, ROUNDING)"),
-        BOUND,
-    ),
-    Line(
-        "kernels/onset/frequency_bound.py",
-        "far = np.sqrt((share - wanted) * (1.0 + tangent**2)) + tangent * np.sqrt(share)",
-        (
-            "far = np.sqrt(share - wanted) + tangent * np.sqrt(share)",
-            "far = np.sqrt((share - wanted) * (1.0 + tangent**2))",
-            "far = np.sqrt((share - wanted) * (1.0 + tangent**2)) - tangent * np.sqrt(share)",
-        ),
-        BOUND,
-    ),
-    Line(
-        "kernels/onset/frequency_bound.py",
-        "of_change = (2.0 - apart) * (of_change + (1.0 + change) ** 2 * power[:, :-1].sum(axis=1))",
-        (
-            "of_change = apart * (of_change + (1.0 + change) ** 2 * power[:, :-1].sum(axis=1))",
-            "of_change = (2.0 - apart) * of_change",
-            "of_change = (2.0 - apart) * (of_change + (1.0 - change) ** 2 * power[:, :-1].sum(axis=1))",
-        ),
-        BOUND,
+        "kernels/onset/sines.py",
+        "share = self.scan.impulses()[onsets] + self.steady_share[k, border]",
+        ("share = self.scan.impulses()[onsets]", "share = self.steady_share[k, border]"),
+        SINES,
     ),
     Line(
         "parity/residuals.py",

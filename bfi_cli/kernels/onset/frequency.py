@@ -1,9 +1,9 @@
 """A sine of unknown frequency, phase 0 at its onset.
 
 The statistic's peak over the frequency is about 1 / duration wide, so a grid of half of that over the record misses
-none. The grid is screened at one magnitude per onset; its best few peaks are then refined by halving the grid's step,
-many onsets at each frequency, so that frequency and onset are found jointly; the last few are profiled exactly. In a
-long record only those sines are screened whose bound exceeds what the best peaks have (`frequency_bound`).
+none. The grid is screened at one magnitude and few onsets each (`sines`); its best few peaks are then refined by
+halving the grid's step, more onsets at each frequency, so that frequency and onset are found jointly; the last few are
+profiled exactly.
 """
 
 from __future__ import annotations
@@ -13,11 +13,14 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from .. import FloatArray, IntArray
-from ..progress import Report, parts, shares, silent, steps
-from .frequency_bound import TOGETHER, SineScreen, prepare_screen, screen_tabulated
+from ..progress import Report, parts, shares, silent
 from .pairs import Pair, PairLimits, PairTables, climb, pair_limits, peaks, screen_pairs, spread, tabulate_pairs
 from .scan import ENDING, STARTING, Scan, default_onsets, scan_shape
+from .sines import screen_at
 from .waveform import sine
+
+# A frequency, cycles per sample, and a pair of start and end to begin with.
+Trial = tuple[float, Pair]
 
 # Step of the grid over 1 / duration: half of the peak's width.
 STEP = 0.5
@@ -36,15 +39,6 @@ RANKED = 64
 BRANCHES = 3
 # Trials of frequencies around the peaks (8 + 2 x 2 x 8 + 2 x 9 x 3), at twice the onsets of the grid: for the progress.
 REFINEMENTS = 190
-# Samples times frequencies of a grid up to which every sine is screened: bounds would hardly save time.
-FEW = 400_000
-# Frequencies, spread over a longer grid, that are screened first: they tell what its peaks have at least.
-PILOT = 16
-# The statistic that sines must exceed to be screened is that of so many times as many peaks as are wanted, so that the
-# grid need not be gone through again.
-SPARE = 1.5
-# Peaks below this are not told apart: it is the median of the statistic of a single sine without a fault.
-LEAST = 0.455
 
 
 def scan_frequency(scan: Scan, band: tuple[float, float], report: Report = silent) -> float:
@@ -57,20 +51,18 @@ def scan_frequency(scan: Scan, band: tuple[float, float], report: Report = silen
     report : called with the fraction that is done.
     """
     grid, onsets = frequency_grid(scan, band), default_onsets(scan)
-    bounds = None if len(grid) * scan.n_samples <= FEW else prepare_screen(scan)
 
-    def evaluate(frequency: float, pair: Pair, above: float, own: Report) -> tuple[float, Pair]:
-        if bounds is None or above <= LEAST:
-            return screen_sine(scan, frequency, own, per_period=2 * ONSETS_PER_PERIOD), pair
-        at = sine_onsets(scan, frequency, 2 * ONSETS_PER_PERIOD) - onsets[0]
-        return float(bounds.statistics(np.array([frequency]), [at], above, own)[0]), pair
+    def evaluate(trials: Sequence[Trial], own: Report) -> list[tuple[float, Pair]]:
+        frequencies = np.array([frequency for frequency, _ in trials])
+        statistic = screen_sines(scan, frequencies, own, per_period=2 * ONSETS_PER_PERIOD).tolist()
+        return [(value, pair) for value, (_, pair) in zip(statistic, trials, strict=True)]
 
     searching, refining, last = shares(report, len(grid), REFINEMENTS, 3 * FINAL_PEAKS)
-    statistic = screen_grid(scan, grid, searching, bounds)
+    statistic = screen_grid(scan, grid, searching)
     everywhere = int(onsets[0]), scan.n_samples
+    begin = [(float(grid[k]), everywhere) for k in peaks(statistic, PEAKS)]
     exact = []
-    tops = _refine(evaluate, [(grid[k], everywhere) for k in peaks(statistic, PEAKS)], grid, refining)
-    for (_, _, frequency), own in parts(last, tops):
+    for (_, _, frequency), own in parts(last, _refine(evaluate, begin, grid, refining)):
         profile = scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), onsets, report=own)
         early = onsets <= scan.n_samples - MIN_CYCLES / frequency
         exact.append((profile.statistic.max(initial=0.0, where=early), frequency))
@@ -98,9 +90,12 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], report: Report = 
         shortest = max(int(np.ceil(MIN_CYCLES / frequency)), ENDING * scan.order)
         return tabulate_pairs(scan, waveform), pair_limits(scan, waveform, shortest)
 
-    def evaluate(frequency: float, pair: Pair, _above: float, own: Report) -> tuple[float, Pair]:
-        tables, limits = prepare(frequency)
-        return climb(scan, tables, limits=limits, begin=[pair], report=own)
+    def evaluate(trials: Sequence[Trial], own: Report) -> list[tuple[float, Pair]]:
+        tops = []
+        for (frequency, pair), of_trial in parts(own, trials):
+            tables, limits = prepare(frequency)
+            tops.append(climb(scan, tables, limits=limits, begin=[pair], report=of_trial))
+        return tops
 
     searching, refining = shares(report, len(grid), REFINEMENTS)
     rough = []
@@ -114,7 +109,7 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], report: Report = 
         begin = spread(ranked, count=BRANCHES, reach=limits.shortest // 2)
         rough.append(climb(scan, tables, limits=limits, begin=begin, finalists=0, rounds=2, report=climbing))
     statistic = np.array([value for value, _ in rough])
-    begun = [(grid[k], rough[k][1]) for k in peaks(statistic, PEAKS)]
+    begun = [(float(grid[k]), rough[k][1]) for k in peaks(statistic, PEAKS)]
     return float(_refine(evaluate, begun, grid, refining)[0][2])
 
 
@@ -142,96 +137,46 @@ def sine_onsets(scan: Scan, frequency: float, per_period: int) -> IntArray:
     return onsets[onsets <= scan.n_samples - MIN_CYCLES / frequency]
 
 
-def screen_sine(scan: Scan, frequency: float, report: Report, *, per_period: int = ONSETS_PER_PERIOD) -> float:
-    """Return the largest screened statistic of a sine over a few onsets per period, 0 where all are too late."""
-    return float(screen_sines(scan, [frequency], report, per_period=per_period)[0])
-
-
 def screen_sines(
-    scan: Scan, frequencies: Sequence[float], report: Report = silent, *, per_period: int = ONSETS_PER_PERIOD
+    scan: Scan, frequencies: FloatArray, report: Report = silent, *, per_period: int = ONSETS_PER_PERIOD
 ) -> FloatArray:
-    """Return `screen_sine` of several frequencies."""
-    onsets = [sine_onsets(scan, frequency, per_period) for frequency in frequencies]
-    some = [k for k, of_sine in enumerate(onsets) if of_sine.size]
-    statistic = np.zeros(len(frequencies))
-    statistic[some] = screen_tabulated(scan, [frequencies[k] for k in some], [onsets[k] for k in some], report)
-    return statistic
+    """Return the largest screened statistic (n_frequencies,) of sines over few onsets, 0 where all are too late."""
+    return screen_at(scan, frequencies, [sine_onsets(scan, f, per_period) for f in frequencies.tolist()], report)
 
 
-def screen_grid(scan: Scan, grid: FloatArray, report: Report = silent, bounds: SineScreen | None = None) -> FloatArray:
-    """Return the screened statistic of sines whose `PEAKS` highest peaks are those of `screen_sine` on the whole grid.
-
-    In a long record the statistic of a sine that is no such peak may be lower than that of `screen_sine`.
-
-    Parameters
-    ----------
-    grid : (n_frequencies,) ascending, cycles per sample.
-    report : called with the fraction that is done.
-    bounds : from `prepare_screen`, where they are known already.
-    """
+def screen_grid(scan: Scan, grid: FloatArray, report: Report = silent) -> FloatArray:
+    """Return `screen_sines` of a grid (n_frequencies,), made once for each record."""
     key = grid.tobytes()
     if key not in scan.screened:
-        short = len(grid) * scan.n_samples <= FEW
-        scan.screened[key] = (
-            screen_sines(scan, grid.tolist(), report)
-            if short
-            else _screen_bounded(scan, grid, report, bounds or prepare_screen(scan))
-        )
+        scan.screened[key] = screen_sines(scan, grid, report)
     report(1.0)
     return scan.screened[key]
 
 
-def _screen_bounded(scan: Scan, grid: FloatArray, report: Report, bounds: SineScreen) -> FloatArray:
-    """Return `screen_grid` of a long record: only sines whose bound exceeds what the best peaks have are screened."""
-    n = len(grid)
-    piloting, screening, again = shares(report, 5, 90, 5)
-    first, passes = bounds.onsets[0], -(-n // TOGETHER)
-    statistic, above = np.zeros(n), np.full(n, np.inf)
-
-    def screen_some(some: IntArray, needed: float, own: Report) -> None:
-        at = [sine_onsets(scan, f, ONSETS_PER_PERIOD) - first for f in grid[some].tolist()]
-        statistic[some] = bounds.statistics(grid[some], at, needed, own)
-        above[some] = np.where(statistic[some] > needed, 0.0, needed)
-
-    def lowest(count: int) -> float:
-        return max(float(statistic[peaks(statistic, count)][-1]), LEAST)
-
-    pilot = np.unique(np.linspace(0, n - 1, PILOT).astype(np.intp))
-    statistic[pilot], above[pilot] = screen_sines(scan, grid[pilot].tolist(), piloting), 0.0
-    for k, own in parts(screening, range(passes)):
-        rank = int(np.ceil(SPARE * PEAKS * np.isfinite(above).mean()))
-        some = np.arange(k, n, passes)
-        screen_some(some[above[some] > 0.0], lowest(rank), own)
-    redone = steps(again, 1)
-    # A peak is known once every sine that may exceed it has been screened.
-    while (late := np.flatnonzero(above > (needed := lowest(PEAKS)))).size:
-        screen_some(late, needed, silent)
-        redone()
-    report(1.0)
-    return statistic
-
-
 def _refine(
-    evaluate: Callable[[float, Pair, float, Report], tuple[float, Pair]],
-    begin: list[tuple[float, Pair]],
+    evaluate: Callable[[Sequence[Trial], Report], list[tuple[float, Pair]]],
+    begin: list[Trial],
     grid: FloatArray,
     report: Report,
 ) -> list[tuple[float, Pair, float]]:
     """Return the best few statistics, pairs and frequencies: the grid's step is halved around each, the best are kept.
 
-    `evaluate` gives the best statistic at a frequency, and its pair, from the pair of a frequency nearby; where it does
-    not exceed the statistic of the third argument, it may be lower.
+    `evaluate` gives the best statistic at each of some frequencies, and its pair, from the pair of a frequency nearby.
     """
     step = float(grid[-1] - grid[0]) / max(len(grid) - 1, 1)
-    first, *later = shares(report, PEAKS, *(2 * n * k for n, k in zip(HALVINGS, (PEAKS, FINAL_PEAKS), strict=True)))
-    tops = [(*evaluate(frequency, pair, 0.0, own), frequency) for (frequency, pair), own in parts(first, begin)]
-    for halvings, among in zip(HALVINGS, later, strict=True):
-        for (n, (value, pair, frequency)), of_top in parts(among, list(enumerate(tops))):
-            for half, of_half in parts(of_top, [step * 0.5**k for k in range(1, halvings + 1)]):
-                for beside, own in parts(of_half, (frequency - half, frequency + half)):
-                    if grid[0] <= beside <= grid[-1] and (trial := evaluate(beside, pair, value, own))[0] > value:
-                        (value, pair), frequency = trial, beside
-            tops[n] = value, pair, frequency
+    first, *later = shares(report, 1, *(2 * n for n in HALVINGS))
+    tops = [(*top, frequency) for top, (frequency, _) in zip(evaluate(begin, first), begin, strict=True)]
+    for halvings, of_halvings in zip(HALVINGS, later, strict=True):
+        for half, own in parts(of_halvings, [step * 0.5**k for k in range(1, halvings + 1)]):
+            beside = [
+                (n, (frequency + sign * half, pair))
+                for n, (_, pair, frequency) in enumerate(tops)
+                for sign in (-1.0, 1.0)
+                if grid[0] <= frequency + sign * half <= grid[-1]
+            ]
+            for (n, (frequency, _)), top in zip(beside, evaluate([trial for _, trial in beside], own), strict=True):
+                if top[0] > tops[n][0]:
+                    tops[n] = (*top, frequency)
         tops = sorted(tops, reverse=True)[:FINAL_PEAKS]
         step *= 0.5**halvings
     return tops

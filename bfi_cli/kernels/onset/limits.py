@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 
 from .. import FloatArray, IntArray
-from .profile import log_ratio
-from .scan import Profile, Scan, in_blocks, magnitude_bound, stack_onsets, tabulate
+from .profile import log_ratio, minimise
+from .scan import Profile, Scan, in_blocks, in_units, magnitude_bound, stack_onsets, tabulate
 from .waveform import Waveform
 
 # Magnitudes tried, relative to the one that a parabola through the minimum gives; between them the root of the
@@ -26,10 +26,10 @@ SPAN = 10.0
 LARGEST_EXPONENT = 500.0
 
 
-def deviances(
+def profile_with_deviances(
     scan: Scan, waveform: Waveform, onsets: IntArray, magnitudes: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the statistic by which a record disagrees with faults of +m and of -m, relative to no fault.
+) -> tuple[Profile, FloatArray]:
+    """Return the exact profile of a shape, and the statistic by which a record disagrees with faults of +m and of -m.
 
     Parameters
     ----------
@@ -38,16 +38,31 @@ def deviances(
 
     Returns
     -------
-    Two arrays (n_magnitudes, n_onsets): n_rows log(RSS(+m) / RSS(0)), and of -m.
+    profile : over the onsets.
+    deviances : (2, n_magnitudes, n_onsets) n_rows log(RSS(+m) / RSS(0)), and of -m.
     """
+    tables, m = tabulate(scan, waveform.samples), magnitudes * waveform.unit
+    bound = magnitude_bound(scan, waveform, scan.n_samples - onsets)
+
+    def of_block(block: slice) -> FloatArray:
+        stack = stack_onsets(scan, tables, onsets[block])
+        return np.concatenate(
+            [minimise(stack, bound[block]), *(log_ratio(stack, sign * m[:, block]) for sign in (1.0, -1.0))]
+        )
+
+    minimum, plus, minus = np.split(in_blocks(scan, len(onsets), of_block), [3, 3 + len(m)])
+    return in_units(scan, waveform, onsets, minimum), scan.n_rows * np.stack([plus, minus])
+
+
+def deviances(scan: Scan, waveform: Waveform, onsets: IntArray, magnitudes: FloatArray) -> FloatArray:
+    """Return the second of `profile_with_deviances` alone."""
     tables, m = tabulate(scan, waveform.samples), magnitudes * waveform.unit
 
     def of_both_signs(block: slice) -> FloatArray:
         stack = stack_onsets(scan, tables, onsets[block])
         return np.array([log_ratio(stack, sign * m[:, block]) for sign in (1.0, -1.0)])
 
-    plus, minus = scan.n_rows * in_blocks(scan, len(onsets), of_both_signs)
-    return plus, minus
+    return scan.n_rows * in_blocks(scan, len(onsets), of_both_signs)
 
 
 def undeclared_magnitudes(
@@ -97,19 +112,16 @@ def _from_there_on(m: FloatArray, deviance: FloatArray, needed: float) -> FloatA
     return np.where(all_, np.inf, np.where(none, small, found))
 
 
-def likelihood_ratios(
-    scan: Scan, waveform: Waveform, onsets: IntArray, magnitudes: FloatArray, *, dispersion: float
-) -> FloatArray:
+def likelihood_ratios(both_signs: FloatArray, *, dispersion: float) -> FloatArray:
     """Return (n_magnitudes, n_onsets) how much likelier a record is with a fault than without, the mean of both signs.
 
     Parameters
     ----------
-    onsets, magnitudes : see `deviances`.
+    both_signs : (2, n_magnitudes, n_onsets) see `deviances`.
     dispersion : by which deviances are divided, 1 for white errors.
     """
-    both = deviances(scan, waveform, onsets, magnitudes)
-    exponents = (np.clip(-0.5 * one / dispersion, -LARGEST_EXPONENT, LARGEST_EXPONENT) for one in both)
-    return np.asarray(0.5 * sum(np.exp(one) for one in exponents))
+    exponents = np.clip(-0.5 * both_signs / dispersion, -LARGEST_EXPONENT, LARGEST_EXPONENT)
+    return np.asarray(np.exp(exponents).mean(axis=0))
 
 
 def mean_ratios(errors: FloatArray, ratios: FloatArray) -> FloatArray:

@@ -31,6 +31,8 @@ ITERATIONS = 40
 # Newton's method ends where F would fall by less than this, or z move by less than that share of the bound.
 TOLERANCE = 1e-13
 SMALLEST_STEP = 1e-15
+# A parabola through a minimum goes through another start if it misses it by less than this share of its height there.
+ALIKE = 0.1
 # First step of Newton's method at z = 0, as a share of the bound.
 FIRST_RADIUS = 0.01
 # Converged onsets are taken out of the stack, which costs a copy, once less than this share of it is still moving.
@@ -123,7 +125,13 @@ def minimise(stack: ProfilePolynomial, bound: FloatArray) -> FloatArray:
     every = np.arange(len(bound))
     best = _newton(stack, seeds[first, every], bound)
     for row in further:
-        onsets = np.flatnonzero(np.isfinite(F[row, every]))
+        # Where the parabola through a start's minimum goes through the next start as well, that leads to the same one.
+        z, here, curvature = best
+        expected = here + 0.5 * curvature * (seeds[row, every] - z) ** 2
+        alike = np.abs(F[row, every] - expected) <= ALIKE * (F[row, every] - here)
+        onsets = np.flatnonzero(np.isfinite(F[row, every]) & ~alike)
+        if not len(onsets):
+            break
         other = _newton(stack.take(onsets), seeds[row, every][onsets], bound[onsets])
         won = best[1, onsets] > other[1]
         best[:, onsets[won]] = other[:, won]

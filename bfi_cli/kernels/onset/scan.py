@@ -17,11 +17,10 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import lapack, qr
 
-from .. import FloatArray, IntArray
+from .. import ComplexArray, FloatArray, IntArray
 from ..lagged import lagged
 from ..progress import Report, parts, silent
 from .profile import CACHE_DOUBLES, ProfilePolynomial, minimise, profile_polynomial
@@ -67,9 +66,10 @@ class Scan:
     rss0: float
     span: float
     screened: dict[bytes, FloatArray] = field(init=False, repr=False, default_factory=dict)
-    _spectra: dict[str, NDArray[np.complex128]] = field(init=False, repr=False, default_factory=dict)
+    _spectra: dict[str, ComplexArray] = field(init=False, repr=False, default_factory=dict)
+    _shares: dict[str, FloatArray] = field(init=False, repr=False, default_factory=dict)
 
-    def spectrum(self, name: Literal["Q", "weights"]) -> NDArray[np.complex128]:
+    def spectrum(self, name: Literal["Q", "weights"]) -> ComplexArray:
         """Return the Fourier transform of the rows of Q, or of the squared weights, made once for all shapes."""
         if name not in self._spectra:
             rows = self.Q
@@ -78,6 +78,25 @@ class Scan:
                 rows = self.weights[None] ** 2
             self._spectra[name] = rfft(rows, next_fast_len(2 * self.n_samples, real=True), axis=1)
         return self._spectra[name]
+
+    def impulses(self) -> FloatArray:
+        """Return the share (n_samples,) of the residuals that impulses in the samples 1 .. s after each explain.
+
+        It is that of free coefficients of the lagged copies there, whatever the shape; 0 beyond the last such sample,
+        and 1 where the impulses are explained by the regressors themselves.
+        """
+        if "impulses" not in self._shares:
+            s, n_regressors = self.order, len(self.Q) - self.n_outputs
+            squares = np.ones(self.n_samples) if self.weights is None else self.weights**2
+            at = np.arange(self.n_samples - s)[:, None] + np.arange(1, s + 1)
+            near = (self.Q.T / np.sqrt(squares)[:, None])[at]
+            known, errors = near[..., :n_regressors], near[..., n_regressors:]
+            free, vectors = np.linalg.eigh(np.eye(s) - known @ known.transpose(0, 2, 1))
+            turned = vectors.transpose(0, 2, 1) @ errors
+            lost = free < RANK_TOLERANCE
+            explained = np.sum(turned**2 / np.where(lost, 1.0, free)[..., None], axis=(1, 2))
+            self._shares["impulses"] = np.append(np.where(lost.any(axis=1), 1.0, explained), np.zeros(s))
+        return self._shares["impulses"]
 
     @property
     def n_samples(self) -> int:

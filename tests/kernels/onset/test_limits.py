@@ -81,7 +81,7 @@ def test_a_likelihood_ratio_is_that_of_plain_least_squares_in_the_mean_of_both_s
     u, y = record(N)
     waveform, scan = waveforms(N)["lagged bias"], prepare_scan(*record(N), order=ORDER)
     m = np.array([[0.05, 0.1, 0.2]])
-    found = likelihood_ratios(scan, waveform, ONSETS, m, dispersion=3.0)
+    found = likelihood_ratios(deviances(scan, waveform, ONSETS, m), dispersion=3.0)
     for j, onset in enumerate(ONSETS):
         rss = [plain_rss(u, y, signal(waveform, onset), z=z, order=ORDER) for z in (0.0, m[0, j], -m[0, j])]
         ratios = [np.exp(-0.5 * scan.n_rows * np.log(one / rss[0]) / 3.0) for one in rss[1:]]

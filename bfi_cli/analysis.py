@@ -38,6 +38,7 @@ from .notes import Note
 from .onset import OnsetResult, OnsetSearch, find_onset, search_onsets
 from .onset.shapes import scanned_shape
 from .preprocessing.defaults import require_one_trim
+from .preprocessing.sampling_rate import require_one_model, slowest_rate_hz
 from .preprocessing.window import must_resample, with_inputs_of
 from .report.text import instant, quantity
 from .shapes import OF_LINES, SHAPES, Kind
@@ -56,9 +57,17 @@ MOST_SAMPLES, FASTEST_HZ = 20_000, 10.0
 def start_time(log: FlightLog, config: Config, progress: Progress = unseen) -> OnsetResult:
     """Say when a fault started, of which shape and how large, from all sources; see `bfi_cli.onset.find_onset`."""
     config = with_inputs_of(log, config)
+    _require_one_model(log.window(config.window.from_s, config.window.to_s), config)
     physics, scanning = _physics(log, config, progress)
     result = find_onset(log, scanning, progress, beside=[physics])
     return replace(result, false_alarm=config.start_time.false_alarm)
+
+
+def _require_one_model(part: FlightLog, config: Config) -> None:
+    """Refuse at once a window that is too long to be searched, whatever rate is chosen for it."""
+    require_one_model(
+        part.path, part.n_samples / part.rate_hz, slowest_rate_hz(part.rate_hz, config.conditioning.rate_hz)
+    )
 
 
 def _physics(log: FlightLog, config: Config, progress: Progress) -> tuple[Evidence, Config]:
@@ -127,6 +136,7 @@ def _identify_kinds(
     progress: Progress,
 ) -> tuple[IdentifyResult, Dictionary]:
     """Identify kinds of fault whose onsets are not known: the search names them, and the model is that with them."""
+    _require_one_model(part, config)
     physics, scanning = _physics(log, config, progress)
     scanned = [one for one in kinds if scanned_shape(one) is not None]
     searched = search_onsets(log, merge(scanning, {"method": "ml"}), progress, kinds=scanned)

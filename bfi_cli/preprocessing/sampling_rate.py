@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ..config import Config
+from ..errors import LogError
 from ..faults import Fault
 from ..kernels.lagged import compress
 from .regression import EXACT
@@ -38,6 +39,9 @@ TIE = 1e-6
 EXACT_ORDER = 4  # states of the longitudinal motion
 EXACT_SAMPLES = 5000  # more tell no more and take time
 SEGMENTS = 1000  # of a spectrum, transformed at once, for memory
+# Rows of the longest record that is searched for onsets: five and a half hours at the slowest rate. No linear model
+# holds longer, and a search takes minutes.
+MOST_ROWS = 20_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +101,28 @@ def choose_rate(
         factor = int(np.floor(signals.rate_hz / (SAMPLES_PER_CYCLE * fastest) + TIE))
     factor = int(np.clip(factor, 1, max(1, len(signals.time_s) // FEWEST_SAMPLES)))
     return RateChoice(factor=factor, reason=reason if factor > 1 else f"the log's own rate; {reason}")
+
+
+def require_one_model(path: str, duration_s: float, rate_hz: float) -> None:
+    """Refuse to search a record for onsets that is too long for one model.
+
+    Raises
+    ------
+    LogError : it is.
+    """
+    n_rows = round(duration_s * rate_hz)
+    if n_rows > MOST_ROWS:
+        raise LogError(
+            f"{path}: {n_rows} rows at {rate_hz:.4g} Hz are too many to search with one model (at most {MOST_ROWS}); "
+            "choose a part with --from/--to, or give bfi diagnose for the whole record"
+        )
+
+
+def slowest_rate_hz(rate_hz: float, asked: float | str) -> float:
+    """Return the lowest rate that `choose_rate` may choose for a log of some rate."""
+    if asked == "none":
+        return rate_hz
+    return min(rate_hz, SLOWEST_HZ) if isinstance(asked, str) else asked
 
 
 def candidate_orders(

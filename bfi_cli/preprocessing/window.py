@@ -26,7 +26,15 @@ from ..kernels.low_pass import Response
 from ..kernels.progress import Report, parts, silent
 from ..shapes import SHAPES
 from .regression import RegressionData, build_regression, longest_order
-from .sampling_rate import EXACT_SAMPLES, Purpose, RateChoice, candidate_orders, choose_rate, is_exact
+from .sampling_rate import (
+    EXACT_SAMPLES,
+    Purpose,
+    RateChoice,
+    candidate_orders,
+    choose_rate,
+    is_exact,
+    require_one_model,
+)
 from .signals import LogSignal, NativeSignals, Signals, decimate_native
 from .summary import LogSummary, log_summary
 
@@ -176,6 +184,8 @@ def prepare_window(
     recorder_hz = min((low_pass.edge_hz for low_pass in of_recorder(filters)), default=None)
     seen = [faults[j] for j in native.seen]
     rate = choose_rate(native, seen, exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose)
+    if purpose == "scan":
+        require_one_model(log.path, span[1] - span[0], native.rate_hz / rate.factor)
     decimated, largest = decimate_native(native, rate.factor, lowpass)
     names = tuple(fault.called for fault in faults)
     reasons |= unusable_atoms(decimated.theta, names, native.seen, report)

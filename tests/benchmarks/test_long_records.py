@@ -19,9 +19,8 @@ OTHERS = ("pitch", "roll", "cas", "longitudinal_acc", "normal_acc", "pitch_rate"
 COMMANDS = {
     "info": ("info", "--json"),
     # Bars on a machine that does nothing else: 10 s, then 60 s and 600 MB, without decimation 120 s and 1 GB.
-    "identify, 40 entries, 2 Hz": ("identify", "-d", "airdata", "--json"),
-    "identify, 40 entries, 1 Hz": ("identify", "-d", "airdata", "--rate", "1", "--json"),
-    "identify, 40 entries, 100 Hz": ("identify", "-d", "airdata", "--rate", "none", "--json"),
+    "identify, 7 entries, 1 Hz": ("identify", "-d", "thesis", "--json"),
+    "identify, 7 entries, 100 Hz": ("identify", "-d", "thesis", "--rate", "none", "--json"),
 }
 
 

@@ -7,6 +7,7 @@ import io
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 from matplotlib.image import imread
 from noted import texts
@@ -44,6 +45,24 @@ def test_a_table_says_what_is_wrong_with_it(bfi, tmp_path: Path):
     assert outcome.code == 0
     few, *_ = texts(json.loads((tmp_path / "few.json").read_text())["notes"])
     assert "windows are too few, bfi start-time asks for 20" in few
+
+
+@pytest.mark.parametrize(
+    "words",
+    [("start-time",), ("start-time", "--rate", "none"), ("identify",), ("identify", "-d", "airdata")],
+    ids=" ".join,
+)
+def test_a_record_that_is_too_long_for_one_model_is_refused(bfi, tmp_path: Path, words: tuple[str, ...]):
+    path, rng = tmp_path / "day.csv", np.random.default_rng(0)
+    time_s, elevator = np.arange(0.0, 25_000.0), 0.03 * rng.choice([-1.0, 1.0], 25_000)
+    columns = np.column_stack([time_s, elevator, 100.0 + elevator + 0.01 * rng.standard_normal(25_000)])
+    np.savetxt(path, columns, delimiter=",", header="time,elevator,tas", comments="", fmt="%.5g")
+    outcome = bfi(words[0], path, *words[1:])
+    assert (outcome.code, outcome.stdout) == (3, "")
+    assert outcome.stderr.strip() == (
+        f"{path}: 25000 rows at 1 Hz are too many to search with one model (at most 20000); choose a part with "
+        "--from/--to, or give bfi diagnose for the whole record"
+    )
 
 
 @pytest.mark.parametrize("log", [BIAS, CLEAN])

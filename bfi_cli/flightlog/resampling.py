@@ -40,7 +40,7 @@ BRIDGED_S = 0.5
 # Share of samples up to which a clock is even with rows missing, or a channel has gaps and not a lower rate. A Garmin
 # G1000 at 1 Hz misses one row in 45.
 MOST_MISSING = 0.05
-FEWEST_SAMPLES = 4
+FEWEST_SAMPLES = 20  # of which a single one is that share
 MOST_NAMED = 5  # channels in a note
 # With more double steps in a row the clock runs at half its rate.
 MOST_IN_A_ROW = 3
@@ -304,7 +304,7 @@ def _with_samples(log: FlightLog) -> FlightLog:
 
     def bridged_of(name: str, values: FloatArray) -> FloatArray:
         missing = np.isnan(values)
-        if not missing.any() or np.count_nonzero(missing) > MOST_MISSING * values.size + 1.0:
+        if not missing.any() or np.count_nonzero(missing) > MOST_MISSING * values.size:
             return values
         short = [(a, b) for a, b in runs(missing) if b - a <= longest and a > 0 and b < values.size]
         out, lengths_s = _filled(name, values, log, longest / log.rate_hz)

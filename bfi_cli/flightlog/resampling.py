@@ -303,10 +303,9 @@ def _with_samples(log: FlightLog) -> FlightLog:
     }
 
     def bridged_of(name: str, values: FloatArray) -> FloatArray:
-        missing = np.isnan(values)
-        if not missing.any() or np.count_nonzero(missing) > MOST_MISSING * values.size:
+        short = [(a, b) for a, b in runs(np.isnan(values)) if b - a <= longest and a > 0 and b < values.size]
+        if not short or sum(b - a for a, b in short) > MOST_MISSING * values.size:
             return values
-        short = [(a, b) for a, b in runs(missing) if b - a <= longest and a > 0 and b < values.size]
         out, lengths_s = _filled(name, values, log, longest / log.rate_hz)
         if lengths_s:
             filled.setdefault(name, sum(b - a for a, b in short))

@@ -38,7 +38,7 @@ FLOORS = (
     ("aircraft", "decision.calibration"),
     ("preprocessing",),
     ("detect", "monitor", "onset", "parity", "plausibility"),
-    ("audit", "diagnosability", "identify"),
+    ("audit", "diagnosability", "flight", "identify"),
     ("engine",),
     ("diagnose",),
     ("analysis",),

@@ -45,6 +45,7 @@ from .exact_events import (
     notes_on_defects,
 )
 from .flight import Flight, flight_of
+from .judged import judged
 from .limits import bounds_of, limit_courses, limits_of
 from .looks import GLANCE_S, STEP_S, Scanned, glance_at_flight, inputs_for, rate_of, summary_of
 from .naming import finding_of_glance, repeat_advice, vote_against
@@ -109,7 +110,8 @@ def diagnose_flight(
 
     # 5. Events, and deviations within the tolerances.
     lasting = events_of(flight, [*drafts, *glanced])
-    every_event = [*events_of_defects(flight), *lasting]
+    answer = judged(flight, [*events_of_defects(flight), *lasting])
+    every_event = answer.events
     events = tuple(one for one in every_event if one.beyond_tolerance is not False)
 
     # 6. What could not have been seen, and the conclusion.
@@ -147,8 +149,9 @@ def diagnose_flight(
         strips=_strips(slow.scanned, static),
         limit_courses=limit_courses(flight, bounds),
         courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
-        notes=_notes(slow),
+        notes=(*_notes(slow), *answer.notes),
         plausibility=(*findings, *flight.not_credible),
+        ordinary=answer.ordinary,
     )
 
 

@@ -11,6 +11,8 @@ import numpy as np
 from ..channels import STANDARD
 from ..display_units import SI, Shown, Units
 from ..files import EVENTS
+from ..flight.tables import ON_GROUND
+from ..flight.tables import ORDINARY as CAUSES
 from ..flightlog.report import lane_panel
 from ..flightlog.timeline import Happening, bands_of, lanes_of, lines_at, phase_table
 from ..kernels.normal import TWO_SIDED_95
@@ -21,7 +23,7 @@ from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Screen
 from ..report.text import HEADINGS, capital, change, instant, number, with_unit
 from ..serialization import csv_lines, document_of, from_plain, mapping, member, to_plain
 from .limits import AIRSPEEDS
-from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse
+from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse, OrdinaryEvent
 
 # Shapes that are named behind a channel; the others are faults by themselves.
 OF_A_CHANNEL = ("bias", "drift", "sine", "offset", "frozen", "pitot_blocked", "static_blocked")
@@ -35,8 +37,10 @@ EVENT_COLUMNS = (
     *("fault", "among", "channels", "state", "kind", "stages", "shape", "magnitude", "unit", "sd", "ci95", "effect"),
     "beyond_tolerance",
     *("onset_s", "onset_ci95", "offset_s", "seen_until_s", "statistic", "threshold", "p_value", "note", "repeat"),
-    *("count", "times_s", "duration_s"),
+    *("count", "times_s", "duration_s", "margin", "refuted_by"),
 )
+NOTHING_FOUND = "No fault found"
+TEXT_OF_CAUSE = {name: cause.text for name, cause in CAUSES.items()} | {ON_GROUND: "the aircraft is on the ground"}
 LIMIT_COLUMNS = tuple(field.name for field in fields(FlightLimit))
 TIMELINE = (
     "The flight: its phases, channels as measured (blue) and without the declared faults (red), and how near each "
@@ -102,7 +106,7 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
     return ReportContent(
         category="Diagnosis of a flight",
         title=log.path,
-        heading=HEADINGS[result.decision],
+        heading=NOTHING_FOUND if _is_quiet(result) else HEADINGS[result.decision],
         verdict=verdict,
         tone=result.decision,
         screen=screen,
@@ -111,6 +115,7 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
         tables=(
             *_event_tables("events", "Events", events, units),
             *_event_tables("deviations", "Small deviations, within the tolerances", result.deviations, units),
+            *_ordinary_table(result.ordinary, units),
             *_limit_tables(result.limits, units),
             *_unwatched_table(result.unwatched),
             *phase_table(result.phases),
@@ -169,7 +174,8 @@ def _screen(result: DiagnoseResult, units: Units) -> tuple[str, Screen]:
     small = [_sentence(one, units) for one in deviations]
     if any(one.is_open for one in result.plausibility):
         suspected, small = [], []  # which may be of what the summary says
-    head, summary = fault_head(result.decision, len(declared)), units.sentence(result.summary)
+    head = NOTHING_FOUND if _is_quiet(result) else fault_head(result.decision, len(declared))
+    summary = units.sentence(result.summary)
     several = "s" if len(small) > 1 else ""
     sentences = (
         f"{head}: {'; '.join(declared)}" if declared else head,
@@ -187,6 +193,12 @@ def _screen(result: DiagnoseResult, units: Units) -> tuple[str, Screen]:
         summary=summary,
         hidden=hidden_table(_hidden_rows(result.limits, units)),
     )
+
+
+def _is_quiet(result: DiagnoseResult) -> bool:
+    """Return whether nothing is declared, suspected or in doubt, although the log does not exclude every fault."""
+    is_open = any(one.is_open for one in result.plausibility)
+    return result.decision == "inconclusive" and not result.events and not is_open
 
 
 def _hidden_rows(limits: Sequence[FlightLimit], units: Units) -> list[tuple[str, ...]]:
@@ -300,6 +312,21 @@ def _event_tables(name: str, title: str, events: Sequence[Event], units: Units) 
         )
     heads = ("fault (or)", "state", "from [s]", "to [s]", "course (95 %)", "largest error", "p at most", "evidence")
     return (Table(name=name, title=title, heads=heads, rows=tuple(rows)),) if rows else ()
+
+
+def _ordinary_table(ordinary: Sequence[OrdinaryEvent], units: Units) -> tuple[Table, ...]:
+    """Return what looked like a fault and is explained by what happens in any flight."""
+    rows = []
+    for one in ordinary:
+        shown = units.of(one.unit, channel=_channel(one.looks_like))
+        size = "-" if one.magnitude is None else with_unit(number(shown.change(one.magnitude)), shown.unit)
+        evidence = ", ".join(f"{name} {value:+.3g}" for name, value in one.evidence.items())
+        times = _time(one.from_s), "-" if one.to_s is None else _time(one.to_s)
+        rows.append(
+            (TEXT_OF_CAUSE.get(one.cause, one.cause), *times, one.looks_like.replace("_", " "), size, evidence or "-")
+        )
+    heads = ("what happens", "from [s]", "to [s]", "looks like", "of", "log density")
+    return (Table(name="ordinary", title="Ordinary events, no faults", heads=heads, rows=tuple(rows)),) if rows else ()
 
 
 def _limit_tables(limits: Sequence[FlightLimit], units: Units) -> tuple[Table, ...]:

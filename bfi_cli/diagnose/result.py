@@ -43,6 +43,8 @@ class Event:
     statistic, threshold, p_value : there.
     evidence : by residual, what it says for the fault.
     note : what limits the answer, "" for nothing; repeat : what a repeated flight should record, "" for nothing.
+    margin : log density of the flight model for the fault over the best ordinary cause; None where it was not weighed.
+    refuted_by : channels that speak against it there.
     count, times_s, duration_s : of short defects (dropout, frozen, spikes) how many, when each begins, and how long
         they last together; None for another fault.
     """
@@ -76,6 +78,31 @@ class Event:
     count: int | None = None
     times_s: tuple[float, ...] | None = None
     duration_s: float | None = None
+    margin: float | None = None
+    refuted_by: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OrdinaryEvent:
+    """What looked like a fault, and is explained by what happens in any flight.
+
+    Attributes
+    ----------
+    cause : by its name in `bfi_cli.flight.tables.ORDINARY`.
+    from_s, to_s : on the log's axis; to_s is None where it lasts.
+    magnitude, unit, ci95 : of the fault that it looks like; None where that has none.
+    looks_like : that fault.
+    evidence : log densities: `gain` of the cause over none, `margin` of the fault over the cause.
+    """
+
+    cause: str
+    from_s: float
+    to_s: float | None
+    magnitude: float | None
+    unit: str
+    ci95: tuple[float, float] | None
+    looks_like: str
+    evidence: Mapping[str, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -186,6 +213,7 @@ class DiagnoseResult:
     verdicts : on each kind of fault; decision : on those required.
     summary : what the log says of the kinds of which no fault is declared.
     events : the largest over its tolerance first; deviations : what is surely within the tolerances, and no fault.
+    ordinary : what looked like a fault and is explained by an ordinary cause.
     limits : per fault and shape.
     unwatched : (from_s, to_s, why) of half a minute of flight and more that an analysis did not cover.
     windows : of the parity scan.
@@ -217,6 +245,7 @@ class DiagnoseResult:
     courses: tuple[Course, ...]
     notes: tuple[Note, ...]
     plausibility: tuple[Implausible, ...] = ()
+    ordinary: tuple[OrdinaryEvent, ...] = ()
 
     @property
     def is_trusted(self) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from ..kernels import FloatArray, IntArray
 
 Bound = Literal["error", "disagreement"]
-Stage = Literal["sensors", "static relations", "holds", "parity", "scan"]
+Stage = Literal["sensors", "static relations", "holds", "parity", "scan", "flight model"]
 
 
 CHI_SQUARE = 3.84  # with one degree of freedom, 95 %: twice what a log-likelihood may lose of an interval's middle

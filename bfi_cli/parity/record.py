@@ -118,10 +118,7 @@ HYPOTHESES = (
 
 def record_of(log: FlightLog) -> Record:
     """Return the channels of a log that the residuals need, once a second."""
-    # The first second begins half a step before the first sample; in a log slower than a second that is its middle.
-    half = min(0.5 / log.rate_hz, 0.5 * STEP_S)
-    seconds = np.floor((log.time_s - log.time_s[0] + half) / STEP_S).astype(np.intp)
-    n = int(seconds[-1]) + 1
+    seconds, n = seconds_of_samples(log)
     expected = log.rate_hz * STEP_S
     values = {name: log.channels[name].values for name in USED if name in log.channels}
     if "altitude" in values:
@@ -136,16 +133,16 @@ def record_of(log: FlightLog) -> Record:
             share = log.channels["ground_speed"].values / np.where(size > 0.0, size, np.nan)
             north, east = share * north, share * east
         values |= {"velocity_north": north, "velocity_east": east}
-    channels = {name: _means(one, seconds, n, expected) for name, one in values.items()}
+    channels = {name: over_seconds(one, seconds, n, expected) for name, one in values.items()}
     gained = None
     if set(KINEMATICS) <= values.keys():
         rate = kinematic_acceleration(*(values[name] for name in KINEMATICS))
-        gained = _means(_integral(rate, log.time_s), seconds, n, expected)
+        gained = over_seconds(_integral(rate, log.time_s), seconds, n, expected)
     airspeed = "tas" if "tas" in channels else ""
     if not airspeed and set(STATIC_SOURCES) & channels.keys() and set(IMPACT_SOURCES) & channels.keys():
         airspeed = next(name for name in IMPACT_SOURCES if name in channels)
         channels["tas"] = _true_airspeed(channels)
-    time_s = float(log.time_s[0]) - half + STEP_S * (np.arange(n, dtype=np.float64) + 0.5)
+    time_s = float(log.time_s[0]) - _half(log) + STEP_S * (np.arange(n, dtype=np.float64) + 0.5)
     is_inertial = "altitude_rate" in log.channels and not pressures_of(log, "altitude_rate")
     return Record(time_s=time_s, channels=channels, gained=gained, airspeed=airspeed, is_inertial=is_inertial)
 
@@ -155,7 +152,19 @@ def _true_airspeed(channels: Mapping[str, FloatArray]) -> FloatArray:
     return channels_of(air.p_static, air.q_impact, air.tat)["tas"]
 
 
-def _means(values: FloatArray, seconds: IntArray, n: int, expected: float) -> FloatArray:
+def _half(log: FlightLog) -> float:
+    """Return how long before the first sample the first second begins: half a step, at most half a second."""
+    return min(0.5 / log.rate_hz, 0.5 * STEP_S)
+
+
+def seconds_of_samples(log: FlightLog) -> tuple[IntArray, int]:
+    """Return the index of the second that each sample lies in, and how many seconds there are."""
+    seconds = np.floor((log.time_s - log.time_s[0] + _half(log)) / STEP_S).astype(np.intp)
+    return seconds, int(seconds[-1]) + 1
+
+
+def over_seconds(values: FloatArray, seconds: IntArray, n: int, expected: float) -> FloatArray:
+    """Return (n,) means of samples over seconds, NaN where less than half of the `expected` samples are finite."""
     known = np.isfinite(values)
     count = np.bincount(seconds[known], minlength=n)
     total = np.bincount(seconds[known], weights=values[known], minlength=n)

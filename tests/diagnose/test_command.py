@@ -26,11 +26,12 @@ AIRSPEEDS = {"tas", "cas", "mach", "sat"}
 # The contract of `bfi diagnose --json`, and what was added to it.
 KEYS = {"kind", "schema", "decision", "events", "limits", "phases", "windows", "missing", "notes", "provenance"}
 MORE = {"log", "verdicts", "summary", "false_alarm", "zero_lift_rad", "zero_lift_from", "deviations", "unwatched"}
-MORE |= {"plausibility"}
+MORE |= {"plausibility", "ordinary"}
 EVENT_KEYS = {"fault", "among", "channels", "state", "shape", "magnitude", "unit", "ci95", "effect", "onset_s"}
 EVENT_KEYS |= {"onset_ci95", "offset_s", "p_value", "evidence"}
 EVENT_MORE = {"kind", "stages", "constant_s", "frequency_hz", "sd", "seen_until_s", "window_s", "statistic"}
 EVENT_MORE |= {"threshold", "note", "repeat", "beyond_tolerance", "count", "times_s", "duration_s"}
+EVENT_MORE |= {"margin", "refuted_by"}
 LIMIT_KEYS = {"fault", "shape", "excluded_above", "unit", "effect", "within_tolerance", "from_s", "to_s"}
 LIMIT_MORE = {"channel", "effect_unit", "tolerance", "bounds", "holds_in", "grows_on"}
 FIGURES = {"timeline", "limits", "event_1"}

@@ -99,7 +99,7 @@ def test_within_the_tolerance_they_are_no_fault(document: dict[str, Any]):
     [event] = document["events"]
     small = {**document, "decision": "inconclusive", "events": [], "deviations": [{**event, "beyond_tolerance": False}]}
     verdict = diagnose_content(small).verdict
-    assert verdict.startswith("Inconclusive")
+    assert verdict.startswith("No fault found")
     assert "Small deviation, within the tolerance: tas drops out 2 times" in verdict
 
 

@@ -1,0 +1,297 @@
+"""The judge: every fault that could act at a place of a flight against no fault, in one likelihood of all channels.
+
+Without a fault every ordinary cause (`tables.ORDINARY`) is free to act about the onset, and about the end; with one
+only the manoeuvre is. The margin of a fault is the difference of the log densities of the same recorded samples, and
+each row's part of it says who confirms the fault and who refutes it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .bench import FAULT_STATES, Bench, Place, jump, jump_seconds, place_of, run_place
+from .lines import line_weights
+from .model import second_airspeed
+from .tables import MANOEUVRE, ORDINARY, ROWS, Loads
+from .weight import Ordinary, Weight, against, beside, floored_density
+
+# What air data are held against. A receiver of satellites errs by itself so much more rarely than a tube or a port that
+# it is no rival of theirs; where a finder names it, it is.
+# A temperature drifts with the air that it is measured in: alone it is no rival either.
+REFERENCES = ("ground_speed", "gps_altitude", "sat", "tat")
+FROZEN = "frozen"
+# Ten to one: faults that explain a place as well as the best but for this are told with it.
+ALIKE = float(np.log(10.0))
+# Standard deviations of an error of a channel before anything is known of it.
+WIDE: Mapping[str, float] = {
+    "altitude": 100.0,
+    "altitude_rate": 5.0,
+    "gps_altitude": 100.0,
+    "normal_acc": 2.0,
+    "tas": 15.0,
+    "cas": 15.0,
+    "mach": 15.0,
+    "pitch": 0.08,
+    "aoa": 0.08,
+    "sat": 8.0,
+    "ground_speed": 15.0,
+}
+# Seconds within which an error grows before it stays; infinite of one that grows on.
+GROWTHS_S = (0.0, 60.0, 200.0, np.inf)
+SLOW_S = 200.0  # in which a growing error reaches its width
+AT_END_S = 6  # after the end, when an error is over
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """What the flight model says of a place.
+
+    Attributes
+    ----------
+    weights : by fault, the best first; refused ones last.
+    cause : the ordinary cause that explains the place best, "" where the manoeuvre or nothing at all does as well.
+    gain : log density that the cause is worth.
+    """
+
+    weights: tuple[Weight, ...]
+    cause: str
+    gain: float
+
+    def weight(self, fault: str) -> Weight | None:
+        """Return what a fault is worth, None where the model does not know it."""
+        return next((one for one in self.weights if one.fault == fault), None)
+
+    @property
+    def among(self) -> tuple[str, ...]:
+        """The faults within ten to one of the best."""
+        possible = [one for one in self.weights if not one.refused]
+        return tuple(one.fault for one in possible if one.margin >= possible[0].margin - ALIKE)
+
+
+def judge(
+    bench: Bench,
+    onset_s: float,
+    offset_s: float | None,
+    *,
+    until_s: float = np.inf,
+    named: Collection[str] = (),
+    frozen: str = "",
+) -> Judgement | None:
+    """Return what every fault is worth at a place; None where nothing of it is flown, or the log has too little.
+
+    Parameters
+    ----------
+    until_s : what comes later is not weighed: another fault begins then.
+    named : faults that a finder proposes: of `REFERENCES` only these are weighed, and of these errors that grow for a
+        while.
+    frozen : a channel that may hold its reading, which is weighed as the fault `FROZEN`.
+    """
+    place = place_of(bench, onset_s, offset_s, until_s)
+    if place is None:
+        return None
+    ordinary = ordinary_of(place)
+    held = _frozen_weight(place, ordinary, frozen) if frozen in place.bench.model.rows else None
+    weights = [
+        *([] if held is None else [held]),
+        *_channel_weights(place, ordinary, named),
+        *line_weights(place, ordinary),
+    ]
+    order = sorted(weights, key=lambda one: (bool(one.refused), -one.margin))
+    return Judgement(weights=tuple(order), cause=ordinary.cause, gain=ordinary.gain)
+
+
+def causes_at(place: Place) -> dict[str, Mapping[str, float]]:
+    """Return the jumps of the ordinary causes that a log could show."""
+    model = place.bench.model
+    return {
+        name: cause.jumps
+        for name, cause in ORDINARY.items()
+        if (not cause.needs or set(cause.needs) & {*model.rows})
+        and cause.unless not in model.seconds.channels
+        and set(cause.jumps) & {*model.states}
+    }
+
+
+def ordinary_of(place: Place) -> Ordinary:
+    """Return the best explanation without a fault: one cause about the onset, and one about the end."""
+    options: list[tuple[str, Mapping[str, float]]] = [("", {}), ("", MANOEUVRE)]
+    options += list(causes_at(place).items())
+    shocks = np.stack([jump(place, place.onset, jumps) for _, jumps in options], axis=1)
+    run = run_place(place, shocks=shocks)
+    best = int(np.argmax(run.log_likelihood))
+    cause, gain = options[best][0], float(run.log_likelihood[best] - run.log_likelihood[:2].max())
+    if place.offset is not None and place.offset < place.n:
+        at_end = np.stack([jump(place, place.offset, jumps) for _, jumps in options], axis=1) + shocks[:, [best]]
+        ended = run_place(place, shocks=at_end)
+        then = int(np.argmax(ended.log_likelihood))
+        if ended.log_likelihood[then] > run.log_likelihood[best]:
+            gain += float(ended.log_likelihood[then] - max(ended.log_likelihood[:2].max(), run.log_likelihood[best]))
+            cause = cause or options[then][0]
+            run, shocks, best = ended, at_end, then
+    return Ordinary(
+        log_density=run.log_density[:, best],
+        innovation=run.innovation[:, best],
+        sd=run.sd[:, best],
+        mean=run.mean[:, best],
+        shocks=shocks[:, best],
+        cause=cause,
+        gain=gain,
+    )
+
+
+def channel_faults(place: Place) -> dict[str, Loads]:
+    """Return by fault of one channel what an error of 1 makes of each row, (n,) or a number."""
+    model = place.bench.model
+    c = model.coefficients
+    faults: dict[str, Loads] = {}
+    for name in ("altitude", "altitude_rate", "gps_altitude", "normal_acc", "pitch", "aoa"):
+        if name in model.rows:
+            faults[name] = {name: 1.0}
+    if "tas" in model.rows:
+        airspeed = model.seconds.record.airspeed
+        if airspeed in ("tas", ""):
+            faults["tas"] = {"tas": 1.0}
+        elif airspeed in ("cas", "ias"):
+            faults[airspeed] = {"tas": 1.0 / c.cas_share}
+    if "cas" in model.rows:
+        faults[second_airspeed(model.seconds)] = {"cas": 1.0}
+    if "mach" in model.rows:
+        faults["mach"] = {"mach": 1.0}
+    if "sat" in model.rows:
+        faults["sat" if "sat" in model.seconds.recorded else "tat"] = {"sat": 1.0}
+    if "velocity_north" in model.rows:
+        faults["ground_speed"] = {"velocity_north": np.cos(c.track), "velocity_east": np.sin(c.track)}
+    elif "ground_speed" in model.rows:
+        faults["ground_speed"] = {"ground_speed": 1.0}
+    return faults
+
+
+def _width(fault: str, loads: Loads) -> float:
+    row = next(iter(loads))
+    return WIDE["ground_speed"] if fault == "ground_speed" else WIDE[row]
+
+
+def _channel_weights(place: Place, ordinary: Ordinary, named: Collection[str]) -> Iterator[Weight]:
+    """Yield what an error of every channel is worth: a step, one that grows for a while, one that grows on."""
+    model = place.bench.model
+    faults = {name: loads for name, loads in channel_faults(place).items() if name not in REFERENCES or name in named}
+    kinds = [
+        (name, growth_s) for name in faults for growth_s in GROWTHS_S if name in named or growth_s in (0.0, np.inf)
+    ]
+    extra = np.zeros((place.n, len(kinds), len(model.rows), FAULT_STATES))
+    moves = np.zeros((place.n, len(kinds), FAULT_STATES))
+    start = np.zeros((len(kinds), FAULT_STATES))
+    since = np.arange(place.n) - place.onset
+    lasts = (
+        np.ones(place.n) if place.offset is None else (np.arange(place.n) < place.offset + AT_END_S).astype(np.float64)
+    )
+    begins = jump_seconds(place, place.onset)
+    ends = jump_seconds(place, place.offset) if place.offset is not None else begins[:0]
+    ends = ends[ends < (place.offset or 0) + AT_END_S]
+    for h, (name, growth_s) in enumerate(kinds):
+        width = _width(name, faults[name])
+        course = np.clip(since / growth_s, 0.0, 1.0) if 0.0 < growth_s < np.inf else np.ones(place.n)
+        for row, load in faults[name].items():
+            at = np.asarray(load)[place.part] if np.ndim(load) else load
+            extra[:, h, model.row(row), 0] = at * course * lasts
+        if growth_s == 0.0:
+            moves[begins, h, 0] = width**2 / begins.size
+        elif growth_s == np.inf:
+            moves[begins, h, 1] = (width / SLOW_S) ** 2 / begins.size
+        else:
+            start[h, 0] = width
+        if ends.size:
+            moves[ends, h, 0] += width**2 / ends.size
+    run = run_place(place, extra=extra, extra_Q=moves, extra_start=start)
+    best = {
+        name: max((h for h, kind in enumerate(kinds) if kind[0] == name), key=lambda h: run.log_likelihood[h])
+        for name in faults
+    }
+    chosen = list(best.values())
+    shocks = np.stack([beside(place, ordinary, list(faults[name])) for name in best], axis=1)
+    moved = run_place(place, shocks=shocks, extra=extra[:, chosen], extra_Q=moves[:, chosen], extra_start=start[chosen])
+    end = min(place.n, place.n if place.offset is None else place.offset) - 1
+    for k, (name, h) in enumerate(best.items()):
+        which, at = (moved, k) if moved.log_likelihood[k] > run.log_likelihood[h] else (run, h)
+        margin, shares = against(place, ordinary, which.log_density[:, at])
+        size = float(which.mean[end, at, -FAULT_STATES])
+        yield Weight(
+            fault=name,
+            margin=margin,
+            shares=shares,
+            size=size,
+            sd=float(np.sqrt(max(which.final_covariance[at, -FAULT_STATES, -FAULT_STATES], 0.0))),
+            growth_s=kinds[h][1],
+            refused=_refused(name, faults[name], size),
+        )
+
+
+def _frozen_weight(place: Place, ordinary: Ordinary, row: str) -> Weight:
+    """Return what a reading that holds is worth: while it lasts it reads a constant, with the noise of flight."""
+    model, during = place.bench.model, place.during
+    j = model.row(row)
+    y, Z = place.bench.y[place.part].copy(), model.Z[place.part].copy()
+    held = y[during, j]
+    y[during, j] -= np.nanmedian(held) if np.isfinite(held).any() else 0.0
+    Z[during, j] = 0.0
+    extra = np.zeros((place.n, 1, len(model.rows), FAULT_STATES))
+    extra[during, 0, j, 0] = 1.0
+    floored = np.zeros(y.shape, dtype=bool)
+    floored[during, j] = True
+    run = run_place(
+        place,
+        shocks=beside(place, ordinary, [row])[:, None],
+        y=y[:, None],
+        Z=Z[:, None],
+        extra=extra,
+        extra_start=np.array([[WIDE[row], 0.0]]),
+    )
+    density = floored_density(ordinary, run.log_density[:, 0], run.innovation[:, 0], run.sd[:, 0], floored)
+    margin, shares = against(place, ordinary, density)
+    return Weight(fault=FROZEN, margin=margin, shares=shares, size=0.0)
+
+
+def _refused(fault: str, loads: Loads, size: float) -> str:
+    row = ROWS[next(iter(loads))]
+    limit = row.plausible if row.channel != "mach" else ROWS["tas"].plausible
+    return f"its size of {size:.3g} is beyond any instrument" if abs(size) > limit else ""
+
+
+def rows_of(bench: Bench, channels: Sequence[str]) -> tuple[str, ...]:
+    """Return the rows that measure some channels."""
+    model = bench.model
+    second = second_airspeed(model.seconds)
+    names = {second: "cas", "tat": "sat", "ias": "cas" if second == "ias" else "tas", "p_static": "altitude"}
+    rows = [names.get(channel, channel) for channel in channels]
+    if "ground_speed" in channels:
+        rows += ["velocity_north", "velocity_east"]
+    return tuple(name for name in rows if name in model.rows)
+
+
+GROUND_BEFORE_S = 10.0  # in which nothing flies before what begins on the ground
+SET_WITHIN_S = 15.0  # of an onset, when the altimeter is set at it
+
+
+def is_on_ground(bench: Bench, at_s: float) -> bool:
+    """Return whether nothing flies about a time and before it: airspeed, ground speed and height agree."""
+    model = bench.model
+    about = (model.time_s >= at_s - GROUND_BEFORE_S) & (model.time_s <= at_s)
+    return bool(about.any() and not model.frame.airborne[about].any())
+
+
+def is_set(bench: Bench, at_s: float) -> bool:
+    """Return whether a recorded setting of the altimeter changes about a time."""
+    return bool(bench.model.knob[np.abs(bench.model.time_s - at_s) <= SET_WITHIN_S].any())
+
+
+def explains(bench: Bench, cause: str, names: Collection[str]) -> bool:
+    """Return whether an ordinary cause moves one of some rows."""
+    model = bench.model
+    if cause not in ORDINARY:
+        return False
+    rows = [model.row(name) for name in names]
+    states = [model.state(name) for name in ORDINARY[cause].jumps if name in model.states]
+    return bool(np.abs(model.Z[:, rows][:, :, states]).max(initial=0.0) > 0.0)

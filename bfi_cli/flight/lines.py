@@ -1,0 +1,419 @@
+"""Faults of the pressure lines in the flight model: by their own physics, linear about what the line would have shown.
+
+A line that loses by degrees has one more state: of the pitot line the logarithm of what is left of the impact
+pressure, of the static line the height by which it errs. A trapped line does not read the flight at all while it is:
+its total pressure is constant, and the impact pressure is what the static one leaves of it; or its static pressure is,
+and the altitude stands still. The measurements stay those recorded, so that densities compare without a Jacobian;
+loadings are those of the true flight times what the fault makes of them, about a course that is made again from the
+filter's answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..airdata import HIGHEST, LOWEST, G, channels_of, pressure_at
+from ..kernels import BoolArray, FloatArray
+from ..parity.record import STATIC_LEAK, without_fault
+from .bench import FAULT_STATES, ZERO, Place, jump_seconds, run_place
+from .model import FlightModel, second_airspeed
+from .seconds import filled, rate_of, smoothed
+from .tables import AIRSPEED_ROWS
+from .weight import Ordinary, Weight, against, beside, floored_density
+
+PITOT_LEAK, PITOT_ICING, PITOT_BLOCKED, STATIC_BLOCKED = "pitot_leak", "pitot_icing", "pitot_blocked", "static_blocked"
+LINE_FAULTS = (PITOT_LEAK, PITOT_ICING, PITOT_BLOCKED, STATIC_LEAK, STATIC_BLOCKED)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Law:
+    """How a fault of a line goes on.
+
+    Attributes
+    ----------
+    sudden : standard deviation of what is lost about the onset: of the logarithm of the impact pressure, or m of
+        height.
+    rate : of what is lost or gained in a second from then on.
+    walk : of a second's step after that: laws are rigid.
+    start : of what a trapped pressure is beside its first readings, Pa of the total one, m of the height.
+    """
+
+    fault: str
+    sudden: float = 0.0
+    rate: float = 0.0
+    walk: float = 0.0
+    start: float = 0.0
+
+
+# A tube that leaks loses a part at once, or all of it within a minute: the logarithm falls by a sixtieth in a second.
+# Ice takes 0.1 to 0.5 % in a second. A cabin that is not pressurised differs by tens of metres, one that is by
+# kilometres that are reached within minutes.
+LAWS = (
+    Law(fault=PITOT_LEAK, sudden=0.5, walk=0.001),
+    Law(fault=PITOT_LEAK, rate=0.03),
+    Law(fault=PITOT_ICING, rate=0.004),
+    Law(fault=PITOT_BLOCKED, start=300.0),
+    Law(fault=STATIC_LEAK, sudden=60.0, rate=0.3, walk=0.03),
+    Law(fault=STATIC_LEAK, sudden=60.0, rate=10.0, walk=0.03),
+    Law(fault=STATIC_BLOCKED, start=10.0),
+)
+PASSES = 3  # in which the course of a line is made from the filter's answer
+COURSE_S = 11  # over which a course is smoothed
+MOST_HEIGHT = 8000.0  # m between an aircraft and its cabin: a differential pressure of 0.6 bar
+# Of the course of a line that loses: the logarithm of what is left, a share, m.
+LIMITS = {PITOT_LEAK: (-3.0, 0.3), PITOT_ICING: (-0.95, 0.3), STATIC_LEAK: (-MOST_HEIGHT, MOST_HEIGHT)}
+LEAST_LOSS = 0.01  # a smaller one is none of a line that iced up or leaks
+PREDICTED_PA = (
+    8.0  # noise of a pressure that a trapped one predicts beside that of the reading: half a millibar's tenth
+)
+REFERENCE_S = 20  # after the onset, in which the trapped pressure is read
+# Share of the flight's median airspeed below which an instrument reads anything down to nothing, all of it as likely.
+UNREADABLE = 0.45
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Rows:
+    """Measurements, loadings, those of the fault's states, and variances of a hypothesis, (n, n_rows, ...)."""
+
+    y: FloatArray
+    Z: FloatArray
+    extra: FloatArray
+    R: FloatArray
+    free: BoolArray  # samples that are charged to neither
+    floored: BoolArray  # samples that the fault predicts better than a flight is
+    unread: BoolArray  # airspeeds of which it says that they are below what the instrument reads
+
+
+def line_weights(place: Place, ordinary: Ordinary) -> Iterator[Weight]:
+    """Yield what every fault of a pressure line is worth at a place: the best of the passes."""
+    model = place.bench.model
+    if "tas" not in model.rows or "altitude" not in model.rows:
+        return
+    courses = [_first_course(place, law.fault) for law in LAWS]
+    moves, starts = zip(*(_moves(place, law) for law in LAWS), strict=True)
+    best: dict[str, Weight] = {}
+    last = (place.n if place.offset is None else place.offset) - 1
+    for k in range(PASSES):
+        rows = [
+            _ROWS_OF[law.fault](place, _corrected(place, law.fault, course), course, k)
+            for law, course in zip(LAWS, courses, strict=True)
+        ]
+        # What else may happen beside the fault is asked for in the last pass.
+        freedoms = 2 if k == PASSES - 1 else 1
+        shocks = np.zeros((place.n, len(rows) * freedoms, len(model.states)))
+        if freedoms == 2:
+            shocks[:, len(rows) :] = np.stack([beside(place, ordinary, _shown(model, law)) for law in LAWS], axis=1)
+        run = run_place(
+            place,
+            shocks=shocks,
+            y=np.stack([one.y for one in rows] * freedoms, axis=1),
+            Z=np.stack([one.Z for one in rows] * freedoms, axis=1),
+            R=np.stack([one.R for one in rows] * freedoms, axis=1),
+            extra=np.stack([one.extra for one in rows] * freedoms, axis=1),
+            extra_Q=np.stack(moves * freedoms, axis=1),
+            extra_start=np.stack(starts * freedoms),
+        )
+        for j, (law, one) in enumerate(zip(LAWS, rows, strict=True)):
+            fault = law.fault
+            h = max(range(j, run.log_likelihood.size, len(rows)), key=lambda h: run.log_likelihood[h])
+            density = floored_density(ordinary, run.log_density[:, h], run.innovation[:, h], run.sd[:, h], one.floored)
+            anything = -np.log(UNREADABLE * model.frame.middle_speed)
+            density = np.where(one.unread, np.fmax(density, anything), density)
+            margin, shares = against(place, ordinary, density, without=one.free)
+            size = float(run.mean[last, h, -FAULT_STATES])
+            weight = Weight(fault=fault, margin=margin, shares=shares, size=size, refused=_refused(fault, size))
+            first = fault == STATIC_BLOCKED and k == 0  # it does not read the airspeeds yet
+            better = fault not in best or (not weight.refused, weight.margin) > (
+                not best[fault].refused,
+                best[fault].margin,
+            )
+            if better and not first:
+                best[fault] = weight
+            courses[j] = _next_course(place, fault, run.mean[:, h])
+    yield from best.values()
+
+
+def _shown(model: FlightModel, law: Law) -> list[str]:
+    """Return the rows of what a fault of a line changes."""
+    heights = ("altitude", "altitude_rate") if law.fault in (STATIC_LEAK, STATIC_BLOCKED) else ()
+    return [name for name in (*AIRSPEED_ROWS, *heights) if name in model.rows]
+
+
+def _refused(fault: str, size: float) -> str:
+    if fault in (PITOT_LEAK, PITOT_ICING) and size > -LEAST_LOSS:
+        return "the impact pressure does not fall"
+    if fault == STATIC_LEAK and abs(size) > MOST_HEIGHT:
+        return f"its size of {size:.3g} m is beyond any cabin"
+    return ""
+
+
+def _moves(place: Place, law: Law) -> tuple[FloatArray, FloatArray]:
+    """Return (n, 2) variances of a fault's value and rate by second, and (2,) standard deviations at the start."""
+    moves = np.zeros((place.n, FAULT_STATES))
+    begins = jump_seconds(place, place.onset)
+    moves[begins] = np.array([law.sudden, law.rate]) ** 2 / begins.size
+    moves[place.onset :, 0] += law.walk**2
+    return moves, np.array([law.start, 0.0])
+
+
+def _first_course(place: Place, fault: str) -> FloatArray:
+    """Return (n,) of a line that loses no loss; of a trapped one what the flight is taken for at first.
+
+    Of a trapped total pressure that is the true airspeed, from the ground velocity and the wind before; of a trapped
+    static pressure the height, geometric where it is recorded.
+    """
+    model = place.bench.model
+    if fault == PITOT_BLOCKED:
+        return _airspeed_without(place)
+    if fault == STATIC_BLOCKED:
+        height = model.coefficients.height[place.part]
+        if "gps_altitude" in model.rows:
+            geometric = filled(model.y[:, model.row("gps_altitude")])
+            above = np.median((geometric - model.coefficients.height)[place.before])
+            return np.where(place.during, geometric[place.part] - above, height)
+        return height.copy()
+    return np.zeros(place.n)
+
+
+def _airspeed_without(place: Place) -> FloatArray:
+    """Return (n,) airspeed, while a tube is blocked that of ground velocity less the wind before, else as it was."""
+    model, c = place.bench.model, place.bench.model.coefficients
+    speed = c.airspeed[place.part].copy()
+    middle, usual = model.frame.middle_speed, float(np.median(c.airspeed[place.before]))
+    guess, channels = np.full(place.n, usual), model.seconds.channels
+    if "velocity_north" in channels and "wind_north" in model.states:
+        north = filled(channels["velocity_north"]) - place.mean[model.state("wind_north")]
+        east = filled(channels["velocity_east"]) - place.mean[model.state("wind_east")]
+        through_air = np.hypot(north, east)
+        share = usual / max(float(np.median(through_air[place.before])), 1.0)
+        guess = through_air[place.part] * np.clip(share, 0.8, 1.25)
+    return np.where(place.during, np.clip(smoothed(guess, 9), 0.45 * middle, 1.8 * middle), speed)
+
+
+def _next_course(place: Place, fault: str, mean: FloatArray) -> FloatArray:
+    """Return the course that the filter found."""
+    model = place.bench.model
+    middle = model.frame.middle_speed
+    if fault == PITOT_BLOCKED:
+        speed = np.clip(smoothed(mean[:, model.state("airspeed")], 7), 0.4 * middle, 2.0 * middle)
+        return np.where(place.during, speed, model.coefficients.airspeed[place.part])
+    if fault == STATIC_BLOCKED:
+        height = smoothed(mean[:, model.state("height")], 7)
+        return np.where(place.during, height, model.coefficients.height[place.part])
+    value = mean[:, -FAULT_STATES]
+    limits = LIMITS[fault]
+    course = smoothed(np.clip(value, *limits), COURSE_S)
+    course[: max(place.onset - 20, 0)] = 0.0
+    return np.where(_acts(place), course, 0.0)
+
+
+def _acts(place: Place) -> BoolArray:
+    """Return (n,) where a line that loses may err: until its end."""
+    return np.arange(place.n) < (place.n if place.offset is None else place.offset)
+
+
+def _corrected(place: Place, fault: str, course: FloatArray) -> FlightModel:
+    """Return the model of the channels as they would be recorded without the fault."""
+    model = place.bench.model
+    record = model.seconds.record
+    if fault in (PITOT_LEAK, PITOT_ICING):
+        amount = np.zeros(model.n)
+        amount[place.part] = course if fault == PITOT_ICING else np.expm1(course)
+        return model.with_channels(without_fault(record, "q_impact", amount).channels)
+    height = model.coefficients.height.copy()
+    if fault == STATIC_LEAK:
+        height[place.part] -= course
+    elif fault == STATIC_BLOCKED:
+        height[place.part] = course
+    if fault in (STATIC_LEAK, STATIC_BLOCKED):
+        true = pressure_at(np.clip(height, LOWEST, HIGHEST))
+        amount = np.zeros(model.n)
+        amount[place.part] = (pressure_at(np.clip(model.coefficients.height, LOWEST, HIGHEST)) - true)[place.part]
+        return model.with_channels(without_fault(record, STATIC_LEAK, amount).channels)
+    # A blocked tube: the channels of the airspeed that the course is.
+    share = course / np.maximum(model.coefficients.airspeed[place.part], 1.0)
+    channels = {}
+    for name in ("tas", second_airspeed(model.seconds), "mach"):
+        if name in model.seconds.channels:
+            values = filled(model.seconds.channels[name]).copy()
+            smooth = smoothed(values, 9)
+            values[place.part] = np.where(place.during, smooth[place.part] * share, values[place.part])
+            channels[name] = values
+    return model.with_channels(channels)
+
+
+def _airspeed_rows(model: FlightModel) -> list[tuple[str, int]]:
+    return [(name, model.row(name)) for name in AIRSPEED_ROWS if name in model.rows]
+
+
+def _start_rows(place: Place, corrected: FlightModel) -> _Rows:
+    """Return the rows of the corrected model, the air-data channels as recorded."""
+    model = place.bench.model
+    y = corrected.y[place.part].copy()
+    y = np.where(np.isfinite(place.bench.y[place.part]), y, np.nan)
+    for name in ("altitude", "altitude_rate", *AIRSPEED_ROWS):
+        if name in model.rows:
+            y[:, model.row(name)] = place.bench.y[place.part, model.row(name)]
+    free = np.zeros(y.shape, dtype=bool)
+    if "sat" in model.rows:
+        # What is left of a total temperature follows from the airspeed: it says nothing of its own.
+        y[place.during, model.row("sat")] = np.nan
+        free[place.during, model.row("sat")] = True
+    return _Rows(
+        y=y,
+        Z=corrected.Z[place.part].copy(),
+        extra=np.zeros((*y.shape, FAULT_STATES)),
+        R=place.R.copy(),
+        free=free,
+        floored=np.zeros(y.shape, dtype=bool),
+        unread=np.zeros(y.shape, dtype=bool),
+    )
+
+
+def _speeds(model: FlightModel, place: Place, row: int) -> FloatArray:
+    """Return (n,) smoothed readings of an airspeed, at least a tenth of the usual."""
+    values = smoothed(filled(model.y[:, row]), 9)[place.part]
+    return np.maximum(values, 0.1 * model.frame.middle_speed)
+
+
+def _pitot_leak(place: Place, corrected: FlightModel, course: FloatArray, _: int) -> _Rows:
+    return _pitot_loss(place, corrected, course, np.ones(place.n), np.exp(course))
+
+
+def _pitot_icing(place: Place, corrected: FlightModel, course: FloatArray, _: int) -> _Rows:
+    return _pitot_loss(place, corrected, course, 1.0 / (1.0 + course), 1.0 + course)
+
+
+def _pitot_loss(place: Place, corrected: FlightModel, course: FloatArray, slope: FloatArray, left: FloatArray) -> _Rows:
+    """Return the rows about a course of what is lost of the impact pressure.
+
+    Parameters
+    ----------
+    slope : (n,) derivative of the logarithm of what is left by the course; left : (n,) what is left, a share.
+    """
+    model, rows = place.bench.model, _start_rows(place, corrected)
+    acts = _acts(place)
+    for _name, j in _airspeed_rows(model):
+        load = 0.5 * _speeds(model, place, j) * slope * acts
+        rows.Z[:, j] *= np.sqrt(left)[:, None]
+        rows.extra[:, j, 0] = load
+        rows.y[:, j] += load * course
+        rows.floored[:, j] = place.during
+    # Near nothing an instrument reads anything.
+    low = place.during & (_speeds(model, place, model.row("tas")) < ZERO * model.frame.middle_speed)
+    for _name, j in _airspeed_rows(model):
+        rows.unread[low, j] = True
+    return rows
+
+
+def _static_error(place: Place, corrected: FlightModel, rows: _Rows, course: FloatArray) -> dict[int, FloatArray]:
+    """Scale the airspeed rows about a height error and return what a metre of it makes of each."""
+    model, c = place.bench.model, place.bench.model.coefficients
+    loads = {}
+    for name, j in _airspeed_rows(model):
+        reading, true = _speeds(model, place, j), _speeds(corrected, place, j)
+        share = c.cas_share[place.part] if name == "cas" else np.ones(place.n)
+        # Of impact pressure by g rho of a metre; of the true airspeed by the static pressure in it besides.
+        load = G * share**2 / reading
+        ratio = np.clip(true / reading, 0.3, 3.0)
+        readings, trues = model.y[place.part, j], corrected.y[place.part, j]
+        rows.Z[:, j] *= ratio[:, None]
+        rows.y[:, j] = np.where(course != 0.0, ratio * trues + load * course, readings)
+        loads[j] = load
+    return loads
+
+
+def _static_leak(place: Place, corrected: FlightModel, course: FloatArray, k: int) -> _Rows:
+    model, rows = place.bench.model, _start_rows(place, corrected)
+    acts = _acts(place).astype(np.float64)
+    for j, load in _static_error(place, corrected, rows, course).items():
+        rows.extra[:, j, 0] = load * acts
+        rows.floored[:, j] = place.during
+        rows.unread[:, j] = place.during & (_speeds(model, place, j) < ZERO * model.frame.middle_speed)
+    rows.extra[:, model.row("altitude"), 0] = acts
+    rows.floored[:, model.row("altitude")] = place.during
+    if "altitude_rate" in model.rows and not model.seconds.record.is_inertial:
+        j = model.row("altitude_rate")
+        climb = rate_of(course, 5) * acts
+        if k == 0:
+            rows.extra[:, j, 1] = acts
+        rows.y[:, j] -= climb
+        rows.R[:, j] += (0.3 * climb) ** 2
+    return rows
+
+
+def _static_blocked(place: Place, corrected: FlightModel, course: FloatArray, k: int) -> _Rows:
+    model, rows = place.bench.model, _start_rows(place, corrected)
+    during, at = place.during, model.row("altitude")
+    recorded = rows.y[:, at].copy()
+    held = recorded[place.onset : place.onset + REFERENCE_S]
+    held_m = float(np.nanmedian(held)) if np.isfinite(held).any() else 0.0
+    error = np.where(during, held_m - course, 0.0)
+    height = model.state("height")
+    slow = ZERO * model.frame.middle_speed
+    for j, load in _static_error(place, corrected, rows, error).items():
+        rows.Z[during, j, height] -= load[during]
+        rows.extra[during, j, 0] = load[during]
+        rows.y[during, j] -= (load * held_m)[during]
+        if k == 0:
+            rows.y[during, j] = np.nan
+        low = during & (model.y[place.part, j] < slow)
+        rows.unread[low & (_speeds(model, place, j) < slow), j] = True
+        rows.floored[:, j] = during
+    rows.Z[during, at] = 0.0
+    rows.extra[during, at, 0] = 1.0
+    rows.y[during, at] = recorded[during] - held_m
+    rows.floored[during, at] = True
+    if "altitude_rate" in model.rows and not model.seconds.record.is_inertial:
+        j = model.row("altitude_rate")
+        rows.Z[during, j] = 0.0
+        rows.floored[during, j] = True
+        rows.R[place.onset : place.onset + 6, j] += 4.0
+    return rows
+
+
+def _pitot_blocked(place: Place, corrected: FlightModel, course: FloatArray, _: int) -> _Rows:
+    model, rows = place.bench.model, _start_rows(place, corrected)
+    during, air = place.during, model.seconds.air
+    pressures = [filled(one) for one in (air.p_static, air.q_impact, air.tat)]
+    as_flown = _readings(*pressures)
+    p_static, q_impact, tat = (one[place.part] for one in pressures)
+    total = (p_static + q_impact)[place.onset : place.onset + REFERENCE_S]
+    trapped = float(np.median(total))
+    made = [_readings(p_static, np.maximum(trapped + more - p_static, 0.0), tat) for more in (0.0, 30.0)]
+    for name, j in _airspeed_rows(model):
+        recorded = model.y[place.part, j]
+        shares = (model.y[:, j] / np.maximum(as_flown[name], 1.0))[place.before]
+        share = float(np.nanmedian(shares)) if np.isfinite(shares).any() else 1.0
+        share = share if np.isfinite(share) and 0.8 < share < 1.25 else 1.0
+        predicted = share * made[0][name]
+        per_pa = np.minimum((made[1][name] - made[0][name]) / 30.0, 0.3)
+        rows.y[during, j] = (recorded - predicted)[during]
+        rows.Z[during, j] = 0.0
+        rows.extra[during, j, 0] = per_pa[during]
+        rows.R[during, j] += ((per_pa * PREDICTED_PA) ** 2)[during]
+        # Near nothing an instrument reads anything: that it reads little is all that is predicted.
+        low = during & (predicted < ZERO * model.frame.middle_speed)
+        rows.R[low, j] += (0.15 * model.frame.middle_speed) ** 2
+        rows.unread[low & (recorded < UNREADABLE * model.frame.middle_speed), j] = True
+        rows.floored[:, j] = during
+    return rows
+
+
+def _readings(p_static: FloatArray, q_impact: FloatArray, tat: FloatArray) -> Mapping[str, FloatArray]:
+    """Return what an air-data computer makes of pressures, by airspeed row."""
+    made = channels_of(p_static, q_impact, tat)
+    sound = np.where(made["mach"] > 0.0, made["tas"] / np.maximum(made["mach"], 1e-6), 0.0)
+    return {"tas": made["tas"], "cas": made["cas"], "mach": made["mach"] * sound}
+
+
+_ROWS_OF = {
+    PITOT_LEAK: _pitot_leak,
+    PITOT_ICING: _pitot_icing,
+    PITOT_BLOCKED: _pitot_blocked,
+    STATIC_LEAK: _static_leak,
+    STATIC_BLOCKED: _static_blocked,
+}

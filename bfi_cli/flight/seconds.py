@@ -1,0 +1,118 @@
+"""What the flight model measures: the channels of a log once a second, with the rounding of each."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..airdata import AirData, channels_of, static_temperature
+from ..flightlog import FlightLog
+from ..kernels import BoolArray, FloatArray
+from ..kernels.quantisation import find_quantum
+from ..kernels.runs import bridged
+from ..parity.record import Record, over_seconds, record_of, seconds_of_samples
+
+ANGLES = ("yaw", "track")  # that jump by a turn
+BESIDE = ("gps_altitude", "baro_setting")  # channels that no residual of a record needs
+# Mach numbers beyond which a temperature that is computed from a total one would divide by little.
+LEAST_MACH, MOST_MACH = 0.0, 1.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Seconds:
+    """A log once a second.
+
+    Attributes
+    ----------
+    record : the channels that air data are made of.
+    channels : (n,) by standard name, those of the record and beside them headings, geometric height and setting.
+    rounding : by name the step in which a channel is recorded, over the root of the samples of a second.
+    recorded : the names of the log.
+    """
+
+    record: Record
+    channels: Mapping[str, FloatArray]
+    rounding: Mapping[str, float]
+    recorded: frozenset[str]
+
+    @property
+    def time_s(self) -> FloatArray:
+        """(n,) middles of the seconds."""
+        return self.record.time_s
+
+    @property
+    def air(self) -> AirData:
+        """Pressures and temperature, (n,) each."""
+        return self.record.air
+
+    def with_channels(self, channels: Mapping[str, FloatArray]) -> Seconds:
+        """Return the seconds with other values of some channels."""
+        changed = {name: values for name, values in channels.items() if name in self.channels}
+        inside = {name: values for name, values in changed.items() if name in self.record.channels}
+        record = replace(self.record, channels={**self.record.channels, **inside})
+        return replace(self, record=record, channels={**self.channels, **changed})
+
+
+def seconds_of(log: FlightLog) -> Seconds | None:
+    """Return a log once a second; None where it has no airspeed or no static pressure."""
+    record = record_of(log)
+    channels = dict(record.channels)
+    if "altitude_rate" not in log.channels:
+        channels.pop("altitude_rate", None)  # computed from the altitude, it measures nothing beside it
+    seconds, n = seconds_of_samples(log)
+    expected = log.rate_hz
+    for name in ANGLES:
+        if name in log.channels:
+            values = log.channels[name].values
+            cosine, sine = (over_seconds(part, seconds, n, expected) for part in (np.cos(values), np.sin(values)))
+            channels[name] = np.arctan2(sine, cosine)
+    for name in BESIDE:
+        if name in log.channels:
+            channels[name] = over_seconds(log.channels[name].values, seconds, n, expected)
+    if "tas" not in channels or not {"altitude", "p_static"} & channels.keys():
+        return None
+    rounding = {}
+    for name in channels.keys() & log.channels.keys():
+        values = log.channels[name].values
+        step = find_quantum(values[np.isfinite(values)]) or 0.0
+        rounding[name] = step / np.sqrt(max(1.0, log.rate_hz))
+    return Seconds(record=record, channels=channels, rounding=rounding, recorded=frozenset(log.channels))
+
+
+def filled(values: FloatArray, otherwise: float = 0.0) -> FloatArray:
+    """Return values with straight lines over what is missing."""
+    return bridged(values) if np.isfinite(values).any() else np.full(values.shape, otherwise)
+
+
+def smoothed(values: FloatArray, width: int) -> FloatArray:
+    """Return (n,) means over `width` samples about each, an odd number."""
+    from scipy.ndimage import uniform_filter1d
+
+    return np.asarray(uniform_filter1d(values, size=width, mode="nearest"))
+
+
+def rate_of(values: FloatArray, width: int = 3) -> FloatArray:
+    """Return the rate of change per second of values without gaps, of means over `width` samples."""
+    return np.gradient(smoothed(values, width)) if values.size > 1 else np.zeros(values.shape)
+
+
+def spread(values: FloatArray, where: BoolArray) -> float:
+    """Return 1.4826 times the median distance from the median: the sd of Gaussian values."""
+    part = values[where & np.isfinite(values)]
+    return 1.4826 * float(np.median(np.abs(part - np.median(part)))) if part.size else 0.0
+
+
+def temperature_of(seconds: Seconds) -> FloatArray | None:
+    """Return the static air temperature, K, recorded or from the total one; None where the log has neither."""
+    channels = seconds.channels
+    if "sat" in channels:
+        return channels["sat"]
+    if "tat" not in channels:
+        return None
+    air = seconds.air
+    made = channels_of(air.p_static, air.q_impact, air.tat)
+    mach = np.clip(np.nan_to_num(made["mach"]), LEAST_MACH, MOST_MACH)
+    known = np.where(channels["tat"] > 0.0, channels["tat"], np.nan)
+    return static_temperature(known, mach)

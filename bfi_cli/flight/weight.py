@@ -1,0 +1,111 @@
+"""What an explanation of a place is worth, and what a fault is worth beside the best ordinary one."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..kernels import BoolArray, FloatArray
+from ..kernels.bounded_filter import BOUND, bounded_log_density
+from .bench import Place, jump
+from .tables import MANOEUVRE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weight:
+    """What a fault is worth at a place.
+
+    Attributes
+    ----------
+    margin : its log density over that of the best ordinary explanation.
+    shares : of it by channel, largest first.
+    size, sd : of the error at its end, in the unit of its channel; of a pitot line the logarithm of what is left of the
+        impact pressure, of a static line m of height. sd is None where it is not known.
+    growth_s : seconds within which it grows, None of a pressure line.
+    refused : why it can be none, "" where it can.
+    """
+
+    fault: str
+    margin: float
+    shares: Mapping[str, float]
+    size: float
+    sd: float | None = None
+    growth_s: float | None = None
+    refused: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Ordinary:
+    """The best explanation of a place without a fault.
+
+    Attributes
+    ----------
+    log_density, innovation, sd : (n, n_rows), of the rows given what came before.
+    mean : (n, n_states).
+    shocks : (n, n_states) variances of the jumps that it asks for.
+    cause : an ordinary cause, "" for none; gain : log density that it is worth.
+    """
+
+    log_density: FloatArray
+    innovation: FloatArray
+    sd: FloatArray
+    mean: FloatArray
+    shocks: FloatArray
+    cause: str
+    gain: float
+
+
+def beside(place: Place, ordinary: Ordinary, rows: Collection[str]) -> FloatArray:
+    """Return (n, n_states) variances of what may happen beside a fault of some rows.
+
+    The jumps of the best ordinary explanation, but for those that the rows of the fault would show: they are its
+    rivals. A manoeuvre goes with any fault.
+    """
+    model = place.bench.model
+    shocks = ordinary.shocks.copy()
+    loads = np.abs(model.Z[place.part][:, [model.row(name) for name in rows]]).max(axis=(0, 1), initial=0.0)
+    for k, name in enumerate(model.states):
+        if loads[k] > 0.0 and name not in MANOEUVRE:
+            shocks[:, k] = 0.0
+    return np.maximum(shocks, jump(place, place.onset, MANOEUVRE))
+
+
+def against(
+    place: Place, ordinary: Ordinary, log_density: FloatArray, *, without: BoolArray | None = None
+) -> tuple[float, dict[str, float]]:
+    """Return the margin of (n, n_rows) log densities over the ordinary ones, and each channel's share of it.
+
+    Parameters
+    ----------
+    without : (n, n_rows) samples that are charged to neither.
+    """
+    difference = log_density - ordinary.log_density
+    if without is not None:
+        difference = np.where(without, 0.0, difference)
+    by_row = np.nansum(difference, axis=0)
+    shares: dict[str, float] = {}
+    for name, value in zip(place.bench.model.rows, by_row, strict=True):
+        channel = "ground_speed" if name.startswith("velocity") else name
+        shares[channel] = shares.get(channel, 0.0) + float(value)
+    order = sorted(shares.items(), key=lambda one: -abs(one[1]))
+    return float(by_row.sum()), dict(order)
+
+
+def floored_density(
+    ordinary: Ordinary, density: FloatArray, innovation: FloatArray, sd: FloatArray, floored: BoolArray
+) -> FloatArray:
+    """Return log densities in which no sample is predicted with less noise than in flight.
+
+    A line that rests is smoother than a flight; that it is must not be worth anything by itself.
+    """
+
+    def effective(innovation: FloatArray, sd: FloatArray) -> FloatArray:
+        return sd * np.maximum(np.abs(innovation) / BOUND, 1.0)
+
+    mine, flight = effective(innovation, sd), effective(ordinary.innovation, ordinary.sd)
+    low = floored & (mine < flight)
+    with np.errstate(invalid="ignore"):
+        raised = bounded_log_density(innovation * mine / flight, np.where(low, flight, 1.0))
+    return np.where(low, raised, density)

@@ -1,0 +1,168 @@
+"""The judge on a flight that is made up: what is injected wins, and a healthy place lets nothing win."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_journeys import made_journey
+
+from bfi_cli.diagnose.judged import DECLARED
+from bfi_cli.faults import parse_spec
+from bfi_cli.flight.bench import Bench, bench_of, place_of
+from bfi_cli.flight.fit import fitted_levels
+from bfi_cli.flight.gross import gross_errors, swings_of
+from bfi_cli.flight.judge import ALIKE, explains, is_on_ground, judge, rows_of
+from bfi_cli.flight.model import FlightModel, flight_model
+from bfi_cli.flight.seconds import seconds_of
+from bfi_cli.flight.tables import LEVELS
+from bfi_cli.flightlog import FlightLog
+from bfi_cli.flightlog.injection import inject
+from bfi_cli.kernels.bounded_filter import Stack, filter_stack
+
+ONSET_S, END_S = 420.0, 520.0
+
+
+def model_of(log: FlightLog) -> FlightModel:
+    seconds = seconds_of(log)
+    assert seconds is not None
+    model = flight_model(seconds)
+    assert model is not None
+    return model
+
+
+@pytest.fixture(scope="module")
+def journey() -> FlightLog:
+    return made_journey(rate_hz=2.0)
+
+
+@pytest.fixture(scope="module")
+def healthy(journey: FlightLog) -> Bench:
+    return bench_of(model_of(journey))
+
+
+@pytest.fixture(scope="module")
+def with_fault(journey: FlightLog) -> Callable[[str], Bench]:
+    def bench(spec: str) -> Bench:
+        log = inject(journey, [parse_spec(spec, unit_of=lambda name: journey.channel(name).unit)])
+        return bench_of(model_of(log))
+
+    return bench
+
+
+@pytest.mark.parametrize("at_s", [350.0, ONSET_S, 600.0])
+def test_nothing_wins_on_a_healthy_flight(healthy: Bench, at_s: float) -> None:
+    judgement = judge(healthy, at_s, None)
+    assert judgement is not None
+    assert all(one.margin < DECLARED for one in judgement.weights if not one.refused)
+
+
+@pytest.mark.parametrize(
+    ("spec", "fault", "size"),
+    [
+        (f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}", "tas", 4.0),
+        (f"drift,channel=cas,magnitude=0.05,onset_s={ONSET_S}", "cas", None),
+        (f"bias,channel=aoa,magnitude=0.03,onset_s={ONSET_S}", "aoa", 0.03),
+        (f"bias,channel=normal_acc,magnitude=1,onset_s={ONSET_S}", "normal_acc", 1.0),
+        (f"pitot_leak,time_constant_s=60,onset_s={ONSET_S}", "pitot_leak", None),
+        (f"pitot_blocked,onset_s={ONSET_S}", "pitot_blocked", None),
+        (f"static_blocked,onset_s={ONSET_S}", "static_blocked", None),
+    ],
+)
+def test_what_is_injected_is_the_best_explanation(
+    with_fault: Callable[[str], Bench], spec: str, fault: str, size: float | None
+) -> None:
+    judgement = judge(with_fault(spec), ONSET_S, None, named=(fault,))
+    assert judgement is not None
+    weight = judgement.weight(fault)
+    assert weight is not None
+    assert weight.margin > DECLARED
+    assert fault in judgement.among
+    if size is not None:
+        assert weight.sd is not None
+        assert weight.size == pytest.approx(size, abs=max(5.0 * weight.sd, 0.05 * size))
+
+
+def test_a_step_of_the_altitude_is_as_well_an_altimeter_that_is_set(with_fault: Callable[[str], Bench]) -> None:
+    bench = with_fault(f"bias,channel=altitude,magnitude=40,onset_s={ONSET_S}")
+    judgement = judge(bench, ONSET_S, None)
+    assert judgement is not None
+    assert judgement.cause == "altimeter_set"
+    assert judgement.gain > DECLARED
+    assert explains(bench, judgement.cause, rows_of(bench, ("altitude",)))
+    weight = judgement.weight("altitude")
+    assert weight is not None
+    assert abs(weight.margin) < DECLARED
+
+
+def test_margins_are_the_sums_of_their_shares_and_the_set_is_within_ten_to_one(
+    with_fault: Callable[[str], Bench],
+) -> None:
+    judgement = judge(with_fault(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}"), ONSET_S, None)
+    assert judgement is not None
+    assert all(one.margin == pytest.approx(sum(one.shares.values()), rel=1e-9) for one in judgement.weights)
+    best = judgement.weights[0].margin
+    assert judgement.among == tuple(
+        one.fault for one in judgement.weights if not one.refused and one.margin >= best - ALIKE
+    )
+
+
+def test_rows_of_a_known_fault_testify_no_more(with_fault: Callable[[str], Bench]) -> None:
+    bench = with_fault(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}")
+    known = bench.without(rows_of(bench, ("tas",)), ONSET_S - 20.0, np.inf)
+    judgement = judge(known, ONSET_S, None)
+    assert judgement is not None
+    assert all(one.margin < DECLARED for one in judgement.weights if not one.refused)
+
+
+def test_what_the_ground_shows_is_no_place_in_flight(healthy: Bench) -> None:
+    assert is_on_ground(healthy, 20.0)
+    assert not is_on_ground(healthy, ONSET_S)
+    assert place_of(healthy, 20.0, None) is None
+
+
+def test_a_channel_that_is_missing_is_a_row_that_is_missing(journey: FlightLog) -> None:
+    slim = replace(journey, channels={name: one for name, one in journey.channels.items() if name != "aoa"})
+    model, whole = model_of(slim), model_of(journey)
+    assert set(whole.rows) - set(model.rows) == {"aoa"}
+    assert judge(bench_of(model), ONSET_S, None) is not None
+
+
+def test_the_levels_of_a_flight_explain_it_better_than_typical_ones(journey: FlightLog) -> None:
+    model = model_of(journey)
+    levels = fitted_levels(model)
+    first = int(np.flatnonzero(model.frame.airborne)[0])
+
+    def log_likelihood(values: dict[str, float]) -> float:
+        R, Q = model.noise(values)
+        stack = Stack(y=model.y[first:, None], Z=model.Z[first:, None], R=R[first:, None], Q=Q[first:, None])
+        run = filter_stack(stack, model.transition(), mean=model.start, covariance=model.start_covariance())
+        return float(run.log_likelihood[0])
+
+    assert log_likelihood(levels) > log_likelihood(model.levels)
+    assert all(LEVELS[name].lowest <= value <= LEVELS[name].highest for name, value in levels.items())
+    assert all(value == LEVELS[name].typical for name, value in levels.items() if not LEVELS[name].fitted)
+
+
+def test_readings_of_a_line_that_come_and_go_are_found_with_their_ends(journey: FlightLog) -> None:
+    """The static pressure is moved for three seconds of every eight: all that follows from it leaves and returns."""
+    channels = dict(journey.channels)
+    inside = (journey.time_s >= ONSET_S) & (journey.time_s < ONSET_S + 40.0) & ((journey.time_s - ONSET_S) % 8.0 < 3.0)
+    moved = {"altitude": -60.0, "tas": -20.0, "cas": -18.0, "mach": -0.06, "altitude_rate": -15.0}
+    for name, size in moved.items():
+        channels[name] = replace(channels[name], values=channels[name].values + size * inside)
+    bench = bench_of(model_of(replace(journey, channels=channels)))
+    (gross,) = gross_errors(bench)
+    assert gross.from_s == pytest.approx(ONSET_S, abs=3.0)
+    assert gross.to_s == pytest.approx(ONSET_S + 35.0, abs=6.0)
+    swings = swings_of(bench, gross)
+    assert swings is not None
+    assert swings.weights[0].fault == "static_leak"
+    assert swings.weights[0].margin > DECLARED
+    assert swings.errors["altitude"] == pytest.approx(-60.0, abs=25.0)  # the aircraft itself moves by 12 m
+
+
+def test_a_healthy_flight_has_no_gross_errors(healthy: Bench) -> None:
+    assert gross_errors(healthy) == ()

@@ -45,7 +45,9 @@ MODEL: Stage = "flight model"
 AFTER_END_S = 10.0  # of a fault, in which filters of recorder and instrument still act
 # About a stretch of gross errors: when an event that lasts is of it, what is shown, and how well its onset is known.
 BESIDE_S, AROUND_S, ONSET_S = 60.0, 60.0, 3.0
-PITOT = frozenset(("pitot_icing", "pitot_leak", "pitot_water", "q_impact"))  # losses of an impact pressure
+LOSSES = ("pitot_icing", "pitot_leak", "pitot_water", "q_impact")  # of an impact pressure
+# Of a pressure line its finder describes the course; the model tells which line it is.
+LINES = (frozenset((*LOSSES, "pitot_blocked")), frozenset(("static_blocked", "static_leak")))
 INERTIAL = "kinematics"  # the residual of the parity scan that rests on accelerometers
 # A channel speaks against a fault by this share of all that is said, and at least by so much log density.
 LOUD, AUDIBLE = 0.05, 3.0
@@ -208,7 +210,7 @@ def _knows_more(bench: Bench, event: Event) -> bool:
 
     Accelerations at the log's rate; and without a ground velocity a lost airspeed is as well a change of speed.
     """
-    by_lift = event.fault in PITOT and not {"velocity_north", "ground_speed"} & {*bench.model.rows}
+    by_lift = event.fault in LOSSES and not {"velocity_north", "ground_speed"} & {*bench.model.rows}
     inertial = event.evidence.get(INERTIAL, 0.0) > DECLARED
     return (by_lift or inertial) and not set(event.stages) <= SEES_NO_MORE
 
@@ -216,7 +218,7 @@ def _knows_more(bench: Bench, event: Event) -> bool:
 def _confirmed(event: Event, weight: Weight, judgement: Judgement, *, may_be_sure: bool) -> Event:
     """Return an event that the record confirms, with every other fault that explains it about as well."""
     alike = judgement.among if weight.fault in judgement.among else event.among
-    family = PITOT if event.fault in PITOT else frozenset()
+    family = _line(event)
     among = [name for name in alike if name != FROZEN and name not in family]
     among = [*(name for name in event.among if name in family), *among]
     # What a window alone left open is told by the whole record.
@@ -347,8 +349,13 @@ def _event_of_gross(flight: Flight, bench: Bench, gross: Gross) -> Event | None:
 
 
 def _names(event: Event) -> tuple[str, ...]:
-    """Return the faults of the flight model that an event may be: of the pitot line its course is the finder's."""
-    return tuple(dict.fromkeys((event.fault, *(PITOT if event.fault in PITOT else ()), *event.among)))
+    """Return the faults of the flight model that an event may be."""
+    return tuple(dict.fromkeys((event.fault, *_line(event), *event.among)))
+
+
+def _line(event: Event) -> frozenset[str]:
+    """Return the faults of the pressure line that an event is of, none where it is of a channel."""
+    return next((line for line in LINES if event.fault in line), frozenset())
 
 
 def _against(weight: Weight) -> tuple[str, ...]:

@@ -290,12 +290,14 @@ def test_file_names_that_are_no_text(bfi: Callable, desk: Path, tmp_path: Path, 
 
 
 CELL = f"time,elevator,tas\n0,0,1\n1,0,{BAD}\n".replace("\r", "").replace("\u2028", "")
-HEADER = f"time,{BAD},{BAD}\n0,0,1\n1,0,1\n".replace("\r", "").replace("\u2028", "").replace('"', "")
+NAME = BAD.replace("\r", "").replace("\u2028", "").replace('"', "")
+UNIT = BAD.translate(dict.fromkeys(map(ord, '\r\u2028"[]')))
+HEADER = f"time,{NAME},{NAME}\n0,0,1\n1,0,1\n"
 BAD_YAML = json.dumps(BAD)
 LINES: dict[str, tuple[list[str], str, int]] = {
-    "cell": (["info", "x"], CELL, 3),
-    "header": (["info", "x"], HEADER, 3),
-    "unit": (["info", "x"], f"time,tas [{BAD}]\n0,1\n1,1\n".translate(dict.fromkeys(map(ord, '\r\u2028"[]'))), 3),
+    "cell": (["info", "x", "--channel", "tas=tas"], CELL, 3),
+    "header": (["info", "x", "--channel", f"tas={NAME}"], HEADER, 3),
+    "unit": (["info", "x", "--channel", "tas=tas"], f"time,tas [{UNIT}]\n0,1\n1,1\n", 3),
     "faults": (["info", "x"], f"# faults: [{json.dumps({BAD: BAD})}]\ntime,tas\n0,1\n1,1\n", 3),
     "segments": (["info", "x"], f"# segments: [{json.dumps({BAD: BAD})}]\ntime,tas\n0,1\n1,1\n", 3),
     "yaml key": (["identify", "log.h5", "-c", "x"], f"{BAD_YAML}: 1\n", 2),

@@ -18,7 +18,7 @@ from .cells import ABSENT, Lines, cells_of, with_commas
 from .raw import Asked, Track, fits, require_few
 from .topics import RECORDERS, Recorder, maps_of
 
-DELIMITERS = ("|", ";", "\t")  # tried in this order; else a comma
+DELIMITERS = ("|", ";", "\t")  # the first that stands in the header and in the row below it; else a comma
 # Garmin's first line; the line of units below it is a comment too.
 AIRFRAME = "#airframe_info"
 # Short names of a G3X that a G1000 has for another channel: the true track here, a magnetic one there.
@@ -89,7 +89,8 @@ def heading_of(path: str, lines: Lines, asked: Asked) -> Heading:
     if _is_spaced(header[1] if asked.columns or second is None else second[1]):
         lines.spaced = True
         header, second = with_commas(header), second and with_commas(second)
-    delimiter = next((sign for sign in DELIMITERS if sign in header[1]), ",")
+    both = header[1], header[1] if second is None else second[1]
+    delimiter = next((sign for sign in DELIMITERS if all(sign in line for line in both)), ",")
     if asked.columns:
         lines.put_back(second)
         header, second = (0, _named(path, header, asked.columns, delimiter)), header

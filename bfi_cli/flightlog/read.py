@@ -265,7 +265,7 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     raw = _without_unknown_units(raw, asked)
     taken, columns, notes = _named(path, raw, asked)
     if not taken.keys() - {"time"}:
-        why = "".join(f", '{name}' {reason.rstrip(',')}" for name, reason in list(raw.left_out.items())[:3])
+        why = "".join(f", '{name}' {reason.replace(',;', ';')}" for name, reason in list(raw.left_out.items())[:3])
         raise LogError(f"{path}: no channels beside time{why}; give a log with a column or dataset for each")
     time = taken.pop("time", None)
     order = [column.source for column in raw.columns]

@@ -63,7 +63,7 @@ def test_the_same_seed_gives_the_same_content_and_another_another(bfi: Run):
 def test_an_error_of_a_trial_names_the_log_of_the_user(bfi: Run, tmp_path: Path):
     log = read_log(DATA / "citation_clean.h5")
     values = log.channel("tas").values.copy()
-    values[1500] = np.nan
+    values[1500:1600] = np.nan  # longer than what is interpolated
     tas = replace(log.channel("tas"), values=frozen_array(values))
     write_log(replace(log, channels={**log.channels, "tas": tas}), tmp_path / "holes.h5")
     done = bfi("reproduce", "thesis-5-3", "--quick", "--trials", 1, "--log", tmp_path / "holes.h5", *JSON)

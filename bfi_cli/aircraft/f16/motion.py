@@ -254,11 +254,12 @@ def fly(
         for _ in range(steps if k < len(inputs) - 1 else 0):
             x = runge_kutta(partial(change, u[:, [k]]), 0.0, x, h)
     at = conditions_at(states, STABLE)
-    felt = at.accelerations(at.coefficients(states[RATES], u), at.thrust_force(u)) - at.weight
+    along, lateral, down = at.accelerations(at.coefficients(states[RATES], u), at.thrust_force(u)) - at.weight
+    upward = -down - STABLE.airframe.gravity_m_s2
     stops = [name for name, beyond in zip(INPUTS, (wanted != inputs).any(axis=0), strict=True) if beyond]
     return Flown(
         inputs=inputs,
-        outputs=np.vstack([states[: RATES.stop], states[ALTITUDE], felt]).T,
+        outputs=np.vstack([states[: RATES.stop], states[ALTITUDE], along, lateral, upward]).T,
         notes=tuple(Note.limit(f"{name} is held at its stop") for name in stops),
     )
 

@@ -333,7 +333,8 @@ def select(regression: RegressionData, rules: Rules, report: Report = silent) ->
     if regression.layout.y.shape[1] == 1 and max_active != 0:
         proposals = propose_supports(regression, penalty, proposing)
     searches, agreed = refine_supports(problems, atoms, penalty, proposals=proposals, max_active=max_active)
-    if not proposals or (not agreed and n_atoms <= BACKWARD_LIMIT):
+    # A fit of every addition to every support takes the square of a large dictionary; the best to first order do.
+    if n_atoms <= BACKWARD_LIMIT and not (proposals and agreed):
         searches = search_orders(problems, atoms, penalty, max_active=max_active, known=searches, report=searching)
     searching(1.0)
     selection = best_of(regression, searches, penalty)

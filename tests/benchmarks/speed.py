@@ -6,7 +6,8 @@
 
 Worktrees of both commits are made in a temporary folder. In each round every row is run by every version, one directly
 after the other, so that a busy machine slows all of them alike; a time is that of the child process and all of its
-children, user and system. A ratio is the median over the rounds, with the least and the largest beside it.
+children, user and system. Modules are compiled in a round before, as those of an installed version are. A ratio is the
+median over the rounds, with the least and the largest beside it.
 """
 
 from __future__ import annotations
@@ -119,7 +120,14 @@ def usage_of(tree: Path, row: Row, files: Path, limit_s: int) -> Usage:
     process = subprocess.Popen(
         [sys.executable, *row.program, *words],
         cwd=tree,
-        env={**os.environ, "PYTHONPATH": str(tree), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
+        env={
+            **os.environ,
+            "PYTHONPATH": str(tree),
+            "OMP_NUM_THREADS": "1",
+            "OPENBLAS_NUM_THREADS": "1",
+            "PYTHONDONTWRITEBYTECODE": "",
+            "PYTHONPYCACHEPREFIX": str(files / "compiled"),
+        },
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (limit_s, limit_s)),
@@ -193,6 +201,9 @@ def main() -> None:
         trees = {version: stack.enter_context(worktree(COMMITS[version])) for version in asked.versions}
         trees[NOW] = ROOT
         make_files(files, any(name.startswith("day") for name in names))
+        for tree in trees.values():
+            for compiling in ("import of the library", "identify, readme, report"):
+                usage_of(tree, ROWS[compiling], files, asked.limit)
         for turn in range(asked.rounds):
             for name in names:
                 wanted = [version for version in trees if version in (NOW, "0.2.0", ROWS[name].against)]

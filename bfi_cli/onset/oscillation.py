@@ -275,8 +275,8 @@ def _with_phase_zero(search: OscillationSearch, free: Sinusoid) -> Sinusoid:
     for wave in search.ranked([*candidates, replace(search.begin, free=False)])[:ROUNDS]:
         wave = _refine_frequency(search, wave)
         for stride in (4, 2, 1):
-            beside = [wave.start + k * stride for k in (-1, 0, 1)]
+            beside = [wave.start + k * stride for k in (-1, 1)]
             near = [replace(wave, start=k) for k in beside if search.first <= k < (wave.end or search.last)]
-            wave = max([_refine_frequency(search, at) for at in near], key=lambda at: at.statistic, default=wave)
+            wave = max([wave, *(_refine_frequency(search, at) for at in near)], key=lambda at: at.statistic)
         refined.append(wave)
     return max(refined, key=lambda wave: wave.statistic)

@@ -21,7 +21,7 @@ from ..kernels.onset.frequency import (
     screen_sines,
 )
 from ..kernels.onset.pairs import peaks, scan_ends
-from ..kernels.onset.scan import Profile, Scan, default_onsets, prepare_scan, scan_shape
+from ..kernels.onset.scan import Profile, Scan, default_onsets, largest_statistic, prepare_scan, scan_shape
 from ..kernels.progress import Report, parts, shares, silent
 from .scan_record import ScanRecord
 from .shapes import ShapeHypothesis, waveform
@@ -167,7 +167,7 @@ def _bic_with_fault(
                 statistic = scan_ends(scan, waveform(form, replace(sampling, factor=1)), report=own).statistic
                 n_parameters += 1
             else:
-                statistic = float(scan_shape(scan, waveform(form, sampling), report=own).statistic.max())
+                statistic = largest_statistic(scan, waveform(form, sampling))
             criteria.append(base - statistic + n_parameters * float(np.log(scan.n_rows)))
         best.append(min(criteria))
     return best

@@ -23,7 +23,7 @@ from scipy.linalg import lapack, qr
 from .. import ComplexArray, FloatArray, IntArray
 from ..lagged import lagged
 from ..progress import Report, parts, silent
-from .profile import CACHE_DOUBLES, ProfilePolynomial, minimise, profile_polynomial
+from .profile import CACHE_DOUBLES, ProfilePolynomial, minimise, profile_polynomial, screen
 from .waveform import Waveform
 
 # Below this share of the largest, a pivot of the scaled base is round-off: 1e5 times the precision of a double.
@@ -35,6 +35,8 @@ SPARSE = 4
 # Orders s between the record's start and the first onset, and between the last and the record's end: an onset nearer
 # than s to either has its minimum at an infinite magnitude.
 STARTING, ENDING = 3, 2
+# Onsets of a shape that are profiled exactly where only the largest statistic is asked for, and pairs of a sweep.
+FINALISTS = 48
 # Bound on a fault, in peak-to-peak ranges of its output (docs/theory.md, 9.2).
 GENEROUS = 10.0
 
@@ -343,6 +345,15 @@ def scan_shape(scan: Scan, waveform: Waveform, onsets: IntArray | None = None, *
     tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
     minimum = in_blocks(scan, len(bound), lambda b: minimise(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
     return in_units(scan, waveform, onsets, minimum)
+
+
+def largest_statistic(scan: Scan, waveform: Waveform, onsets: IntArray | None = None) -> float:
+    """Return the largest statistic of `scan_shape` among the onsets that a screen at one magnitude ranks first."""
+    onsets = default_onsets(scan) if onsets is None else onsets
+    tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
+    F = in_blocks(scan, len(bound), lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]))
+    first = np.sort(np.argsort(F)[:FINALISTS])
+    return float(-scan.n_rows * minimise(stack_onsets(scan, tables, onsets[first]), bound[first])[1].min())
 
 
 def stack_onsets(scan: Scan, tables: ShapeTables, onsets: IntArray) -> ProfilePolynomial:

@@ -28,7 +28,8 @@ from .flight import Flight
 from .naming import channels_of, repeat_advice
 from .result import Event, OrdinaryEvent
 
-# Log density over the best ordinary explanation above which a fault is declared.
+# Log density over the best ordinary explanation above which a fault is declared: none of 14 healthy flights of seven
+# aircraft has one of its own proposals above it (tests/measurements/test_judge.py).
 DECLARED = 20.0
 # Times as much, above which what a finder only suspects is declared: twice what a healthy light aircraft showed.
 SURE = 15.0
@@ -86,7 +87,9 @@ def judged(flight: Flight, events: Sequence[Event]) -> Judged:
         if cause is not None:
             answers[k] = _after(event, cause)
             continue
-        others = [events[j].onset_s for j in order if j != k and not set(events[j].channels) & set(event.channels)]
+        line = _line(event)
+        rest = [events[j] for j in order if j != k and isinstance(answers[j], Event)]
+        others = [one.onset_s for one in rest if not line or _line(one) != line]
         others += [one.onset_s for one in swinging_events]
         beside = [one.onset_s for one in (*known, *(events[j] for j in order if j != k))]
         later_s = min((at_s for at_s in beside if at_s > event.onset_s + APART_S), default=np.inf)
@@ -95,7 +98,9 @@ def judged(flight: Flight, events: Sequence[Event]) -> Judged:
         if isinstance(answer, Event) and answer.state == "declared" and answer.margin is not None:
             # A later fault of its channels was this one, grown.
             for j, later in enumerate(answers):
-                if later in known and later.onset_s > answer.onset_s and _follows(bench, later, answer):
+                if not isinstance(later, Event) or later not in known or later.onset_s <= answer.onset_s:
+                    continue
+                if _line(later) == _line(answer) and _follows(bench, later, answer):
                     answers[j] = _after(later, answer)
             known.append(answer)
             bench = _with_known(bench, answer) if place + 1 < len(order) else bench
@@ -183,7 +188,10 @@ def _weighed(
         return event
     weight = max(weights, key=lambda one: (not one.refused, one.margin))
     best = judgement.weights[0]
-    if event.state == "declared" and event.shape != "frozen" and best.margin > max(DECLARED, weight.margin + DECLARED):
+    lead = (
+        SURE * DECLARED if "holds" in event.stages else DECLARED
+    )  # that a reading rests is worth nothing to the model
+    if event.state == "declared" and event.shape != "frozen" and best.margin > max(DECLARED, weight.margin + lead):
         return _renamed(bench, event, best, judgement.among)
     if weight.margin > DECLARED and not weight.refused:
         return _confirmed(event, weight, judgement, may_be_sure=may_be_sure)
@@ -305,8 +313,9 @@ def _ordinary(event: Event, cause: str, evidence: Mapping[str, float]) -> Ordina
 
 def _is_of(event: Event, gross: Gross) -> bool:
     """Return whether a stretch of gross errors lies in an event of an air-data channel, or where that lets go."""
+    begins_s = gross.to_s if "holds" in event.stages else gross.from_s  # a line that is held is seen a while later
     return (
-        event.onset_ci95[0] < gross.from_s
+        event.onset_ci95[0] < begins_s
         and (event.offset_s is None or event.offset_s > gross.from_s - BESIDE_S)
         and bool(set(event.channels) & DEPENDS_ON.keys())
     )

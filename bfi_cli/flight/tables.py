@@ -123,9 +123,9 @@ class Cause:
     unless: str = ""
 
 
-# Medians over the aircraft of recorded flights that hold no fault (tests/measurements/test_flight_levels.py), and
-# ranges within which a flight may differ. What walks within minutes is not fitted: the likelihood of one-second
-# innovations buys walks in which every slow fault hides.
+# Typical of four light aircraft and a small jet, chosen by hand and not yet medians over aircraft, and ranges within
+# which a flight may differ. What walks within minutes is not fitted: the likelihood of one-second innovations buys
+# walks in which every slow fault hides.
 LEVELS: Mapping[str, Level] = {
     # noise of rows
     "altitude": Level(typical=0.5, lowest=0.3, highest=5.0),

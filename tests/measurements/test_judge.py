@@ -1,0 +1,66 @@
+"""Healthy recorded flights through `bfi diagnose`, and the one that holds a natural event of its static line.
+
+Printed per flight. The short form takes the light aircraft, whose logs are a sample a second; BFI_FULL=1 all.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bfi_cli.config import Config
+from bfi_cli.diagnose import diagnose_flight
+from bfi_cli.diagnose.result import DiagnoseResult
+from bfi_cli.flightlog import read_log
+
+FLIGHTS = Path(__file__).resolve().parents[2].parent / "shared" / "flights"
+LIGHT = ("g1000_c172_110812", "g3x_homebuilt_mfd", "g3x_homebuilt_pfd2", "px4_swiss1", "px4_swiss_flow")
+LIGHT += ("sr22t_210623_141501", "sr22t_220417_125002", "sr22t_220417_135002", "sr22t_220825_142831")
+JETS = ("citation_20170308_084248", "citation_20180312_f1", "citation_20190305_v4", "citation_20190305_v4_bcalt")
+JETS += ("citation_20190312_123416",)
+HEALTHY = (*LIGHT, *(JETS if os.environ.get("BFI_FULL") else ()))
+# Of the healthy flights one may end with a fault, and a third with something suspected.
+MOST_DECLARED, MOST_SUSPECTED = 1, len(HEALTHY) // 3
+EVENT = "gnxi_pa28_240720"
+WITHIN_S = 15.0
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.realdata,
+    pytest.mark.skipif(not FLIGHTS.is_dir(), reason=f"needs the recorded flights of {FLIGHTS}"),
+]
+
+
+@pytest.fixture(scope="module")
+def answers() -> Mapping[str, DiagnoseResult]:
+    return {name: diagnose_flight(read_log(FLIGHTS / f"{name}.h5"), Config()) for name in HEALTHY}
+
+
+@pytest.mark.parametrize(("state", "most"), [("declared", MOST_DECLARED), ("suspected", MOST_SUSPECTED)])
+def test_few_healthy_flights_end_with_a_fault(answers: Mapping[str, DiagnoseResult], state: str, most: int) -> None:
+    named = {
+        name: [(one.fault, round(one.onset_s), one.margin) for one in answer.events if one.state == state]
+        for name, answer in answers.items()
+    }
+    some = {name: events for name, events in named.items() if events}
+    print(f"{state} on {len(some)} of {len(named)} healthy flights: {some}")
+    assert len(some) <= most
+
+
+@pytest.mark.parametrize("without", [(), ("gps_altitude",)])
+def test_the_event_of_the_static_line_is_the_one_answer(without: tuple[str, ...]) -> None:
+    log = read_log(FLIGHTS / f"{EVENT}.h5")
+    log = replace(log, channels={name: one for name, one in log.channels.items() if name not in without})
+    answer = diagnose_flight(log, Config())
+    (event,) = answer.events
+    print(event.fault, event.among, event.onset_s, event.offset_s, event.margin, dict(event.effect))
+    assert event.state == "declared"
+    assert event.fault == "static_leak"
+    assert event.onset_s == pytest.approx(9256.0, abs=WITHIN_S)
+    assert event.offset_s == pytest.approx(9306.0, abs=WITHIN_S)
+    # It reads 20 m/s where the satellites and the minutes about it say 59 to 60.
+    assert event.effect["ias"] == pytest.approx(-40.0, rel=0.2)

@@ -17,7 +17,7 @@ from .options import ANSWER, CHANNELS, log_argument
     "diagnose",
     log_argument,
     *("config_path", "from_s", "to_s", *CHANNELS, "fix_units", "recorder", "require", "tolerance"),
-    *("diagnose_false_alarm", "diagnose_calibration", *ANSWER),
+    *("diagnose_false_alarm", "diagnose_calibration", "judge", *ANSWER),
     click.option(
         *("--workers",),
         metavar="N",

@@ -234,6 +234,8 @@ diagnose_false_alarm  --false-alarm  diagnose.false_alarm  P  number
     Accepted rate of false alarms of a whole healthy flight.  [default: 0.05]
 diagnose_calibration  --calibration  diagnose.calibration  FILE  text
     Air data of this aircraft by bfi calibrate: angle of zero lift, thresholds.  [default: the flight, shipped tables]
+judge  --judge/--no-judge  diagnose.judge  -  choice
+    Weigh events in one likelihood of all channels, against ordinary causes.  [default: no-judge]
 turns  --turns/--no-turns  detect.turns  -  choice
     Explain turns by roll and yaw_rate.  [default: turns]
 magnitude  --magnitude  diagnosability.magnitude  Z  number
@@ -341,7 +343,7 @@ HELP_GROUPS: Mapping[str, tuple[str, ...]] = {
     ),
     "Search and decision": (
         *("onset_tolerance", "shapes", "frequency", "samples", "ends", "train", "turns", "false_alarm"),
-        *("detect_false_alarm", "diagnose_false_alarm", "calibration", "diagnose_calibration"),
+        *("detect_false_alarm", "diagnose_false_alarm", "calibration", "diagnose_calibration", "judge"),
         *("magnitudes", "at_limit", "duration_s", "length_s", "step_s", "require"),
     ),
     "Output": ("verbose", "series", "strict", "fail_on", "force", "progress"),

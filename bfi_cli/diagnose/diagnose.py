@@ -45,7 +45,7 @@ from .exact_events import (
     notes_on_defects,
 )
 from .flight import Flight, flight_of
-from .judged import judged
+from .judged import Judged, judged
 from .limits import bounds_of, limit_courses, limits_of
 from .looks import GLANCE_S, STEP_S, Scanned, glance_at_flight, inputs_for, rate_of, summary_of
 from .naming import finding_of_glance, repeat_advice, vote_against
@@ -110,7 +110,8 @@ def diagnose_flight(
 
     # 5. Events, and deviations within the tolerances.
     lasting = events_of(flight, [*drafts, *glanced])
-    answer = judged(flight, [*events_of_defects(flight), *lasting])
+    proposed = (*events_of_defects(flight), *lasting)
+    answer = judged(flight, proposed) if config.diagnose.judge else Judged(events=proposed)
     every_event = answer.events
     events = tuple(one for one in every_event if one.beyond_tolerance is not False)
 

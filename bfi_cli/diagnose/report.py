@@ -16,6 +16,7 @@ from ..flight.tables import ORDINARY as CAUSES
 from ..flightlog.report import lane_panel
 from ..flightlog.timeline import Happening, bands_of, lanes_of, lines_at, phase_table
 from ..kernels.normal import TWO_SIDED_95
+from ..kernels.runs import within
 from ..notes import Note
 from ..provenance import Provenance
 from ..report.claims import beside_tolerance, fault_head, hidden_table
@@ -196,9 +197,12 @@ def _screen(result: DiagnoseResult, units: Units) -> tuple[str, Screen]:
 
 
 def _is_quiet(result: DiagnoseResult) -> bool:
-    """Return whether nothing is declared, suspected or in doubt, although the log does not exclude every fault."""
+    """Return whether nothing is declared, suspected or in doubt, and most of the flight was watched for every fault."""
     is_open = any(one.is_open for one in result.plausibility)
-    return result.decision == "inconclusive" and not result.events and not is_open
+    seconds = np.arange(result.log.start_s, result.log.stop_s)
+    watched = ~within(seconds, [(from_s, to_s) for from_s, to_s, _ in result.unwatched])
+    quiet = result.decision == "inconclusive" and not result.events and not is_open
+    return quiet and 2 * np.count_nonzero(watched) > seconds.size
 
 
 def _hidden_rows(limits: Sequence[FlightLimit], units: Units) -> list[tuple[str, ...]]:

@@ -6,7 +6,7 @@ clock that is set jumps, and single times are wrong.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,7 @@ MOST_SET, FEWEST_TIMES = 5, 20
 ZONE_S, FARTHEST_ZONE_S = 900.0, 26 * 3600.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Axis:
+class Axis(NamedTuple):
     """A time axis.
 
     Attributes

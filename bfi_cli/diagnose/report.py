@@ -202,7 +202,7 @@ def _is_quiet(result: DiagnoseResult) -> bool:
     seconds = np.arange(result.log.start_s, result.log.stop_s)
     watched = ~within(seconds, [(from_s, to_s) for from_s, to_s, _ in result.unwatched])
     quiet = result.decision == "inconclusive" and not result.events and not is_open
-    return quiet and 2 * np.count_nonzero(watched) > seconds.size
+    return quiet and bool(2 * np.count_nonzero(watched) > seconds.size)
 
 
 def _hidden_rows(limits: Sequence[FlightLimit], units: Units) -> list[tuple[str, ...]]:

@@ -72,7 +72,6 @@ def plus(offset: float) -> Change:
         ({"pitch": times(1.0 / DEGREE), "roll": times(1.0 / DEGREE)}, "unit", "deg", DEGREE),
         ({"pitch_rate": times(1.0 / DEGREE)}, "unit", "deg/s", DEGREE),
         ({"normal_acc": times(1.0 / G)}, "unit", "g", G),
-        ({"normal_acc": lambda values: 1.0 + values / G}, "unit", "g", G),
         ({"longitudinal_acc": times(1.0 / G)}, "unit", "g", G),
         ({"aoa": times(-1.0)}, "sign", "", -1.0),
         ({"pitch": times(-1.0)}, "sign", "", -1.0),

@@ -195,7 +195,7 @@ def test_a_name_whose_unit_does_not_fit_keeps_its_own_name(tmp_path: Path):
         ("time,tas\n0,1\n0,2\n", "'time' does not increase at sample 1"),
         ("time,tas\n3,1\n2,2\n1,3\n", "2 such steps); reverse its samples"),
         ("time,tas\n0,1\n,2\n", "'time' is not a number at sample 1 (1 in all)"),
-        ("time,tas [knotz]\n0,1\n1,2\n", "no channels beside time, 'tas' is in 'knotz', an unknown unit,"),
+        ("time,tas [knotz]\n0,1\n1,2\n", "no channels beside time, 'tas' is in 'knotz', an unknown unit; state it"),
         ("# faults: [{]\ntime,tas\n0,1\n1,2\n", "faults: not JSON"),
         ('# faults: [{"shape": "wave"}]\ntime,tas\n0,1\n1,2\n', "wave"),
         ('# segments: [{"label": "a"}]\ntime,tas\n0,1\n1,2\n', "a segment needs the numbers t_start and t_end"),

@@ -245,9 +245,14 @@ def _by_tolerance(flight: Flight, drafts: Sequence[Draft]) -> tuple[list[Draft],
 
 
 def _follows_from_leak(flight: Flight, line: Draft, slow: Sequence[Draft]) -> bool:
-    """Return whether a line is held that loses its airspeed to a static line which leaks already, and not only may."""
+    """Return whether a pitot line is held that loses its airspeed to a static line which leaks already, not only may.
+
+    A static line that rests shows it itself, and is absorbed by no leak that the scan infers.
+    """
+    if line.finding.stage != "holds" or line.finding.fault == "static_blocked":
+        return False
     leaks = [one.finding for one in slow if one.finding.fault == STATIC_LEAK and _state(flight, one)[0] == "declared"]
-    return line.finding.stage == "holds" and any(begins_within(line.finding, leak) for leak in leaks)
+    return any(begins_within(line.finding, leak) for leak in leaks)
 
 
 def _glances(

@@ -33,16 +33,7 @@ def test_a_practised_stall_is_no_fault(flights: Path, from_s: float) -> None:
         assert any("of a stall (50789 to 50810 s)" in note.text for note in result.notes)
 
 
-SINCE_TRACK = "ground speed along the track, read now, joins the block with what looks like a leak half an hour before"
-
-
-@pytest.mark.parametrize(
-    ("fault", "onset_s"),
-    [
-        ("pitot_blocked", 51_500.0),
-        pytest.param("static_blocked", 51_000.0, marks=pytest.mark.xfail(reason=SINCE_TRACK)),
-    ],
-)
+@pytest.mark.parametrize(("fault", "onset_s"), [("pitot_blocked", 51_500.0), ("static_blocked", 51_000.0)])
 def test_a_leak_that_is_only_suspected_explains_no_blocked_line(flights: Path, fault: str, onset_s: float) -> None:
     """In this flight a static leak cannot be told from none; two landings follow."""
     log = read_log(flights / "reader_samples" / "g1000_c172.csv")

@@ -45,7 +45,6 @@ from .exact_events import (
     notes_on_defects,
 )
 from .flight import Flight, flight_of
-from .judged import Judged, judged
 from .limits import bounds_of, limit_courses, limits_of
 from .looks import GLANCE_S, STEP_S, Scanned, glance_at_flight, inputs_for, rate_of, summary_of
 from .naming import finding_of_glance, repeat_advice, vote_against
@@ -54,6 +53,7 @@ from .result import DiagnoseResult, Event, Strip
 from .slow_faults import SlowFaults, find_slow_faults
 from .unwatched import missing_sentences, unwatched_by_lines, unwatched_by_scan, unwatched_by_steps
 from .verdict import evidence_of, sentence_of
+from .weighing import Weighing, weigh_events
 
 FloatArray = NDArray[np.float64]
 
@@ -111,7 +111,7 @@ def diagnose_flight(
     # 5. Events, and deviations within the tolerances.
     lasting = events_of(flight, [*drafts, *glanced])
     proposed = (*events_of_defects(flight), *lasting)
-    answer = judged(flight, proposed) if config.diagnose.judge else Judged(events=proposed)
+    answer = weigh_events(flight, proposed) if config.diagnose.judge else Weighing(events=proposed)
     every_event = answer.events
     events = tuple(one for one in every_event if one.beyond_tolerance is not False)
 

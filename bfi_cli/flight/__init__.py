@@ -1,1 +1,1 @@
-"""The flight model of a log: one likelihood of all recorded channels, by which what finders propose is judged."""
+"""The flight model of a log: one likelihood of all recorded channels, which weighs what finders propose."""

@@ -71,7 +71,7 @@ def bench_of(
     Parameters
     ----------
     typical : centres of the priors of the levels, those of the tables by default.
-    without : (n,) seconds that tell no level: those about what is to be judged.
+    without : (n,) seconds that tell no level: those about what is to be weighed.
     """
     levels = fitted_levels(model, typical=typical, without=without)
     R, Q = model.noise(levels)

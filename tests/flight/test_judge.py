@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from made_journeys import made_journey
 
-from bfi_cli.diagnose.judged import DECLARED
+from bfi_cli.diagnose.weighing import DECLARED
 from bfi_cli.faults import parse_spec
 from bfi_cli.flight.bench import Bench, bench_of, place_of
 from bfi_cli.flight.fit import fitted_levels

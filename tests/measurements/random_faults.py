@@ -6,7 +6,6 @@ runs those that the file does not hold yet and prints the counts of all that it 
 
 from __future__ import annotations
 
-import argparse
 import contextlib
 import io
 import json
@@ -21,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from jsbsim_trials import tour
+from numbered import run_numbered
 
 from bfi_cli.aircraft import deviations, find_model, simulate, time_axis
 from bfi_cli.commands import run_command
@@ -161,23 +161,5 @@ def report(rows: list[dict[str, Any]]) -> None:
             print(f"  {row['number']}: {row['command']} {row['log']} {row['span_s']} {row['faults']}: {row['wrong']}")
 
 
-def main() -> None:
-    """Run and count."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--last", type=int, default=60)
-    parser.add_argument("--results", type=Path, required=True)
-    asked = parser.parse_args()
-    rows = [json.loads(line) for line in asked.results.read_text().splitlines()] if asked.results.exists() else []
-    known = {row["number"] for row in rows}
-    with asked.results.open("a") as file:
-        for number in range(asked.first, asked.last):
-            if number not in known:
-                rows.append(trial(number))
-                file.write(json.dumps(rows[-1]) + "\n")
-                file.flush()
-    report(rows)
-
-
 if __name__ == "__main__":
-    main()
+    run_numbered(trial, report)

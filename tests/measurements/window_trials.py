@@ -6,8 +6,6 @@ runs those that the file does not hold yet and prints the counts of all that it 
 
 from __future__ import annotations
 
-import argparse
-import json
 from collections import Counter
 from collections.abc import Mapping
 from functools import cache
@@ -15,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numbered import run_numbered
 
 from bfi_cli.analysis import identify, start_time
 from bfi_cli.config import Config, merge
@@ -152,23 +151,5 @@ def report(rows: list[dict[str, Any]]) -> None:
             print(f"  {kind} excluded in {excluded} of {len(healthy)} healthy windows")
 
 
-def main() -> None:
-    """Run and count."""
-    parser = argparse.ArgumentParser()
-    parser.add_argument("--first", type=int, default=0)
-    parser.add_argument("--last", type=int, default=60)
-    parser.add_argument("--results", type=Path, required=True)
-    asked = parser.parse_args()
-    rows = [json.loads(line) for line in asked.results.read_text().splitlines()] if asked.results.exists() else []
-    known = {row["number"] for row in rows}
-    with asked.results.open("a") as file:
-        for number in range(asked.first, asked.last):
-            if number not in known:
-                rows.append(trial(number))
-                file.write(json.dumps(rows[-1]) + "\n")
-                file.flush()
-    report(rows)
-
-
 if __name__ == "__main__":
-    main()
+    run_numbered(trial, report)

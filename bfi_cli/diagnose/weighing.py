@@ -55,7 +55,7 @@ LOUD, AUDIBLE = 0.05, 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
+class Weighing:
     """Events that stand, ordinary ones, and what is said of those that were refuted."""
 
     events: tuple[Event, ...]
@@ -63,12 +63,12 @@ class Judged:
     notes: tuple[Note, ...] = ()
 
 
-def judged(flight: Flight, events: Sequence[Event]) -> Judged:
+def weigh_events(flight: Flight, events: Sequence[Event]) -> Weighing:
     """Return events with their margins: declared, suspected, ordinary, or refuted by what else is recorded."""
     weighed = [one for one in events if _can_be_weighed(one)]
     bench = _bench(flight, weighed)
     if bench is None:
-        return Judged(events=tuple(events))
+        return Weighing(events=tuple(events))
     answers: list[Event | OrdinaryEvent | Note] = list(events)
     known: list[Event] = []
     for one in gross_errors(bench):
@@ -104,7 +104,7 @@ def judged(flight: Flight, events: Sequence[Event]) -> Judged:
                     answers[j] = _after(later, answer)
             known.append(answer)
             bench = _with_known(bench, answer) if place + 1 < len(order) else bench
-    return Judged(
+    return Weighing(
         events=(*swinging_events, *(one for one in answers if isinstance(one, Event))),
         ordinary=tuple(one for one in answers if isinstance(one, OrdinaryEvent)),
         notes=tuple(one for one in answers if isinstance(one, Note)),

@@ -113,8 +113,8 @@ class OscillationSearch:
         return self.last if wave.end is None else wave.end
 
     def duration_s(self, wave: Sinusoid) -> float:
-        """Return the time from start to end."""
-        return (self.end(wave) - wave.start) / self.record.sampling.native_hz
+        """Return the time from start to end, at least that of a sample."""
+        return max(self.end(wave) - wave.start, 1) / self.record.sampling.native_hz
 
     def signals(self, wave: Sinusoid) -> FloatArray:
         """Return (n_samples, 1), phase 0 at the start, or for a free phase (n_samples, 2), sine and cosine.

@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from .errors import BfiError, ConfigError, DictionaryError, ExcitationError, LogError
     from .faults import Fault
     from .flightlog import FlightLog, inject, inspect_log, read_log, resample, write_log
-    from .identify import identify_faults
-    from .identify.result import IdentifyResult
+    from .model import identify_faults
+    from .model.result import IdentifyResult
     from .onset import find_onset
 
 __version__ = "0.2.0"
@@ -72,8 +72,8 @@ _HOME = {
     "errors": ("BfiError", "ConfigError", "DictionaryError", "ExcitationError", "LogError"),
     "faults": ("Fault",),
     "flightlog": ("FlightLog", "inject", "inspect_log", "read_log", "resample", "write_log"),
-    "identify": ("identify_faults",),
-    "identify.result": ("IdentifyResult",),
+    "model": ("identify_faults",),
+    "model.result": ("IdentifyResult",),
     "onset": ("find_onset",),
 }
 

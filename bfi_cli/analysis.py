@@ -29,11 +29,11 @@ from .flightlog import FlightLog, inject
 from .flightlog.defects import is_told_by_physics
 from .flightlog.injection import without_line_fault
 from .flightlog.recorder import recorder_filters
-from .identify.identify import Identification, conclusion_of, identification, result_of
-from .identify.methods import METHODS
-from .identify.result import AgainstTruth, IdentifyResult, ScanSummary
-from .identify.shared_model import with_those_that_share
 from .kernels.progress import Progress, unseen
+from .model.identify import Identification, conclusion_of, identification, result_of
+from .model.methods import METHODS
+from .model.result import AgainstTruth, IdentifyResult, ScanSummary
+from .model.shared_model import with_those_that_share
 from .notes import Note
 from .onset import OnsetResult, OnsetSearch, find_onset, search_onsets
 from .onset.shapes import scanned_shape
@@ -75,7 +75,7 @@ def _physics(log: FlightLog, config: Config, progress: Progress) -> tuple[Eviden
     if config.method != "ml" or not is_told_by_physics(log, config.outputs):
         return Evidence(source="physics"), config
     # What is imported here takes as long as a short log without such channels.
-    from .diagnose.evidence import SHARE, physics_evidence
+    from .flight.evidence import SHARE, physics_evidence
 
     physics = physics_evidence(log, config, progress)
     if not physics.candidates and not physics.faults:
@@ -100,7 +100,7 @@ def identify(
 
     Raises
     ------
-    LogError, ConfigError, DictionaryError : see `bfi_cli.identify.identify_faults` and `bfi_cli.onset.find_onset`.
+    LogError, ConfigError, DictionaryError : see `bfi_cli.model.identify_faults` and `bfi_cli.onset.find_onset`.
     """
     config = with_inputs_of(log, config)
     part = log.window(config.window.from_s, config.window.to_s)

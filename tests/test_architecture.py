@@ -26,25 +26,25 @@ FLOORS = (
     ("errors", "kernels", "notes", "printable"),
     ("airdata", "units"),
     ("channels", "shapes"),
-    ("faults", "files", "yaml12", "identify.methods", "plausibility.finding", "preprocessing.summary", "provenance"),
+    ("faults", "files", "yaml12", "model.methods", "plausibility.finding", "preprocessing.summary", "provenance"),
     ("filters", "jsbsim"),
     ("serialization", "truth", "validation"),
     ("display_units",),
     ("report.text",),
     ("decision",),
-    ("dictionary", "identify.result"),
+    ("dictionary", "model.result"),
     ("report",),
     ("flightlog", "config"),
     ("aircraft", "decision.calibration"),
     ("preprocessing",),
-    ("detect", "monitor", "onset", "parity", "plausibility"),
-    ("audit", "diagnosability", "flight", "identify"),
-    ("engine",),
-    ("diagnose",),
+    ("detection", "onset", "parity", "plausibility"),
+    ("audit", "diagnosability", "model"),
+    ("engine", "lab"),
+    ("flight",),
     ("analysis",),
-    ("compare",),
-    ("montecarlo",),
-    ("reproduce",),
+    ("lab.compare",),
+    ("lab.montecarlo",),
+    ("lab.reproduce",),
     ("commands",),
     ("__main__",),
 )
@@ -57,7 +57,7 @@ HOME = {
     "h5py": {"flightlog", "files"},
     "jinja2": {"report"},
     "jsbsim": {"jsbsim"},
-    "ruptures": {"compare"},
+    "ruptures": {"lab.compare"},
     "nptdms": {"flightlog"},
     "yaml": {"yaml12"},
 }
@@ -426,7 +426,7 @@ def test_what_is_to_be_touched_is_where_the_guide_says(files: str, tests: str):
         assert (CONTRIBUTING.parent / "tests" / name).is_file(), name
 
 
-@pytest.mark.parametrize(("module", "registry"), [("identify.methods", "METHODS"), ("shapes", "SHAPES")])
+@pytest.mark.parametrize(("module", "registry"), [("model.methods", "METHODS"), ("shapes", "SHAPES")])
 def test_an_entry_of_a_table_stands_in_no_other_list(module: str, registry: str):
     """No other display of the package lists most of the entries of a table: what is added once is known throughout."""
     entries = {*getattr(importlib.import_module(f"bfi_cli.{module}"), registry)}

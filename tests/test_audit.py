@@ -20,7 +20,7 @@ from bfi_cli.errors import ConfigError, DictionaryError
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import Channel, FlightLog, read_log
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.identify import identify_faults
+from bfi_cli.model import identify_faults
 from bfi_cli.onset import search_onsets
 from bfi_cli.preprocessing.window import prepare_window, with_inputs_of
 from bfi_cli.provenance import provenance

@@ -106,7 +106,7 @@ def test_the_example_has_every_key_and_says_the_defaults():
     assert example.load_dictionary() == load_dictionary(CONFIGS / "thesis_dictionary.yaml")
 
 
-@pytest.mark.slow  # tests/montecarlo/test_scenarios.py has the same definitions
+@pytest.mark.slow  # tests/lab/montecarlo/test_scenarios.py has the same definitions
 def test_the_shipped_schema_is_the_one_of_the_models():
     assert json.loads((CONFIGS / "schema" / "config.json").read_text()) == json_schema()
     assert (CONFIGS / "example.yaml").read_text().startswith("# yaml-language-server: $schema=schema/config.json\n")

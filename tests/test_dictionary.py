@@ -379,7 +379,7 @@ def test_shipped_dictionaries_load_and_name_their_schema(name):
     assert all(dead_reason(atom, 0.0, 60.0) is None for atom in dictionary.exact.resolved(0.0))
 
 
-@pytest.mark.slow  # tests/montecarlo/test_scenarios.py has the same definitions
+@pytest.mark.slow  # tests/lab/montecarlo/test_scenarios.py has the same definitions
 def test_the_shipped_schema_is_the_one_of_the_models():
     assert json.loads((CONFIGS / "schema" / "dictionary.json").read_text()) == json_schema()
 

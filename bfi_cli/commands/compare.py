@@ -41,9 +41,9 @@ def command(asked: Asked) -> Answer:
 
     A method that lacks a channel, a model or a dictionary stands in the table with the reason.
     """
-    from ..compare import PEERS, compare, compare_content, compare_document
-    from ..compare.programs import program_peer
     from ..faults import did_you_mean
+    from ..lab.compare import PEERS, compare, compare_content, compare_document
+    from ..lab.compare.programs import program_peer
 
     given, programs = asked.config, asked.options["programs"]
     peers = {**PEERS, **{name: program_peer(path, asked.options["timeout_s"]) for name, path in programs.items()}}

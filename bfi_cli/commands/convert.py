@@ -46,7 +46,7 @@ def command(
     flight = read_log(log, from_s=first_s, to_s=last_s, **{name: options[name] for name in CHANNELS})
     flight = flight.window(from_s, to_s) if rate_hz is None else resample(flight, rate_hz, from_s=from_s, to_s=to_s)
     if corrected is not None:
-        from ..diagnose.corrected import corrected_log, events_to_correct
+        from ..flight.corrected import corrected_log, events_to_correct
 
         flight = corrected_log(flight, events_to_correct(corrected, flight))
     write_and_show(flight, options, kind="convert", log_sha256=flight.sha256)

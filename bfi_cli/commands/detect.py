@@ -25,7 +25,7 @@ def command(asked: Asked) -> Answer:
 
     What is healthy is learnt from the time --train; the threshold is calibrated on a part of it that was held back.
     """
-    from ..detect import detect_content, detect_document, detect_faults
+    from ..detection import detect_content, detect_document, detect_faults
 
     asked.check_out(("hidden", "detection"), ("alarms", "candidates", "channels"))
     flight, findings = with_findings(log_of(asked.log, asked.config), asked.config)

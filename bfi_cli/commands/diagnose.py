@@ -42,9 +42,9 @@ def command(asked: Asked) -> Answer:
     which bound the air data without a model of the aircraft; steps and oscillations by the scan over all onsets.
     """
     from ..config import merge
-    from ..diagnose import diagnose_content, diagnose_document, diagnose_flight
-    from ..diagnose.report import events_csv
     from ..files import aside, check_files
+    from ..flight import diagnose_content, diagnose_document, diagnose_flight
+    from ..flight.report import events_csv
     from ..parity.record import USED
 
     asked.check_out(("timeline",), ("events", "deviations", "limits", "phases"), zoom=True)

@@ -66,8 +66,8 @@ def command(asked: Asked) -> Answer:
     Without a dictionary the scan over all onsets (bfi start-time) proposes the faults.
     """
     from ..analysis import identify
-    from ..identify.document import identify_document
-    from ..identify.report import DRAWINGS, TABLES, identify_content
+    from ..model.document import identify_document
+    from ..model.report import DRAWINGS, TABLES, identify_content
 
     asked.check_out(DRAWINGS, TABLES)
     flight, asked = asked.read()

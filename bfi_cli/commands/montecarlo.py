@@ -16,8 +16,8 @@ from .output import check_out, note, show, write
 from .progress import progress
 
 if TYPE_CHECKING:
-    from ..montecarlo import Sweep
-    from ..montecarlo.trial import Row
+    from ..lab.montecarlo import Sweep
+    from ..lab.montecarlo.trial import Row
 
 STORED = "summary.json"
 
@@ -38,10 +38,10 @@ def command(config_path: str, **options: Any) -> None:
     CONFIG names the record, the dictionary and what varies; configs/montecarlo_thesis.yaml is an example. The numbers
     are the same for any number of workers, and for a sweep that was stopped and continued.
     """
-    from ..montecarlo import check_records, digest_of, load_sweep, montecarlo_content, summarise, summary_document
-    from ..montecarlo.running import TIMING_COLUMNS, timing_cells
-    from ..montecarlo.summary import DRAWINGS, TABLES
-    from ..montecarlo.trial import COLUMNS
+    from ..lab.montecarlo import check_records, digest_of, load_sweep, montecarlo_content, summarise, summary_document
+    from ..lab.montecarlo.running import TIMING_COLUMNS, timing_cells
+    from ..lab.montecarlo.summary import DRAWINGS, TABLES
+    from ..lab.montecarlo.trial import COLUMNS
     from ..provenance import provenance
 
     if options["workers"] is not None and options["scheduler"] is not None:
@@ -84,7 +84,7 @@ def command(config_path: str, **options: Any) -> None:
 def _run(
     sweep: Sweep, out: Path | None, digest: str, options: dict[str, Any], report: Callable[[int], None]
 ) -> tuple[list[tuple[Row, float]], Any]:
-    from ..montecarlo import Journal, run_sweep
+    from ..lab.montecarlo import Journal, run_sweep
 
     resume, force = options["resume"], options["force"]
     opened = nullcontext() if out is None else Journal(out, sweep, digest=digest, resume=resume, force=force)

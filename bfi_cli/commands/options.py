@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ConfigError
-from ..identify.methods import METHODS
+from ..model.methods import METHODS
 
 if TYPE_CHECKING:
     from ..config import Config

@@ -14,9 +14,9 @@ from .progress import progress
 
 if TYPE_CHECKING:
     from ..flightlog import FlightLog
+    from ..lab.reproduce import Settings
     from ..provenance import Provenance
     from ..report.content import ReportContent
-    from ..reproduce import Settings
 
 OF_A_LOG = {name: OPTIONS[name].flags[0] for name in ("from_s", "to_s", *CHANNELS)}
 
@@ -36,9 +36,9 @@ def command(context: click.Context, /, name: str, **options: Any) -> None:
 
     Without NAME, or with "list", the names are listed; "all" makes every one, each in a folder of its own in --out.
     """
+    from ..lab.reproduce import Settings
+    from ..lab.reproduce.catalogue import REPRODUCTIONS, find, list_content, reproduce_document, run
     from ..provenance import provenance
-    from ..reproduce import Settings
-    from ..reproduce.catalogue import REPRODUCTIONS, find, list_content, reproduce_document, run
 
     if name not in ("list", "all"):
         name = find(name)
@@ -80,7 +80,7 @@ def _every(
     settings: Settings, origin: Provenance, options: dict[str, Any], inputs: tuple[str, ...]
 ) -> tuple[ReportContent, int]:
     """Make every reproduction, write each to a folder of `out`, and return the summary and the exit code."""
-    from ..reproduce.catalogue import REPRODUCTIONS, reproduce_document, run, summary_content
+    from ..lab.reproduce.catalogue import REPRODUCTIONS, reproduce_document, run, summary_content
 
     shared: dict[tuple[str, str], ReportContent | BfiError] = {}
     made: list[tuple[str, ReportContent | BfiError]] = []

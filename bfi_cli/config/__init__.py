@@ -29,7 +29,7 @@ from ..dictionary import Dictionary, DictionaryDocument, expand, is_shipped, loa
 from ..display_units import UnitsName
 from ..errors import ConfigError, LogError
 from ..faults import did_you_mean, shown
-from ..identify.methods import METHODS
+from ..model.methods import METHODS
 from ..shapes import SCANNED, Kind, ScannedShape
 from ..units import change_in_si
 from ..validation import Number, Positive, Rules, Text, Whole, editor_schema, path_beside, validate

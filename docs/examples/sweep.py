@@ -5,7 +5,7 @@ python docs/examples/sweep.py
 
 from pathlib import Path
 
-from bfi_cli.montecarlo import load_sweep, run_sweep, summarise
+from bfi_cli.lab.montecarlo import load_sweep, run_sweep, summarise
 
 ROOT = Path(__file__).resolve().parents[2]
 

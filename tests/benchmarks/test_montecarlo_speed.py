@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from bfi_cli.dictionary import signals
-from bfi_cli.identify.risro import THRESHOLD
 from bfi_cli.kernels.lagged import lagged
-from bfi_cli.montecarlo import load_sweep, run_sweep
-from bfi_cli.montecarlo.flight import record_of
-from bfi_cli.montecarlo.scenarios import Sweep
+from bfi_cli.lab.montecarlo import load_sweep, run_sweep
+from bfi_cli.lab.montecarlo.flight import record_of
+from bfi_cli.lab.montecarlo.scenarios import Sweep
+from bfi_cli.model.risro import THRESHOLD
 
 pytestmark = pytest.mark.benchmarks
 

@@ -453,7 +453,7 @@ def test_what_the_conclusion_only_suspects_stays_in_the_corrected_signal(
 ):
     stall = Manoeuvre(name="stall", from_s=12.0, to_s=15.0, beside_s=2.0)
     flown = Evidence(source="phases", manoeuvres=(stall,))
-    monkeypatch.setattr("bfi_cli.identify.identify.manoeuvres_of", lambda *_: flown)
+    monkeypatch.setattr("bfi_cli.model.identify.manoeuvres_of", lambda *_: flown)
     document = identify(BIAS, "--rate", 5, "--order", 2)
     (output,) = document["series"]["outputs"]
     assert (document["decision"], document["faults"]) == ("inconclusive", [])

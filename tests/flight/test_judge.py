@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from made_journeys import made_journey
 
-from bfi_cli.diagnose.weighing import DECLARED
 from bfi_cli.faults import parse_spec
 from bfi_cli.flight.bench import Bench, bench_of, place_of
 from bfi_cli.flight.fit import fitted_levels
@@ -18,6 +17,7 @@ from bfi_cli.flight.judge import ALIKE, explains, is_on_ground, judge, rows_of
 from bfi_cli.flight.model import FlightModel, flight_model
 from bfi_cli.flight.seconds import seconds_of
 from bfi_cli.flight.tables import LEVELS
+from bfi_cli.flight.weighing import DECLARED
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.injection import inject
 from bfi_cli.kernels.bounded_filter import Stack, filter_stack

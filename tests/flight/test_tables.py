@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from bfi_cli.channels import STANDARD
-from bfi_cli.diagnose.report import TEXT_OF_CAUSE
+from bfi_cli.flight.report import TEXT_OF_CAUSE
 from bfi_cli.flight.tables import LEVELS, MANOEUVRE, ORDINARY, ROWS, STATES, Coefficients
 
 N = 5

@@ -19,7 +19,7 @@ from bfi_cli.flightlog import Channel, FlightLog, read_log
 from bfi_cli.flightlog.plausible import time_scale
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.flightlog.resampling import with_short_gaps
-from bfi_cli.identify import identify_faults
+from bfi_cli.model import identify_faults
 
 N = 400
 

@@ -13,7 +13,7 @@ from typing import Any
 from locked_answers import Difference, differences, plain
 from window_trials import answers, posed
 
-from bfi_cli.identify.document import identify_document
+from bfi_cli.model.document import identify_document
 from bfi_cli.onset import onset_document
 from bfi_cli.provenance import provenance
 

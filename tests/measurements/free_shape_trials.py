@@ -14,7 +14,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.identify import identify_faults
+from bfi_cli.model import identify_faults
 
 NOISE = 0.02
 ONSET_S = 12.0  # in the window, after the manoeuvre

@@ -11,13 +11,13 @@ from threadpoolctl import threadpool_limits
 from bfi_cli.aircraft import STICK, Dryden, FlightPlan, deviations, find_model, simulate, time_axis
 from bfi_cli.analysis import identify
 from bfi_cli.config import Config, merge
-from bfi_cli.diagnose import diagnose_flight
 from bfi_cli.dictionary import Dictionary, load_dictionary
 from bfi_cli.faults import Fault
+from bfi_cli.flight import diagnose_flight
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.identify import identify_faults
-from bfi_cli.identify.result import IdentifyResult
+from bfi_cli.model import identify_faults
+from bfi_cli.model.result import IdentifyResult
 from bfi_cli.preprocessing.defaults import with_defaults_of
 
 AIRCRAFT = ("c172p", "737", "f16")

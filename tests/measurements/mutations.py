@@ -33,9 +33,9 @@ class Line:
 
 
 FLIGHT_LIMITS = (
-    "tests/diagnose/test_*limits*.py",
-    "tests/diagnose/test_*looks*.py",
-    "tests/diagnose/test_*lasting*.py",
+    "tests/flight/test_*limits*.py",
+    "tests/flight/test_*looks*.py",
+    "tests/flight/test_*lasting*.py",
 )
 RELATIONS = ("tests/parity/test_*static_relations*.py", "tests/parity/test_*limits*.py")
 ONSET_CLAIMS = ("tests/onset/test_*claims*.py", "tests/onset/test_*decision*.py", "tests/onset/test_*excluded*.py")
@@ -69,21 +69,21 @@ LINES = (
         ),
         RELATIONS,
     ),
-    Line("diagnose/looks.py", "beside=bool(lasting))", ("beside=False)", "beside=True)"), FLIGHT_LIMITS),
+    Line("flight/looks.py", "beside=bool(lasting))", ("beside=False)", "beside=True)"), FLIGHT_LIMITS),
     Line(
-        "diagnose/limits.py",
+        "flight/limits.py",
         "sizes = np.abs(one.magnitude[name]) + spreads",
         ("sizes = spreads", "sizes = one.magnitude[name] + spreads", "sizes = np.abs(one.magnitude[name])"),
         FLIGHT_LIMITS,
     ),
     Line(
-        "diagnose/looks.py",
+        "flight/looks.py",
         "return false_alarm / (len(LENGTHS_S) + 1) / max(n_windows, 1)",
         ("return false_alarm / (len(LENGTHS_S) + 1)", "return false_alarm / max(n_windows, 1)"),
         FLIGHT_LIMITS,
     ),
     Line(
-        "diagnose/limits.py",
+        "flight/limits.py",
         "best = np.argmin(np.where(inside, spreads, np.inf) * np.where(inside, per_tolerance, 1.0), axis=1)",
         (
             "best = np.argmax(np.where(inside, spreads, -1.0) * np.where(inside, per_tolerance, 1.0), axis=1)",
@@ -92,13 +92,13 @@ LINES = (
         FLIGHT_LIMITS,
     ),
     Line(
-        "diagnose/limits.py",
+        "flight/limits.py",
         "told = () if overlaps(window, left_out) else one.magnitude",
         ("told = one.magnitude", "told = () if overlaps(window, left_out[1:]) else one.magnitude"),
         FLIGHT_LIMITS,
     ),
     Line(
-        "diagnose/verdict.py",
+        "flight/verdict.py",
         "bounded[name] = bool(deciding) and all(one.within_tolerance for one in deciding)",
         (
             "bounded[name] = bool(deciding) and any(one.within_tolerance for one in deciding)",
@@ -147,7 +147,7 @@ LINES = (
         ONSET_CLAIMS,
     ),
     Line(
-        "detect/parity.py",
+        "detection/parity.py",
         "declared = factor * ((needed + ONE_SIDED_90) * drops.old_sd[run, place]).max(axis=1)",
         (
             "declared = ((needed + ONE_SIDED_90) * drops.old_sd[run, place]).max(axis=1)",
@@ -155,16 +155,16 @@ LINES = (
             "declared = factor * ((needed + ONE_SIDED_90) * drops.old_sd[run, place]).min(axis=1)",
             "declared = factor * ((needed - ONE_SIDED_90) * drops.old_sd[run, place]).max(axis=1)",
         ),
-        ("tests/detect/test_limits.py",),
+        ("tests/detection/test_limits.py",),
     ),
     Line(
-        "detect/parity.py",
+        "detection/parity.py",
         "threshold = _threshold(model, drops, window, false_alarm, patch=patch)",
         (
             "threshold = _threshold(model, drops, window, false_alarm, patch=0)",
             "threshold = _threshold(model, drops, window, false_alarm, patch=2 * patch)",
         ),
-        ("tests/detect/test_limits.py",),
+        ("tests/detection/test_limits.py",),
     ),
     Line(
         "preprocessing/magnitudes.py",

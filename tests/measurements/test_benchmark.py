@@ -12,8 +12,8 @@ from pathlib import Path
 import pytest
 from bars import FULL, not_above, not_below
 
-from bfi_cli.montecarlo import load_sweep, run_sweep, summarise
-from bfi_cli.montecarlo.summary import ScenarioSummary
+from bfi_cli.lab.montecarlo import load_sweep, run_sweep, summarise
+from bfi_cli.lab.montecarlo.summary import ScenarioSummary
 
 pytestmark = pytest.mark.slow
 

@@ -13,7 +13,7 @@ from trials import sized
 from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
 from bfi_cli.decision import decide
-from bfi_cli.detect import DetectResult, detect_faults
+from bfi_cli.detection import DetectResult, detect_faults
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.record import frozen_array

@@ -11,7 +11,7 @@ from trials import sized
 
 from bfi_cli.aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config
-from bfi_cli.detect import detect_faults
+from bfi_cli.detection import detect_faults
 from bfi_cli.faults import Fault
 from bfi_cli.filters import Filter, response_of
 from bfi_cli.flightlog import FlightLog, inject

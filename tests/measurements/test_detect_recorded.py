@@ -17,9 +17,9 @@ import pytest
 from bars import FULL, not_above, not_below
 
 from bfi_cli.config import Config, merge
-from bfi_cli.detect import detect_faults
-from bfi_cli.detect.parity import detect_sequentially
-from bfi_cli.detect.preparation import decimate_record, prepare_detection
+from bfi_cli.detection import detect_faults
+from bfi_cli.detection.parity import detect_sequentially
+from bfi_cli.detection.preparation import decimate_record, prepare_detection
 from bfi_cli.faults import Fault
 from bfi_cli.filters import Filter, response_of
 from bfi_cli.flightlog import FlightLog, inject, read_log

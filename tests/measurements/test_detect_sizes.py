@@ -9,7 +9,7 @@ from trials import sized
 
 from bfi_cli.aircraft import Dryden, find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
-from bfi_cli.detect import detect_faults
+from bfi_cli.detection import detect_faults
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject
 

@@ -26,8 +26,8 @@ from shipped_parity import FLIGHTS, clean_windows
 
 from bfi_cli.config import Config, merge
 from bfi_cli.decision.calibration import save_tables
-from bfi_cli.diagnose import DiagnoseResult, Event, diagnose_flight
 from bfi_cli.faults import Fault
+from bfi_cli.flight import DiagnoseResult, Event, diagnose_flight
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.recorder import with_seen_recorder

@@ -11,7 +11,7 @@ import pytest
 from bars import FULL
 from trials import sized
 
-from bfi_cli.reproduce.f16_table2 import (
+from bfi_cli.lab.reproduce.f16_table2 import (
     BANDWIDTHS,
     TABLE_2,
     Case,

@@ -21,7 +21,7 @@ from bfi_cli.config import load_config
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import BfiError
 from bfi_cli.flightlog import write_log
-from bfi_cli.montecarlo import load_sweep
+from bfi_cli.lab.montecarlo import load_sweep
 
 pytestmark = pytest.mark.slow
 

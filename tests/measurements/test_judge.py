@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from bfi_cli.config import Config, merge
-from bfi_cli.diagnose import diagnose_flight
-from bfi_cli.diagnose.result import DiagnoseResult
+from bfi_cli.flight import diagnose_flight
+from bfi_cli.flight.result import DiagnoseResult
 from bfi_cli.flightlog import read_log
 
 FLIGHTS = Path(__file__).resolve().parents[2].parent / "shared" / "flights"

@@ -15,9 +15,9 @@ from bars import FULL, most_events, not_below
 from shipped_parity import FLIGHTS
 
 from bfi_cli.config import Config
-from bfi_cli.diagnose import DiagnoseResult, diagnose_flight
-from bfi_cli.diagnose.result import Event
 from bfi_cli.faults import Fault
+from bfi_cli.flight import DiagnoseResult, diagnose_flight
+from bfi_cli.flight.result import Event
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.recorder import with_seen_recorder
 

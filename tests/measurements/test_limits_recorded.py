@@ -13,12 +13,12 @@ from trials import sized
 from whole_flight_trials import recorder
 
 from bfi_cli.config import Config
-from bfi_cli.diagnose import diagnose_flight
-from bfi_cli.diagnose.evidence import physics_evidence
-from bfi_cli.diagnose.flight import Flight, flight_of
-from bfi_cli.diagnose.limits import Hidden, bounds_of
-from bfi_cli.diagnose.looks import scan_flight, thresholds_of
 from bfi_cli.faults import Fault
+from bfi_cli.flight import diagnose_flight
+from bfi_cli.flight.evidence import physics_evidence
+from bfi_cli.flight.flight import Flight, flight_of
+from bfi_cli.flight.limits import Hidden, bounds_of
+from bfi_cli.flight.looks import scan_flight, thresholds_of
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.phases import phases_of

@@ -19,9 +19,9 @@ from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
-from bfi_cli.identify import identify_faults
 from bfi_cli.kernels.mf2d import largest_weight, solve_mf2d
 from bfi_cli.kernels.variable_projection import ProjectedRegression
+from bfi_cli.model import identify_faults
 from bfi_cli.preprocessing.window import prepare_window, regression_of
 
 pytestmark = pytest.mark.slow

@@ -18,7 +18,7 @@ from window_trials import CITATION, FLIGHTS, LENGTH_S, flight_log, starts_s
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import Dictionary, load_dictionary
 from bfi_cli.flightlog import Channel, FlightLog
-from bfi_cli.identify.identify import identify_faults
+from bfi_cli.model.identify import identify_faults
 from bfi_cli.preprocessing.window import with_inputs_of
 
 pytestmark = pytest.mark.slow

@@ -21,8 +21,8 @@ from scipy import stats
 from trials import sized, spread
 
 from bfi_cli.config import Config, merge
-from bfi_cli.diagnose import diagnose_flight
-from bfi_cli.diagnose.result import Event
+from bfi_cli.flight import diagnose_flight
+from bfi_cli.flight.result import Event
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.flightlog.record import frozen_array
 

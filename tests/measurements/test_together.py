@@ -18,9 +18,9 @@ from bfi_cli.faults import Fault
 from bfi_cli.filters import response_of
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.recorder import recorder_filters
-from bfi_cli.identify.identify import identify_faults
-from bfi_cli.identify.result import IdentifyResult
-from bfi_cli.identify.shared_model import with_those_that_share
+from bfi_cli.model.identify import identify_faults
+from bfi_cli.model.result import IdentifyResult
+from bfi_cli.model.shared_model import with_those_that_share
 from bfi_cli.preprocessing.window import with_inputs_of
 
 pytestmark = pytest.mark.slow

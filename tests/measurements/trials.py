@@ -20,8 +20,8 @@ from bfi_cli.dictionary import Dictionary
 from bfi_cli.faults import unit_signal
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.identify import identify_faults
-from bfi_cli.identify.result import IdentifyResult
+from bfi_cli.model import identify_faults
+from bfi_cli.model.result import IdentifyResult
 
 CONFIGS = Path(__file__).resolve().parents[2] / "configs"
 

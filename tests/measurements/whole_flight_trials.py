@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from bfi_cli.config import Config
-from bfi_cli.diagnose import DiagnoseResult, diagnose_flight
+from bfi_cli.flight import DiagnoseResult, diagnose_flight
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import frozen_array

@@ -23,7 +23,7 @@ from bfi_cli.filters import response_of
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
 from bfi_cli.flightlog.recorder import recorder_filters
-from bfi_cli.identify.result import IdentifyResult
+from bfi_cli.model.result import IdentifyResult
 from bfi_cli.onset import OnsetResult
 from bfi_cli.preprocessing.tolerance import tolerance_of
 

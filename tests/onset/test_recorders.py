@@ -19,7 +19,7 @@ from bfi_cli.faults import Fault, FaultEstimate
 from bfi_cli.filters import Filter
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.identify import identify_faults
+from bfi_cli.model import identify_faults
 from bfi_cli.onset import find_onset
 
 FINE_HZ, FACTOR = 100.0, 10

@@ -18,11 +18,11 @@ from bfi_cli.airdata import (
     speed_of_sound,
 )
 from bfi_cli.config import Config
-from bfi_cli.diagnose.diagnose import diagnose_flight
-from bfi_cli.diagnose.flight import flight_of
-from bfi_cli.diagnose.naming import vote_against
-from bfi_cli.diagnose.relations import drafts_of_relations, find_relations
 from bfi_cli.faults import Fault
+from bfi_cli.flight.diagnose import diagnose_flight
+from bfi_cli.flight.flight import flight_of
+from bfi_cli.flight.naming import vote_against
+from bfi_cli.flight.relations import drafts_of_relations, find_relations
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import Channel, frozen_array

@@ -3,7 +3,7 @@
 import made_results
 import pytest
 
-from bfi_cli.identify.report import identify_content
+from bfi_cli.model.report import identify_content
 from bfi_cli.report.figures import draw
 from bfi_cli.report.style import to_svg
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from bfi_cli.decision import KINDS, Candidate, summarise, verdicts_of
 from bfi_cli.faults import Fault, FaultEstimate
-from bfi_cli.identify.result import (
+from bfi_cli.model.result import (
     AgainstTruth,
     IdentifyResult,
     OutputSeries,

@@ -16,7 +16,7 @@ from hypothesis.extra.numpy import arrays
 from made_results import fault_result, no_fault_result, two_output_result
 from matplotlib.image import imread
 
-from bfi_cli.identify.report import MAX_CANDIDATES, identify_content, shown_candidates
+from bfi_cli.model.report import MAX_CANDIDATES, identify_content, shown_candidates
 from bfi_cli.report.content import thinned
 from bfi_cli.report.figures import draw
 from bfi_cli.report.style import to_png, to_svg

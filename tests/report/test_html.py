@@ -7,7 +7,7 @@ from html.parser import HTMLParser
 import pytest
 from made_results import fault_result, inconclusive_result, no_fault_result, two_output_result
 
-from bfi_cli.identify.report import identify_content
+from bfi_cli.model.report import identify_content
 from bfi_cli.notes import Note
 from bfi_cli.report.figures import draw
 from bfi_cli.report.html import render_content

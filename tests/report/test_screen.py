@@ -8,7 +8,7 @@ import pytest
 from made_results import fault_result, no_fault_result
 from screens import check_screen, screen
 
-from bfi_cli.identify.report import identify_content
+from bfi_cli.model.report import identify_content
 from bfi_cli.notes import Note
 
 

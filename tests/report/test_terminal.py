@@ -8,7 +8,7 @@ from made_results import fault_result, two_output_result
 from noted import texts
 from rich.console import Console
 
-from bfi_cli.identify.report import identify_content
+from bfi_cli.model.report import identify_content
 from bfi_cli.notes import Note
 from bfi_cli.report.terminal import MAX_ROWS, print_content
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from made_results import fault_result, inconclusive_result, no_fault_result, two_output_result
 
 from bfi_cli.faults import Fault
-from bfi_cli.identify.report import identify_content
+from bfi_cli.model.report import identify_content
 from bfi_cli.report.faults import describe
 from bfi_cli.report.text import axis_label, instant, interval, number, quantity, shortened
 

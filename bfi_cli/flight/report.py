@@ -1,0 +1,542 @@
+"""The JSON document of `bfi diagnose`, and what a reader is shown of it: a timeline of the flight, a page per event."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import fields, replace
+from typing import Any
+
+import numpy as np
+
+from ..channels import STANDARD
+from ..display_units import SI, Shown, Units
+from ..files import EVENTS
+from ..flightlog.report import lane_panel
+from ..flightlog.timeline import Happening, bands_of, lanes_of, lines_at, phase_table
+from ..kernels.normal import TWO_SIDED_95
+from ..kernels.runs import within
+from ..notes import Note
+from ..provenance import Provenance
+from ..report.claims import beside_tolerance, fault_head, hidden_table
+from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Screen, Table, curve, shown_notes
+from ..report.text import HEADINGS, capital, change, instant, number, with_unit
+from ..serialization import csv_lines, document_of, from_plain, mapping, member, to_plain
+from .limits import AIRSPEEDS
+from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse, OrdinaryEvent
+from .tables import ON_GROUND
+from .tables import ORDINARY as CAUSES
+
+# Shapes that are named behind a channel; the others are faults by themselves.
+OF_A_CHANNEL = ("bias", "drift", "sine", "offset", "frozen", "pitot_blocked", "static_blocked")
+# What a channel does that has short defects of a shape.
+SHORT = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}
+SERIES = ("time_s", "measured", "corrected", "units", "strips", "limit_courses", "courses")
+# On either side of the window that describes an event.
+AROUND_S = 60.0
+MOST_PAGES = 12  # events with a page of their own; the table has all
+EVENT_COLUMNS = (
+    *("fault", "among", "channels", "state", "kind", "stages", "shape", "magnitude", "unit", "sd", "ci95", "effect"),
+    "beyond_tolerance",
+    *("onset_s", "onset_ci95", "offset_s", "seen_until_s", "statistic", "threshold", "p_value", "note", "repeat"),
+    *("count", "times_s", "duration_s", "margin", "refuted_by"),
+)
+NOTHING_FOUND = "No fault found"
+TEXT_OF_CAUSE = {name: cause.text for name, cause in CAUSES.items()} | {ON_GROUND: "the aircraft is on the ground"}
+LIMIT_COLUMNS = tuple(field.name for field in fields(FlightLimit))
+TIMELINE = (
+    "The flight: its phases, channels as measured (blue) and without the declared faults (red), and how near each "
+    "analysis came to its threshold (1). Dashed: onsets and ends of declared (red) and suspected (orange) faults. A "
+    "fault without an end may last; its correction ends with the window that describes it."
+)
+
+LIMITS = (
+    "Drifts of an airspeed, and losses of impact pressure by icing, that the flight excludes at 95 %: those steeper "
+    "than the line, by their onset. Dashed: what 95 % of the watched time excludes, and the worst. No line: nothing "
+    "bounds them."
+)
+
+
+def diagnose_document(result: DiagnoseResult, provenance: Provenance) -> dict[str, Any]:
+    """Return the document of `bfi diagnose --json`; numbers that are not finite are None."""
+    body = to_plain(result)
+    series = {key: body.pop(key) for key in SERIES}
+    return document_of("diagnose", {**body, "series": series}, result.notes, provenance)
+
+
+def events_csv(events: Sequence[Event]) -> bytes:
+    """Return the CSV file of events for other programs, of which the first line is the header.
+
+    A row for each event in order of time: seconds of the log, SI and radians, empty where nothing is known.
+
+    `time` is the onset, so that a program for time series shows each number as a point there. `low` and `high` are the
+    ends of the 95 % interval of the magnitude.
+    """
+    rows = [
+        (
+            *(one.onset_s, one.offset_s, one.fault, " ".join(one.channels), one.state, one.kind, one.shape),
+            *(one.magnitude, one.unit, *(one.ci95 or (None, None)), one.p_value),
+        )
+        for one in sorted(events, key=lambda one: one.onset_s)
+    ]
+    return f"{EVENTS}\n{csv_lines(rows)}".encode()
+
+
+def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
+    """Return what the report of a document of `bfi diagnose` holds, in `units`; its CSV files are in SI.
+
+    Raises
+    ------
+    ConfigError : the document, named by `where`, is damaged.
+    """
+    series = mapping(member(document, "series", where=where), where=f"{where}: series")
+    result = from_plain(DiagnoseResult, {**document, **series}, where=where)
+    log, events, angle = result.log, result.events, result.zero_lift_rad
+    facts = [
+        ("Flight", f"{instant(log.start_s)} to {instant(log.stop_s)} s"),
+        ("Samples", f"{log.n_samples} at {number(log.rate_hz)} Hz"),
+        ("False alarms", f"{number(100.0 * result.false_alarm)} % of whole healthy flights wanted"),
+        ("Windows", f"{len(result.windows)} of the parity scan"),
+    ]
+    if angle is not None:
+        facts.append(("Zero lift", f"{np.degrees(angle):.2f} deg, from {result.zero_lift_from}"))
+    verdict, screen = _screen(result, units)
+    drawings = [_timeline(result, units)] if result.time_s.size else []
+    drawings += [_limits_figure(result, units)] if result.limit_courses else []
+    pages = (_page(result, k, units) for k in range(min(len(events), MOST_PAGES)))
+    drawings += [one for one in pages if one.panels]  # none of what is neither drawn nor has evidence by residual
+    return ReportContent(
+        category="Diagnosis of a flight",
+        title=log.path,
+        heading=NOTHING_FOUND if _is_quiet(result) else HEADINGS[result.decision],
+        verdict=verdict,
+        tone=result.decision,
+        screen=screen,
+        lead=1 if drawings else 0,
+        facts=tuple(facts),
+        tables=(
+            *_event_tables("events", "Events", events, units),
+            *_event_tables("deviations", "Small deviations, within the tolerances", result.deviations, units),
+            *_ordinary_table(result.ordinary, units),
+            *_limit_tables(result.limits, units),
+            *_unwatched_table(result.unwatched),
+            *phase_table(result.phases),
+        ),
+        drawings=tuple(drawings),
+        notes=(
+            *(Note.limit(f"missing: {units.sentence(sentence)}") for sentence in result.missing),
+            *(
+                Note("method" if one.state == "declared" else "limit", f"{_name(one)}: {units.sentence(one.note)}")
+                for one in events
+                if one.note
+            ),
+            *(Note.advice(f"{_name(one)}: next time, {one.repeat}") for one in events if one.repeat),
+            *shown_notes(result.notes, units),
+        ),
+        zoom=_zoom(result, drawings, units),
+        data={
+            "events.csv": _columns(events, EVENT_COLUMNS),
+            **({"deviations.csv": _columns(result.deviations, EVENT_COLUMNS)} if result.deviations else {}),
+            **({"limits.csv": _columns(result.limits, LIMIT_COLUMNS)} if result.limits else {}),
+        },
+    )
+
+
+def _zoom(result: DiagnoseResult, drawings: Sequence[Drawing], units: Units) -> tuple[Drawing, ...]:
+    """Return the timeline with the limits and the courses of the events below it; () where no course is stored."""
+    if not result.time_s.size:
+        return ()
+    span = (result.log.start_s, result.log.stop_s)
+    bands = (*bands_of(result.phases), *_lines(result.events))
+    panels = {one.name: one.panels for one in drawings}
+    limits = (replace(one, y_label=f"limit of {one.y_label}", bands=bands) for one in panels.get("limits", ()))
+    courses = (_course_panel(result, one, span, bands, units) for one in result.courses)
+    return (replace(drawings[0], panels=(*panels["timeline"], *limits, *courses)),)
+
+
+def _columns(rows: Sequence[Event | FlightLimit], keys: Iterable[str]) -> dict[str, list[Any]]:
+    """Return columns of rows."""
+    return {key: [_cell(getattr(one, key)) for one in rows] for key in keys}
+
+
+def _cell(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return " ".join(f"{name}={size:.6g}" for name, size in value.items())
+    if isinstance(value, tuple):
+        return " ".join(str(one) for one in value)
+    return value
+
+
+def _screen(result: DiagnoseResult, units: Units) -> tuple[str, Screen]:
+    """Return the answer in sentences, and what is printed first: each event, and the worst stretch of each fault."""
+    events, deviations = result.events, result.deviations
+    declared, suspected = (
+        [_sentence(one, units) for one in events if one.state == state] for state in ("declared", "suspected")
+    )
+    small = [_sentence(one, units) for one in deviations]
+    if any(one.is_open for one in result.plausibility):
+        suspected, small = [], []  # which may be of what the summary says
+    head = NOTHING_FOUND if _is_quiet(result) else fault_head(result.decision, len(declared))
+    summary = units.sentence(result.summary)
+    several = "s" if len(small) > 1 else ""
+    sentences = (
+        f"{head}: {'; '.join(declared)}" if declared else head,
+        f"suspected: {'; '.join(suspected)}" if suspected else "",
+        f"small deviation{several}, within the tolerance: {'; '.join(small)}" if small else "",
+        summary,
+    )
+    return ". ".join(map(capital, filter(None, sentences))) + ".", Screen(
+        head=head,
+        faults=(
+            *declared,
+            *(f"suspected: {one}" for one in suspected),
+            *(f"within the tolerance: {one}" for one in small),
+        ),
+        summary=summary,
+        hidden=hidden_table(_hidden_rows(result.limits, units)),
+    )
+
+
+def _is_quiet(result: DiagnoseResult) -> bool:
+    """Return whether nothing is declared, suspected or in doubt, and most of the flight was watched for every fault."""
+    is_open = any(one.is_open for one in result.plausibility)
+    seconds = np.arange(result.log.start_s, result.log.stop_s)
+    watched = ~within(seconds, [(from_s, to_s) for from_s, to_s, _ in result.unwatched])
+    quiet = result.decision == "inconclusive" and not result.events and not is_open
+    return quiet and bool(2 * np.count_nonzero(watched) > seconds.size)
+
+
+def _hidden_rows(limits: Sequence[FlightLimit], units: Units) -> list[tuple[str, ...]]:
+    """Return what each fault could hide in its worst stretch, the largest beside its tolerance first."""
+    worst = [one for one in limits if one.bounds == "error" and one.holds_in == 1.0 and not one.grows_on]
+    rows: list[tuple[str, ...]] = []
+    for one in sorted(worst, key=lambda one: -beside_tolerance(one.effect, one.tolerance)):
+        shown = units.of(one.effect_unit, channel=one.channel)
+        rows.append(
+            (
+                f"{_name(one)} {one.shape}",
+                one.channel,
+                "any" if one.effect is None else change(one.effect, shown),
+                change(one.tolerance, shown),
+                "excluded" if one.within_tolerance else "not seen",
+            )
+        )
+    return rows
+
+
+def _name(event: Event | FlightLimit | LimitCourse) -> str:
+    return event.fault.replace("_", " ")
+
+
+def _sentence(event: Event, units: Units) -> str:
+    """Return an event in words: "pitot icing from 1432 s, 0.0025 1/s, tas -19 m/s"."""
+    if event.count:
+        return f"{_name(event)} {_short(event)}, {_error(event.fault, event.effect[event.fault], units)}"
+    others = [name.replace("_", " ") for name in event.among[1:]]
+    name = _name(event) + (f" (or {', '.join(others)})" if others else "")
+    if event.shape == "frozen" or (event.shape in OF_A_CHANNEL and event.fault in event.effect):
+        name += f" {event.shape.replace('_', ' ')}"
+    size = "" if event.magnitude is None else f", {_magnitude(event, units)}"
+    if event.frequency_hz is not None:
+        size += f" at {number(event.frequency_hz)} Hz"
+    until = "" if event.offset_s is None else f" to {_time(event.offset_s)}"
+    airspeed = next((one for one in AIRSPEEDS if one in event.effect), None)
+    if airspeed is not None and event.fault not in event.effect:
+        size += f", {_error(airspeed, event.effect[airspeed], units)}"
+    return f"{name} from {_time(event.onset_s)}{until} s{size}"
+
+
+def _short(event: Event) -> str:
+    """Return short defects in words: "drops out 5 times from 812 to 3021 s, 9.3 s in all"."""
+    what = SHORT[event.shape]
+    lasts = f"{number(event.duration_s, digits=2)} s"
+    if event.count == 1:
+        return f"{what} at {_time(event.onset_s)} s for {lasts}"
+    return f"{what} {event.count} times from {_time(event.onset_s)} to {_time(event.offset_s)} s, {lasts} in all"
+
+
+def _error(channel: str, value: float, units: Units) -> str:
+    """Return the largest error of a channel in words: "tas -19 m/s"."""
+    unit = STANDARD[channel].unit if channel in STANDARD else ""
+    return f"{channel} {change(value, units.of(unit, channel=channel))}"
+
+
+def _time(time_s: float | None) -> str:
+    return "-" if time_s is None else instant(round(time_s, 1))
+
+
+def _magnitude(event: Event, units: Units) -> str:
+    shown = units.of(event.unit, channel=_channel(event.fault))
+    sd = shown.change(event.sd)
+    value = number(shown.change(event.magnitude), spread=None if sd is None else TWO_SIDED_95 * sd, extra=1)
+    return with_unit(value, shown.unit)
+
+
+def _interval(event: Event, units: Units) -> str:
+    """Return the 95 % interval of a magnitude in words, "" where none is known."""
+    if event.ci95 is None:
+        return ""
+    shown = units.of(event.unit, channel=_channel(event.fault))
+    spread = TWO_SIDED_95 * float(shown.change(event.sd) or 0.0)
+    low, high = (number(shown.change(value), spread=spread, extra=1) for value in event.ci95)
+    return f" ({low} to {high})"
+
+
+def _lasts(event: Event) -> str:
+    """Return the time constant or the duration of a course in words, "" where it has none."""
+    return "" if event.constant_s is None else f" over {number(event.constant_s, digits=2)} s"
+
+
+def _channel(fault: str) -> str:
+    """Return the channel that a fault is named after, "" for a fault of a pressure line."""
+    return fault if fault in STANDARD else ""
+
+
+def _event_tables(name: str, title: str, events: Sequence[Event], units: Units) -> tuple[Table, ...]:
+    rows = []
+    for one in events:
+        low, high = one.onset_ci95
+        among = ", ".join(one.among)
+        evidence = ", ".join(f"{name} {value:.3g}" for name, value in one.evidence.items())
+        effect = ", ".join(_error(name, value, units) for name, value in list(one.effect.items())[:3])
+        rows.append(
+            (
+                among,
+                one.state,
+                f"{_time(one.onset_s)} ({_time(low)} to {_time(high)})",
+                "may last" if one.offset_s is None else _time(one.offset_s),
+                f"{one.shape} {_magnitude(one, units)}{_interval(one, units)}{_lasts(one)}"
+                if one.magnitude is not None
+                else f"{one.shape}, {one.count} in all"
+                if one.count
+                else "held",
+                f"{effect} by {instant(round(one.window_s[1]))} s" if effect else "-",
+                "-" if one.p_value is None else f"{one.p_value:.2g}",
+                evidence or "-",
+            )
+        )
+    heads = ("fault (or)", "state", "from [s]", "to [s]", "course (95 %)", "largest error", "p at most", "evidence")
+    return (Table(name=name, title=title, heads=heads, rows=tuple(rows)),) if rows else ()
+
+
+def _ordinary_table(ordinary: Sequence[OrdinaryEvent], units: Units) -> tuple[Table, ...]:
+    """Return what looked like a fault and is explained by what happens in any flight."""
+    rows = []
+    for one in ordinary:
+        shown = units.of(one.unit, channel=_channel(one.looks_like))
+        size = "-" if one.magnitude is None else with_unit(number(shown.change(one.magnitude)), shown.unit)
+        evidence = ", ".join(f"{name} {value:+.3g}" for name, value in one.evidence.items())
+        times = _time(one.from_s), "-" if one.to_s is None else _time(one.to_s)
+        rows.append(
+            (TEXT_OF_CAUSE.get(one.cause, one.cause), *times, one.looks_like.replace("_", " "), size, evidence or "-")
+        )
+    heads = ("what happens", "from [s]", "to [s]", "looks like", "of", "log density")
+    return (Table(name="ordinary", title="Ordinary events, no faults", heads=heads, rows=tuple(rows)),) if rows else ()
+
+
+def _limit_tables(limits: Sequence[FlightLimit], units: Units) -> tuple[Table, ...]:
+    """Return what could be there unseen: errors, and apart from them how far channels of one sensor may disagree."""
+    titles = {
+        "error": "How large a fault could be there unseen, in the stretches that were watched",
+        "disagreement": "How far channels of one sensor could disagree unseen; it bounds no error that they share",
+    }
+    heads = ("fault", "shape", "excluded above", "could hide", "stretch [s]", "in 95 %", "growing on", "tolerance")
+    tables = []
+    for bounds, title in titles.items():
+        by_fault: dict[tuple[str, str], list[FlightLimit]] = {}
+        for one in limits:
+            if one.bounds == bounds:
+                by_fault.setdefault((one.fault, one.shape), []).append(one)
+        rows = tuple(_limit_row(of_fault, units) for of_fault in by_fault.values())
+        if rows:
+            name = "limits" if bounds == "error" else "agreement"
+            tables.append(Table(name=name, title=title, heads=(*heads, "within"), rows=rows))
+    return tuple(tables)
+
+
+def _limit_row(of_fault: Sequence[FlightLimit], units: Units) -> tuple[str, ...]:
+    """Return the limits of one fault and shape: the worst stretch, what holds mostly, and what grows on."""
+    worst = next(one for one in of_fault if one.holds_in == 1.0 and not one.grows_on)
+    mostly = next((one for one in of_fault if one.holds_in < 1.0), None)
+    grown = next((one for one in of_fault if one.grows_on), None)
+    shown = units.of(worst.effect_unit, channel=worst.channel)
+
+    def hidden(one: FlightLimit | None) -> str:
+        return "-" if one is None else "any" if one.effect is None else change(one.effect, shown)
+
+    within = all(one.within_tolerance for one in of_fault)
+    return (
+        worst.fault,
+        worst.shape,
+        change(worst.excluded_above, units.of(worst.unit, channel=_channel(worst.fault))),
+        hidden(worst),
+        f"{instant(round(worst.from_s))} to {instant(round(worst.to_s))}",
+        hidden(mostly),
+        hidden(grown),
+        change(worst.tolerance, shown),
+        "-" if worst.tolerance is None else "yes" if within else "no",
+    )
+
+
+def _unwatched_table(unwatched: Sequence[Sequence[Any]]) -> tuple[Table, ...]:
+    rows = tuple((f"{instant(round(first))} to {instant(round(last))}", str(why)) for first, last, why in unwatched)
+    title = "Flight that was not watched"
+    return (Table(name="unwatched", title=title, heads=("stretch [s]", "why"), rows=rows),) if rows else ()
+
+
+def _happening(event: Event) -> Happening:
+    """Return the lane of an event; one that lasts ends with the last window that shows it."""
+    return Happening(
+        label=_name(event),
+        state=event.state,
+        onset_s=event.onset_s,
+        offset_s=event.offset_s if event.offset_s is not None else event.seen_until_s,
+        times_s=event.times_s or (),
+    )
+
+
+def _lines(events: Sequence[Event]) -> list[Block]:
+    return [line for one in events for line in lines_at(one.state, one.times_s or (one.onset_s, one.offset_s))]
+
+
+def _timeline(result: DiagnoseResult, units: Units) -> Drawing:
+    log, events = result.log, result.events
+    limits = (log.start_s, log.stop_s)
+    lanes = lanes_of(result.phases, (), (), [_happening(one) for one in events], limits=limits)
+    bands = (*bands_of(result.phases), *_lines(events))
+    panels = [lane_panel(lanes, limits)] if lanes else []
+    wrong = [name for one in events for name in one.channels]
+    airspeeds = [name for name in ("tas", "cas", "ias") if name in result.measured]
+    shown = [name for name in (*airspeeds[:1], "altitude") if name in result.measured]
+    shown += [name for name in dict.fromkeys(wrong) if name in result.measured and name not in shown][:3]
+    for name in shown:
+        panels.append(_channel_panel(result, name, limits, bands, units))
+    groups: dict[str, list[Curve]] = {"parity": [], "relations": []}
+    for strip in result.strips:
+        group = "parity" if strip.name.startswith("parity") else "relations"
+        groups[group].append(curve(strip.name, strip.time_s, strip.share))
+    for group, curves in groups.items():
+        if curves:
+            panels.append(
+                Panel(
+                    x_label="time [s]",
+                    y_label=f"{group}\n[of threshold]",
+                    curves=tuple(curves),
+                    levels=(("threshold", 1.0),),
+                    bands=bands,
+                    x_limits=limits,
+                    height=0.6,
+                )
+            )
+    return Drawing(name="timeline", caption=TIMELINE, panels=tuple(panels), shared_x=True)
+
+
+def _limits_figure(result: DiagnoseResult, units: Units) -> Drawing:
+    """Return the limits of drifts over the flight, what 95 % of it exclude, and the worst."""
+    limits = (result.log.start_s, result.log.stop_s)
+    panels = []
+    for one in result.limit_courses:
+        shown = units.of(one.unit, channel=_channel(one.fault))
+        slopes = shown.changes(one.excluded_above)
+        levels = (
+            ("95 %", float(shown.change(one.mostly) or 0.0)),
+            ("worst", float(shown.change(one.worst) or 0.0)),
+        )
+        panels.append(
+            Panel(
+                x_label="onset [s]",
+                y_label=f"{_name(one)}\n[{shown.unit}]",
+                curves=(curve("", one.time_s, slopes),),
+                levels=levels,
+                log_y=True,
+                bands=tuple(bands_of(result.phases)),
+                x_limits=limits,
+                height=0.7,
+            )
+        )
+    return Drawing(name="limits", caption=LIMITS, panels=tuple(panels), shared_x=True)
+
+
+def _channel_panel(
+    result: DiagnoseResult,
+    name: str,
+    limits: tuple[float, float],
+    bands: tuple[Block, ...],
+    units: Units,
+) -> Panel:
+    time_s, shown = result.time_s, units.of(result.units[name], channel=name)
+    inside = (time_s >= limits[0]) & (time_s <= limits[1])
+    curves = [curve("measured", time_s[inside], shown.readings(result.measured[name][inside]))]
+    if name in result.corrected:
+        values = shown.readings(result.corrected[name][inside])
+        if np.isfinite(values).any():
+            curves.append(curve("without the fault", time_s[inside], values))
+    return Panel(
+        x_label="time [s]",
+        y_label=f"{name}\n[{shown.unit}]",
+        curves=tuple(curves),
+        bands=bands,
+        x_limits=limits,
+        height=0.8,
+    )
+
+
+def _course_label(course: Course, shown: Shown) -> str:
+    if course.channel == "pitot_icing":
+        return "loss of\nq_impact [1]"
+    return f"error of\n{course.channel} [{shown.unit}]"
+
+
+def _course_panel(
+    result: DiagnoseResult, course: Course, limits: tuple[float, float], bands: tuple[Block, ...], units: Units
+) -> Panel:
+    """Return the course of an event beside its named shape."""
+    shown = units.of(course.unit, channel=_channel(course.channel))
+    time_s, named = course.time_s, result.events[course.event].shape
+    low, high = (shown.changes(getattr(course, end)) for end in ("low", "high"))
+    free = shown.changes(course.free)
+    return Panel(
+        x_label="time [s]",
+        y_label=_course_label(course, shown),
+        curves=(
+            curve("of any shape, 95 % band", time_s, free, low=low, high=high),
+            curve(f"as a {named}", time_s, shown.changes(course.named), style="dashed"),
+        ),
+        bands=bands,
+        x_limits=limits,
+    )
+
+
+def _page(result: DiagnoseResult, k: int, units: Units) -> Drawing:
+    """Return the figure of an event: its channels, its course beside the named shape, its evidence by residual."""
+    event = result.events[k]
+    low = max(result.log.start_s, event.window_s[0] - AROUND_S)
+    high = min(result.log.stop_s, event.window_s[1] + AROUND_S)
+    bands = (*bands_of(result.phases), *_lines([event]))
+    inside = tuple(one for one in bands if one.high >= low and one.low <= high)
+    names = [name for name in event.channels if name in result.measured][:3]
+    panels = [_channel_panel(result, name, (low, high), inside, units) for name in names]
+    for course in result.courses:
+        if course.event != k:
+            continue
+        panels.append(_course_panel(result, course, (low, high), inside, units))
+    # The panels above each other have one time axis; its name stands below the last.
+    panels[:-1] = [replace(panel, x_label="") for panel in panels[:-1]]
+    # A line is held where its pressure scatters least: no bar shows that.
+    told = bool(event.evidence) and event.stages[0] != "holds"
+    if told:
+        sizes = list(event.evidence.items())
+        panels.append(
+            Panel(
+                x_label="evidence [as in the caption]",
+                y_label="",
+                curves=(curve("", [float(value) for _, value in sizes], range(len(sizes)), style="rows_red"),),
+                y_ticks=tuple((name, float(i)) for i, (name, _) in enumerate(sizes)),
+                height=0.25 + 0.15 * len(sizes),
+            )
+        )
+    caption = f"{capital(_sentence(event, units))}; {event.state}."
+    if told:
+        caption += (
+            " Evidence for the fault by residual: twice its log-likelihood ratio; of other analyses their statistic."
+        )
+    return Drawing(name=f"event_{k + 1}", caption=caption, panels=tuple(panels))

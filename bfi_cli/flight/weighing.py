@@ -1,0 +1,384 @@
+"""Events before one likelihood: what the finders propose is weighed against ordinary causes and against its rivals."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..airdata import DEPENDS_ON
+from ..channels import STANDARD
+from ..flightlog.phases import NO_AIRSPEED
+from ..kernels.normal import TWO_SIDED_95
+from ..kernels.runs import within
+from ..notes import Note
+from ..parity.finding import Stage
+from ..parity.windows import flight_stretches
+from ..units import per_second
+from .bench import AFTER_S, Bench, bench_of
+from .flight import Flight
+from .gross import FEWEST_S, Gross, gross_errors, swings_of
+from .judge import ALIKE, FROZEN, Judgement, explains, is_on_ground, is_set, judge, rows_of
+from .model import flight_model
+from .naming import channels_of, repeat_advice
+from .result import Event, OrdinaryEvent
+from .seconds import seconds_of
+from .tables import ALTIMETER_SET, ON_GROUND
+from .tables import ORDINARY as CAUSES
+from .weight import Weight
+
+# Log density over the best ordinary explanation above which a fault is declared: none of 14 healthy flights of seven
+# aircraft has one of its own proposals above it (tests/measurements/test_judge.py).
+DECLARED = 20.0
+# Times as much, above which what a finder only suspects is declared: twice what a healthy light aircraft showed.
+SURE = 15.0
+# Seconds by which a next fault must be later to be left out of what is weighed, and that its onset may be earlier.
+APART_S, BEFORE_NEXT_S = 60.0, 20.0
+SLOW = ("pitot_icing", "static_leak", "pitot_leak")
+# About a candidate, in which no level of the flight's noise is taken.
+ABOUT_S = 90.0
+# Shapes that the seconds of a flight do not show: what is over within one, and what swings.
+UNWEIGHED = ("dropout", "spikes", "frozen", "offset", "sine", "cosine", "pitot_water")
+# Analyses that see no more of a flight than its model does; the others know inputs, or accelerations at the log's rate.
+SEES_NO_MORE = {"static relations", "sensors"}
+MODEL: Stage = "flight model"
+AFTER_END_S = 10.0  # of a fault, in which filters of recorder and instrument still act
+# About a stretch of gross errors: when an event that lasts is of it, what is shown, and how well its onset is known.
+BESIDE_S, AROUND_S, ONSET_S = 60.0, 60.0, 3.0
+LOSSES = ("pitot_icing", "pitot_leak", "pitot_water", "q_impact")  # of an impact pressure
+# Of a pressure line its finder describes the course; the model tells which line it is.
+LINES = (frozenset((*LOSSES, "pitot_blocked")), frozenset(("static_blocked", "static_leak")))
+INERTIAL = "kinematics"  # the residual of the parity scan that rests on accelerometers
+# A channel speaks against a fault by this share of all that is said, and at least by so much log density.
+LOUD, AUDIBLE = 0.05, 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weighing:
+    """Events that stand, ordinary ones, and what is said of those that were refuted."""
+
+    events: tuple[Event, ...]
+    ordinary: tuple[OrdinaryEvent, ...] = ()
+    notes: tuple[Note, ...] = ()
+
+
+def weigh_events(flight: Flight, events: Sequence[Event]) -> Weighing:
+    """Return events with their margins: declared, suspected, ordinary, or refuted by what else is recorded."""
+    weighed = [one for one in events if _can_be_weighed(one)]
+    bench = _bench(flight, weighed)
+    if bench is None:
+        return Weighing(events=tuple(events))
+    answers: list[Event | OrdinaryEvent | Note] = list(events)
+    known: list[Event] = []
+    for one in gross_errors(bench):
+        if not any(_is_of(event, one) and event.state == "declared" and _lasts(event) for event in events):
+            swinging = _event_of_gross(flight, bench, one)
+            known += [] if swinging is None else [swinging]
+    swinging_events = tuple(known)
+    for event in known:
+        bench = _with_known(bench, event)
+    # What is certain is in the model before the rest is weighed.
+    order = [k for k, one in enumerate(events) if _can_be_weighed(one)]
+    order.sort(key=lambda k: (events[k].state != "declared", events[k].onset_s))
+    for place, k in enumerate(order):
+        event = events[k]
+        cause = next((one for one in known if _follows(bench, event, one)), None)
+        if cause is not None:
+            answers[k] = _after(event, cause)
+            continue
+        line = _line(event)
+        rest = [events[j] for j in order if j != k and isinstance(answers[j], Event)]
+        others = [one.onset_s for one in rest if not line or _line(one) != line]
+        others += [one.onset_s for one in swinging_events]
+        beside = [one.onset_s for one in (*known, *(events[j] for j in order if j != k))]
+        later_s = min((at_s for at_s in beside if at_s > event.onset_s + APART_S), default=np.inf)
+        alone = all(not event.onset_s - APART_S < at_s < event.onset_s + AFTER_S for at_s in others)
+        answer = answers[k] = _weighed(flight, bench, event, later_s - BEFORE_NEXT_S, may_be_sure=alone)
+        if isinstance(answer, Event) and answer.state == "declared" and answer.margin is not None:
+            # A later fault of its channels was this one, grown.
+            for j, later in enumerate(answers):
+                if not isinstance(later, Event) or later not in known or later.onset_s <= answer.onset_s:
+                    continue
+                if _line(later) == _line(answer) and _follows(bench, later, answer):
+                    answers[j] = _after(later, answer)
+            known.append(answer)
+            bench = _with_known(bench, answer) if place + 1 < len(order) else bench
+    return Weighing(
+        events=(*swinging_events, *(one for one in answers if isinstance(one, Event))),
+        ordinary=tuple(one for one in answers if isinstance(one, OrdinaryEvent)),
+        notes=tuple(one for one in answers if isinstance(one, Note)),
+    )
+
+
+def _after(event: Event, cause: Event) -> Note:
+    """Return what is said of an event that is an after-effect."""
+    at_s, since_s = (f"{one.onset_s:.0f} s" for one in (event, cause))
+    return Note.method(f"what looks like '{event.fault}' from {at_s} follows from '{cause.fault}' from {since_s}")
+
+
+def _with_known(bench: Bench, event: Event) -> Bench:
+    """Return the bench without the rows that a known fault makes wrong, while it lasts."""
+    until_s = np.inf if event.offset_s is None else event.offset_s + AFTER_END_S
+    return bench.without(rows_of(bench, event.channels), event.onset_ci95[0] - BEFORE_NEXT_S, until_s)
+
+
+def _lasts(event: Event) -> bool:
+    """Return whether an event is more than the gross errors that a flight shows for a minute."""
+    return event.offset_s is None or event.offset_s > event.onset_s + APART_S
+
+
+def _can_be_weighed(event: Event) -> bool:
+    held = event.shape == "frozen" and "static relations" in event.stages
+    shown = held or event.shape not in UNWEIGHED
+    return shown and event.beyond_tolerance is not False and event.frequency_hz is None
+
+
+def _bench(flight: Flight, events: Iterable[Event]) -> Bench | None:
+    """Return the flight model of a log; None where it has too little for one."""
+    seconds = seconds_of(flight.log)
+    if seconds is None:
+        return None
+    lost = [(one.from_s, one.to_s) for one in flight.phases if one.phase == NO_AIRSPEED]
+    model = flight_model(seconds, flown=within(seconds.time_s, [*flight_stretches(flight.phases), *lost]))
+    if model is None:
+        return None
+    about = np.zeros(model.n, dtype=bool)
+    for one in events:
+        for at_s in (one.onset_s, one.offset_s):
+            if at_s is not None:
+                about |= np.abs(model.time_s - at_s) < ABOUT_S
+    return bench_of(model, without=about if about[model.frame.airborne].mean() < 0.5 else None)
+
+
+def _follows(bench: Bench, event: Event, known: Event) -> bool:
+    """Return whether an event shows nothing but what a known fault makes wrong meanwhile.
+
+    Its channels are measured by those of the fault, or it begins within gross errors of a line, which move what is
+    made of an airspeed as well: a static temperature.
+    """
+    rows = rows_of(bench, event.channels)
+    until_s = np.inf if known.offset_s is None else known.offset_s
+    if known.stages == (MODEL,):
+        return known.onset_s - BESIDE_S < event.onset_s < until_s + BESIDE_S
+    inside = known.onset_ci95[0] - BEFORE_NEXT_S <= event.onset_s < until_s
+    return inside and bool(rows) and set(rows) <= set(rows_of(bench, known.channels))
+
+
+def _weighed(
+    flight: Flight, bench: Bench, event: Event, until_s: float, *, may_be_sure: bool
+) -> Event | OrdinaryEvent | Note:
+    """Return what an event is after it was weighed."""
+    if (
+        is_on_ground(bench, event.onset_s)
+        and not within(np.array([event.onset_s]), flight_stretches(flight.phases)).any()
+    ):
+        return _ordinary(event, ON_GROUND, {})
+    judgement = judge(
+        bench,
+        event.onset_s,
+        event.offset_s,
+        until_s=until_s,
+        named=event.among,
+        frozen=event.fault if event.shape == "frozen" else "",
+    )
+    names = (FROZEN,) if event.shape == "frozen" else _names(event)
+    weights = [] if judgement is None else [one for name in names if (one := judgement.weight(name)) is not None]
+    if judgement is None or not weights:
+        return event
+    weight = max(weights, key=lambda one: (not one.refused, one.margin))
+    best = judgement.weights[0]
+    lead = (
+        SURE * DECLARED if "holds" in event.stages else DECLARED
+    )  # that a reading rests is worth nothing to the model
+    if event.state == "declared" and event.shape != "frozen" and best.margin > max(DECLARED, weight.margin + lead):
+        return _renamed(bench, event, best, judgement.among)
+    if weight.margin > DECLARED and not weight.refused:
+        return _confirmed(event, weight, judgement, may_be_sure=may_be_sure)
+    if _knows_more(bench, event):
+        return replace(event, margin=weight.margin)
+    rival = _rival(bench, event, weight, judgement)
+    if rival and weight.margin > -DECLARED:
+        named = event if weight.fault == event.fault else _renamed(bench, event, weight, (weight.fault,))
+        return replace(
+            named,
+            state="suspected",
+            margin=weight.margin,
+            among=(*named.among, rival),
+            refuted_by=_against(weight),
+            note=f"that {CAUSES[rival].text} explains it as well",
+        )
+    if rival:
+        return _ordinary(event, rival, {"gain": judgement.gain, "margin": weight.margin})
+    return _without_rival(event, weight)
+
+
+def _knows_more(bench: Bench, event: Event) -> bool:
+    """Return whether a finder knows what the model does not.
+
+    Accelerations at the log's rate; and without a ground velocity a lost airspeed is as well a change of speed.
+    """
+    by_lift = event.fault in LOSSES and not {"velocity_north", "ground_speed"} & {*bench.model.rows}
+    inertial = event.evidence.get(INERTIAL, 0.0) > DECLARED
+    return (by_lift or inertial) and not set(event.stages) <= SEES_NO_MORE
+
+
+def _confirmed(event: Event, weight: Weight, judgement: Judgement, *, may_be_sure: bool) -> Event:
+    """Return an event that the record confirms, with every other fault that explains it about as well."""
+    alike = judgement.among if weight.fault in judgement.among else event.among
+    family = _line(event)
+    among = [name for name in alike if name != FROZEN and name not in family]
+    among = [*(name for name in event.among if name in family), *among]
+    # What a window alone left open is told by the whole record.
+    sure = event.state == "declared" or (may_be_sure and weight.margin > SURE * DECLARED)
+    return replace(
+        event,
+        state="declared" if sure else "suspected",
+        margin=weight.margin,
+        among=tuple(dict.fromkeys((event.fault, *among))),
+        refuted_by=_against(weight),
+        note=event.note if event.state == "declared" or not sure else "",
+    )
+
+
+def _rival(bench: Bench, event: Event, weight: Weight, judgement: Judgement) -> str:
+    """Return the ordinary cause that explains an event, "" for none."""
+    moved = rows_of(bench, (weight.fault, *event.channels))
+    if judgement.gain > DECLARED and explains(bench, judgement.cause, moved):
+        return judgement.cause
+    return ALTIMETER_SET if "altitude" in moved and is_set(bench, event.onset_s) else ""
+
+
+def _without_rival(event: Event, weight: Weight) -> Event | Note:
+    """Return an event that is neither confirmed nor ordinary: refuted, suspected, or beyond what the model can tell."""
+    against = _against(weight)
+    if not (_could_tell(event, weight) or set(event.stages) <= SEES_NO_MORE or weight.margin < -DECLARED):
+        return replace(event, margin=weight.margin)
+    if weight.margin < 0.0 or weight.refused:
+        because = f"{' and '.join(against)} contradict it" if against else "a flight without it does as well"
+        return Note.method(
+            f"'{event.fault}' from {event.onset_s:.0f} s was proposed and is refuted: {weight.refused or because} "
+            f"(log density {weight.margin:+.0f} beside no fault)"
+        )
+    note = f"no fault explains it nearly as well: log density {weight.margin:+.1f} beside the best ordinary explanation"
+    return replace(event, state="suspected", margin=weight.margin, refuted_by=against, note=note)
+
+
+def _renamed(bench: Bench, event: Event, best: Weight, among: tuple[str, ...]) -> Event:
+    """Return an event as the fault that explains its place best; its size is that of an error of one channel."""
+    line = best.growth_s is None
+    channels = channels_of(best.fault, bench.model.seconds.recorded)
+    lasts_s = (event.seen_until_s if event.offset_s is None else event.offset_s) - event.onset_s
+    drifts = best.growth_s == np.inf
+    magnitude = None if line else best.size / max(lasts_s, 1.0) if drifts else best.size
+    sd = None if line or best.sd is None else best.sd / max(lasts_s, 1.0) if drifts else best.sd
+    unit = "" if line else STANDARD[best.fault].unit
+    half = None if sd is None else TWO_SIDED_95 * sd
+    return replace(
+        event,
+        fault=best.fault,
+        among=tuple(name for name in among if name != FROZEN),
+        channels=channels,
+        state="declared",
+        shape=best.fault if line else "drift" if drifts else "bias",
+        kind="slow" if drifts or best.fault in SLOW else "abrupt",
+        constant_s=None,
+        magnitude=magnitude,
+        unit=per_second(unit) if drifts and unit else unit,
+        sd=sd,
+        ci95=None if magnitude is None or half is None else (magnitude - half, magnitude + half),
+        effect={name: size for name, size in event.effect.items() if name in channels}
+        if line
+        else {best.fault: best.size},
+        stages=tuple(dict.fromkeys((*event.stages, MODEL))),
+        margin=best.margin,
+        refuted_by=_against(best),
+        note=f"first taken for '{event.fault}'",
+        repeat=repeat_advice(among),
+    )
+
+
+def _ordinary(event: Event, cause: str, evidence: Mapping[str, float]) -> OrdinaryEvent:
+    return OrdinaryEvent(
+        cause=cause,
+        from_s=event.onset_s,
+        to_s=event.offset_s,
+        magnitude=event.magnitude,
+        unit=event.unit,
+        ci95=event.ci95,
+        looks_like=event.fault,
+        evidence=evidence,
+    )
+
+
+def _is_of(event: Event, gross: Gross) -> bool:
+    """Return whether a stretch of gross errors lies in an event of an air-data channel, or where that lets go."""
+    begins_s = gross.to_s if "holds" in event.stages else gross.from_s  # a line that is held is seen a while later
+    return (
+        event.onset_ci95[0] < begins_s
+        and (event.offset_s is None or event.offset_s > gross.from_s - BESIDE_S)
+        and bool(set(event.channels) & DEPENDS_ON.keys())
+    )
+
+
+def _event_of_gross(flight: Flight, bench: Bench, gross: Gross) -> Event | None:
+    """Return a line whose readings come and go; None where an ordinary cause explains it as well."""
+    swings = swings_of(bench, gross)
+    if swings is None or swings.weights[0].margin <= DECLARED:
+        return None
+    best = swings.weights[0]
+    channels = channels_of(best.fault, flight.recorded)
+    from_s, to_s = max(gross.from_s - AROUND_S, flight.from_s), min(gross.to_s + AROUND_S, flight.to_s)
+    tolerances = {name: flight.tolerance(name, (from_s, to_s)) for name in swings.errors}
+    return Event(
+        **dict.fromkeys(("constant_s", "frequency_hz", "magnitude", "sd", "ci95", "p_value")),
+        fault=best.fault,
+        among=tuple(one.fault for one in swings.weights if one.margin >= best.margin - ALIKE),
+        channels=channels,
+        state="declared",
+        kind="abrupt",
+        stages=(MODEL,),
+        shape=best.fault,
+        unit="",
+        effect=swings.errors,
+        beyond_tolerance=any(abs(swings.errors[name]) > (size or np.inf) for name, size in tolerances.items()),
+        onset_s=gross.from_s,
+        onset_ci95=(gross.from_s - ONSET_S, gross.from_s + ONSET_S),
+        offset_s=gross.to_s,
+        seen_until_s=gross.to_s,
+        window_s=(from_s, to_s),
+        statistic=float(gross.seconds),
+        threshold=float(FEWEST_S),
+        evidence=best.shares,
+        note="its readings leave the flight and come back, while all that no pressure moves stays",
+        repeat="",
+        margin=best.margin,
+        refuted_by=_against(best),
+    )
+
+
+def _names(event: Event) -> tuple[str, ...]:
+    """Return the faults of the flight model that an event may be."""
+    return tuple(dict.fromkeys((event.fault, *_line(event), *event.among)))
+
+
+def _line(event: Event) -> frozenset[str]:
+    """Return the faults of the pressure line that an event is of, none where it is of a channel."""
+    return next((line for line in LINES if event.fault in line), frozenset())
+
+
+def _against(weight: Weight) -> tuple[str, ...]:
+    """Return the channels that speak against a fault, the loudest first."""
+    total = sum(abs(value) for value in weight.shares.values())
+    return tuple(name for name, value in weight.shares.items() if value < -max(LOUD * total, AUDIBLE))
+
+
+def _could_tell(event: Event, weight: Weight) -> bool:
+    """Return whether a fault of the size that its finder says would have been declared.
+
+    Of an error of known standard deviation the expected log density is half its square in standard deviations.
+    """
+    if weight.refused or weight.sd is None:
+        return True
+    size = abs(event.effect.get(weight.fault, event.magnitude or 0.0))
+    return bool(0.5 * (size / max(weight.sd, 1e-12)) ** 2 > 2.0 * DECLARED)

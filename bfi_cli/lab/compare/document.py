@@ -1,0 +1,143 @@
+"""The JSON document and the report of `bfi compare`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from ...display_units import SI, Units
+from ...faults import fault_from_dict, fault_to_dict
+from ...kernels.runs import union
+from ...printable import shortened
+from ...provenance import Provenance
+from ...report.content import Block, Drawing, Lane, Panel, ReportContent, Span, Table, curve, shown_notes
+from ...report.text import counted, instant, number
+from ...serialization import document_of, from_plain, mapping, member, to_plain
+from .result import ComparisonResult, Outcome, Suspect
+
+DECISIONS = {"fault": "yes", "no_fault": "no", "inconclusive": "cannot tell"}
+CAPTION = (
+    "Above: what was measured; upright lines: onsets of injected faults. Below: when each method says that a fault "
+    "acts, from its onset on; an empty lane has none."
+)
+# Letters of a table cell with names, and with a reason.
+NAME, REASON = 40, 100
+
+
+def compare_document(result: ComparisonResult, provenance: Provenance) -> dict[str, Any]:
+    """Return the document of `bfi compare --json`; what is not known or not finite is None."""
+    body = to_plain(result)
+    body["truth"] = None if result.truth is None else [fault_to_dict(one) for one in result.truth]
+    body["series"] = {"time_s": body.pop("time_s"), "measured": body.pop("measured")}
+    return document_of("compare", body, result.notes, provenance)
+
+
+def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
+    """Return the report of a document of `bfi compare`, in `units`.
+
+    Raises
+    ------
+    ConfigError : the document, named by `where`, is damaged.
+    """
+    series, truth = (member(document, key, where=where) for key in ("series", "truth"))
+    result = from_plain(ComparisonResult, {**document, **mapping(series, where=where), "truth": None}, where=where)
+    injected = None if truth is None else [fault_from_dict(one, where=f"{where}: truth") for one in truth]
+    outcomes = result.outcomes
+    ran = [one for one in outcomes if one.statement is not None]
+    alarmed = [one.method for one in ran if one.statement is not None and one.statement.decision == "fault"]
+    verdict = f"{counted(len(ran), 'method')} of {len(outcomes)} ran; {len(alarmed)} declare a fault"
+    verdict += f": {', '.join(alarmed)}." if alarmed else "."
+    start_s, stop_s = result.log.start_s, result.log.stop_s
+    lanes = [
+        Lane(
+            label=one.method,
+            blocks=tuple(
+                Block(label="", low=low, high=high, shade="fault")
+                for low, high in union([_extent(each, start_s, stop_s) for each in one.statement.suspects])
+            ),
+        )
+        for one in ran
+        if one.statement is not None
+    ]
+    spans: tuple[Span, ...] = ()
+    words = "not known"
+    if injected is not None:
+        faults = (f"{one.shape} {one.channel} from {instant(one.onset_s)} s" for one in injected)
+        words = "; ".join(faults) or "nothing"
+        at = [(max(one.onset_s, start_s), min(one.offset_s or stop_s, stop_s)) for one in injected]
+        blocks = tuple(Block(label="", low=low, high=high, shade="grey") for low, high in union(at))
+        lanes.insert(0, Lane(label="injected", blocks=blocks))
+        spans = tuple(Span(label="onset", low=low, high=low) for low, _ in at)
+    panels = [
+        Panel(
+            x_label="time [s]",
+            y_label=f"{name} [{units.of(unit, channel=name).unit}]",
+            curves=(curve("", result.time_s, units.of(unit, channel=name).readings(values)),),
+            spans=spans,
+        )
+        for name, unit, values in zip(result.outputs, result.units, result.measured, strict=True)
+    ]
+    panels.append(
+        Panel(x_label="time [s]", y_label="", curves=(), lanes=tuple(lanes), x_limits=(start_s, stop_s), height=1.2)
+    )
+    refused = tuple((one.method, shortened(one.reason or "", REASON)) for one in outcomes if one.statement is None)
+    tables = [_methods(outcomes, scored=injected is not None)]
+    if refused:
+        tables.append(Table(name="refused", title="Did not run", heads=("method", "reason"), rows=refused))
+    return ReportContent(
+        category="Comparison of methods",
+        title=result.log.path,
+        heading="Methods on one log",
+        verdict=verdict,
+        facts=(
+            ("Window", f"{instant(start_s)} to {instant(stop_s)} s"),
+            ("Outputs", ", ".join(result.outputs)),
+            ("Injected", words),
+        ),
+        tables=tuple(tables),
+        drawings=(Drawing(name="comparison", caption=CAPTION, panels=tuple(panels), shared_x=True),),
+        notes=shown_notes(result.notes, units),
+    )
+
+
+def _methods(outcomes: tuple[Outcome, ...], *, scored: bool) -> Table:
+    """Return a line per method: its score, or without injected faults its onsets and the methods that agree."""
+    columns: tuple[str, ...] = ("onset", "agrees with")
+    if scored:
+        columns = ("isolated", "onset error", "magnitude error", "false alarms", "delay")
+    rows = []
+    for one in outcomes:
+        statement = one.statement
+        if statement is None:
+            rows.append((one.method, "did not run", "-", *("-" for _ in columns), f"{one.seconds:.1f} s"))
+            continue
+        if one.score is not None:
+            relative = one.score.magnitude_error
+            cells: tuple[str, ...] = (
+                one.score.isolated or "-",
+                _seconds(one.score.onset_error_s),
+                "-" if relative is None else f"{number(100.0 * relative, digits=2)} %",
+                str(one.score.false_alarms),
+                _seconds(one.score.delay_s),
+            )
+        else:
+            onsets = [instant(each.onset_s) for each in statement.suspects if each.onset_s is not None]
+            cells = (f"{', '.join(onsets[:3])} s" if onsets else "-", ", ".join(one.agrees) or "nobody")
+        names = shortened(", ".join(map(_name, statement.suspects)) or "-", NAME)
+        rows.append((one.method, DECISIONS[statement.decision], names, *cells, f"{one.seconds:.1f} s"))
+    heads = ("method", "detected", "names", *columns, "takes")
+    return Table(name="methods", title="Methods", heads=heads, rows=tuple(rows))
+
+
+def _name(one: Suspect) -> str:
+    return one.name or f"{one.shape} {one.channel}" if one.shape else one.channel
+
+
+def _seconds(value: float | None) -> str:
+    return "-" if value is None else f"{number(value, digits=3)} s"
+
+
+def _extent(one: Suspect, start_s: float, stop_s: float) -> tuple[float, float]:
+    first_s = one.onset_s if one.onset_s is not None else one.declared_s
+    low = start_s if first_s is None else min(max(first_s, start_s), stop_s)
+    return low, stop_s if one.offset_s is None else min(max(one.offset_s, low), stop_s)

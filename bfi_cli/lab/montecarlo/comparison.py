@@ -1,0 +1,153 @@
+"""What a sweep of several methods shows of each: a table at one rate of false alarms, and how often each is right."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from ...report.content import Curve, Drawing, Panel, Style, Table, curve
+from ...report.text import number
+
+Plain = Mapping[str, Any]
+
+TABLES, DRAWINGS = ("equal_rate", "isolated", "own_threshold"), ("detection", "rates")
+# Methods of a panel: that many can be told apart by colour and marker.
+MOST_CURVES = 6
+# Part of the way from one fault to the next over which the methods stand side by side.
+SPREAD = 0.7
+DETECTION_CAPTION = (
+    "Share of the trials in which the score of a method is beyond its threshold, by fault, with 95 % Wilson intervals; "
+    "the threshold of every method is that which trials without a fault exceed equally seldom. Methods are drawn side "
+    "by side."
+)
+RATES_CAPTION = (
+    "What each method declares by its own threshold: trials with a fault in which it declares one, of all faults, "
+    "against trials without a fault in which it does, with 95 % Wilson intervals."
+)
+
+
+def comparison_tables(scenarios: Sequence[Plain]) -> tuple[Table, ...]:
+    """Return the tables of a sweep of methods: a row per method, a column per fault."""
+    rows = _by_method(scenarios)
+    faults = list(dict.fromkeys(_fault(one) for one in scenarios))
+    known = [one["equal_rate"] for one in scenarios if one["equal_rate"]]
+    tables = []
+    if known:
+        percent = number(100.0 * known[0]["false_alarm"])
+        title = f"Detected, % of the trials, at false alarms in {percent} % of those without a fault"
+        heads = ("method", "false alarms", *(fault for fault in faults if fault != "none"))
+        cells = [
+            (
+                method,
+                share_cell(next((one["equal_rate"] for one in of.values() if one["equal_rate"]), None), "alarms"),
+                *(share_cell(of[fault]["equal_rate"] if fault in of else None, "detected") for fault in heads[2:]),
+            )
+            for method, of in rows.items()
+        ]
+        tables.append(Table(name="equal_rate", title=title, heads=heads, rows=tuple(cells)))
+    for name, key, title in (
+        ("isolated", "isolation_rate", "Named with channel and kind and nothing else, % of the trials"),
+        ("own_threshold", "decisions", "Declared by the method's own threshold, % of the trials"),
+    ):
+        cells = [
+            (method, *(share_cell(of.get(fault), key) if fault in of else "-" for fault in faults))
+            for method, of in rows.items()
+        ]
+        tables.append(Table(name=name, title=title, heads=("method", *faults), rows=tuple(cells)))
+    return tuple(tables)
+
+
+def comparison_drawings(scenarios: Sequence[Plain]) -> tuple[Drawing, ...]:
+    """Return the figures of a sweep of methods."""
+    rows = _by_method(scenarios)
+    faults = [fault for fault in dict.fromkeys(_fault(one) for one in scenarios) if fault != "none"]
+    ticks = tuple((fault, float(k)) for k, fault in enumerate(faults))
+    shares = {
+        method: [(k, of[fault]["equal_rate"]["detected"]) for k, fault in enumerate(faults) if _has(of, fault)]
+        for method, of in rows.items()
+    }
+    shares = {method: of for method, of in shares.items() if of}
+    aside = SPREAD / _per_panel(len(shares)) if shares else 0.0
+    detection = [
+        curve_of_shares(
+            method,
+            [k + aside * (n % _per_panel(len(shares)) + 0.5) - 0.5 * SPREAD for k, _ in of],
+            [share for _, share in of],
+            style="points",
+        )
+        for n, (method, of) in enumerate(shares.items())
+    ]
+    rates = [_rates(method, of, faults) for method, of in rows.items() if "none" in of and faults]
+    of_faults = {"x_label": "fault", "y_label": "detected [%]", "x_ticks": ticks, "x_limits": (-0.5, len(faults) - 0.5)}
+    of_rates = {"x_label": "false alarms [%]", "y_label": "declared, all faults [%]", "x_limits": (-3.0, 103.0)}
+    return (
+        *_drawing("detection", DETECTION_CAPTION, detection, of_faults),
+        *_drawing("rates", RATES_CAPTION, rates, of_rates),
+    )
+
+
+def _drawing(name: str, caption: str, curves: Sequence[Curve], axis: Mapping[str, Any]) -> tuple[Drawing, ...]:
+    """Return a figure with as many panels as it takes to tell the methods apart; none without curves."""
+    size = _per_panel(len(curves))
+    parts = [tuple(curves[k : k + size]) for k in range(0, len(curves), size)]
+    panels = tuple(Panel(**axis, curves=part, y_limits=(-3.0, 103.0)) for part in parts)
+    return (Drawing(name=name, caption=caption, panels=panels),) if panels else ()
+
+
+def _per_panel(n: int) -> int:
+    """Return how many of n methods a panel has: panels as full as each other, and no more than can be told apart."""
+    return math.ceil(n / math.ceil(n / MOST_CURVES)) if n else 1
+
+
+def _rates(method: str, of: Mapping[str, Plain], faults: Sequence[str]) -> Curve:
+    """Return the point of a method: false alarms with their interval, and what it declares of all faults."""
+    without = of["none"]["decisions"]["fault"]
+    declared = [of[fault]["decisions"]["fault"] for fault in faults if fault in of]
+    total = sum(one["of"] for one in declared)
+    low, high = without["ci95"] or (math.nan, math.nan)
+    y = 100.0 * sum(one["count"] for one in declared) / total if total else math.nan
+    x = 100.0 * (math.nan if without["rate"] is None else without["rate"])
+    return curve(method, [x], [y], style="intervals", low=[100.0 * low], high=[100.0 * high])
+
+
+def share_cell(one: Plain | None, key: str) -> str:
+    """Return a share of a scenario in percent with its interval: "96 (90-98)", "-" where there is none."""
+    if one is None:
+        return "-"
+    share = one[key]["fault"] if key == "decisions" else one[key]
+    if share["rate"] is None or share["ci95"] is None:
+        return "-"
+    low, high = (f"{100.0 * end:.0f}" for end in share["ci95"])
+    return f"{100.0 * share['rate']:.0f} ({low}-{high})"
+
+
+def _has(of: Mapping[str, Plain], fault: str) -> bool:
+    return fault in of and bool(of[fault]["equal_rate"]) and of[fault]["equal_rate"]["detected"]["rate"] is not None
+
+
+def curve_of_shares(label: str, x: Sequence[float], shares: Sequence[Plain], *, style: Style) -> Curve:
+    """Return the curve of proportions in percent, with their intervals."""
+    ends = [share["ci95"] or (math.nan, math.nan) for share in shares]
+    return curve(
+        label,
+        x,
+        [100.0 * (math.nan if share["rate"] is None else share["rate"]) for share in shares],
+        style=style,
+        low=[100.0 * low for low, _ in ends],
+        high=[100.0 * high for _, high in ends],
+    )
+
+
+def _fault(scenario: Plain) -> str:
+    """Return what faults a scenario has, and what else it varies beside the method."""
+    words = [word for word in str(scenario["name"]).split(" ") if not word.startswith("compare=")]
+    return " ".join(word.removeprefix("inject=") for word in words) or "all"
+
+
+def _by_method(scenarios: Sequence[Plain]) -> dict[str, dict[str, Plain]]:
+    """Return the scenarios by method, then by fault."""
+    rows: dict[str, dict[str, Plain]] = {}
+    for one in scenarios:
+        rows.setdefault(str(one["axes"]["compare"]), {})[_fault(one)] = one
+    return rows

@@ -1,0 +1,293 @@
+"""Identification from end to end: prepare the window, run the method, assemble the result."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib import import_module
+from operator import attrgetter
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from ..config import Config
+from ..decision import KINDS, Candidate, Conclusion, Evidence, conclude, estimate_of
+from ..dictionary import Dictionary
+from ..errors import ConfigError, DictionaryError, LogError
+from ..faults import FaultEstimate
+from ..filters import Filter, alternatives, of_recorder
+from ..flightlog import FlightLog
+from ..kernels.progress import Progress, unseen
+from ..notes import Note
+from ..preprocessing.defaults import what_would_help
+from ..preprocessing.manoeuvres import manoeuvres_of
+from ..preprocessing.regression import RegressionData
+from ..preprocessing.summary import ModelSummary, noise_of
+from ..preprocessing.tolerance import tolerances_of
+from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
+from .claims import claims_of_entries
+from .free_shape import identify_with_courses
+from .magnitudes import FreeOutcome, MethodResult
+from .methods import METHODS
+from .reconstruction import against_truth, output_series, residual_summaries, true_faults, with_heads
+from .recorder import with_likeliest_recorder
+from .result import AgainstTruth, IdentifyResult, OutputSeries, ResidualSummary, ScanSummary
+from .warnings import hidden_atoms, warnings_of
+
+UNANSWERABLE = (
+    "this window cannot tell: every fault of the dictionary that is smaller than the output's whole movement can pass "
+    "for the aircraft's motion; choose a window with the onset and a manoeuvre inside"
+)
+
+NOT_CONVERGED = "the solver did not converge, so that there is no interval and no verdict"
+NOT_SCANNED = "only the dictionary's onsets were looked at; bfi start-time scans all of them"
+
+
+def identify_faults(
+    log: FlightLog, dictionary: Dictionary, config: Config, progress: Progress = unseen, *, given: bool = False
+) -> IdentifyResult:
+    """Identify the faults of a dictionary in a log, on one BLAS thread: more are slower here and change the bits.
+
+    Parameters
+    ----------
+    log : in SI units, see `bfi_cli.flightlog.read_log`.
+    dictionary : see `bfi_cli.dictionary.load_dictionary`.
+    config : see `bfi_cli.config.Config`; its `method` is one of `bfi_cli.model.methods.METHODS`.
+    progress : receives the name of every stage and its progress.
+    given : every live entry is in the log, and only its magnitude is asked for; method ml.
+
+    Raises
+    ------
+    LogError, ExcitationError : the log cannot be used, or the method lacks a channel or a model.
+    DictionaryError : no entry of the dictionary can be seen in the window.
+    ConfigError : the method does not do what is asked.
+    """
+    config = with_inputs_of(log, config)
+    identified = identification(log, dictionary, config, progress, given=given)
+    scan = ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=NOT_SCANNED)
+    return result_of(log, config, identified, conclusion_of(log, config, [identified.evidence]), scan)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Identification:
+    """The outcome of a method on a window, before any conclusion.
+
+    Attributes
+    ----------
+    window : the analysed one; outcome : of the method on it.
+    faults : that the method declares; candidates : every entry of the dictionary.
+    hides_all : every fault of the dictionary can pass for the aircraft's motion.
+    recorder : likeliest low-pass where the recorder is uncertain; None for that which the log or the user states.
+    notes : what limits the identification, and how it was computed.
+    """
+
+    window: PreparedWindow
+    outcome: MethodResult
+    faults: tuple[FaultEstimate, ...]
+    candidates: tuple[Candidate, ...]
+    model: ModelSummary
+    vaf_output: Mapping[str, float]
+    outputs: tuple[OutputSeries, ...]
+    residuals: tuple[ResidualSummary, ...]
+    truth: AgainstTruth | None
+    hides_all: bool
+    notes: tuple[Note, ...]
+    recorder: Filter | None = None
+
+    @property
+    def evidence(self) -> Evidence:
+        """What the method says of the entries of its dictionary."""
+        candidates = self.candidates if self.outcome.converged else ()
+        return Evidence(source="dictionary", faults=self.faults, candidates=candidates)
+
+
+def conclusion_of(log: FlightLog, config: Config, sources: Sequence[Evidence]) -> Conclusion:
+    """Return the conclusion from all sources and from the manoeuvres of the flight.
+
+    Parameters
+    ----------
+    config : with the names of the inputs.
+    """
+    flown = (manoeuvres_of(log, config.outputs),) if METHODS[config.method].intervals else ()
+    return conclude([*sources, *flown], config.require)
+
+
+def result_of(
+    log: FlightLog,
+    config: Config,
+    identified: Identification,
+    conclusion: Conclusion,
+    scan: ScanSummary,
+    *,
+    shown: Identification | None = None,
+    notes: Sequence[Note] = (),
+    truth: AgainstTruth | None = None,
+) -> IdentifyResult:
+    """Return the result of an identification and of the conclusion from it.
+
+    Parameters
+    ----------
+    shown : whose model, series and residuals are shown; default those of the identification.
+    notes : after those of the identification; truth : in place of its comparison with injected faults.
+    """
+    window, outcome, shown = identified.window, identified.outcome, shown or identified
+    decision, verdicts, unanswered = conclusion.decision, conclusion.verdicts, list[Note]()
+    if outcome.fires:
+        decision = "fault"
+    if not outcome.converged:
+        decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
+        unanswered.append(Note.limit(f"{NOT_CONVERGED}: {outcome.solver.termination}"))
+    elif decision == "inconclusive" and identified.hides_all:
+        unanswered.append(Note.limit(UNANSWERABLE))
+    helps = what_would_help(log, config, verdicts) if METHODS[config.method].intervals else None
+    return IdentifyResult(
+        log=window.summary,
+        decision=decision,
+        verdicts=verdicts,
+        summary=conclusion.summary if outcome.converged else NOT_CONVERGED,
+        scan=scan,
+        faults=conclusion.faults if outcome.converged else identified.faults,
+        candidates=conclusion.candidates if outcome.converged else identified.candidates,
+        model=shown.model,
+        vaf_output=shown.vaf_output,
+        solver=outcome.solver,
+        notes=(*unanswered, *conclusion.notes, *identified.notes, *filter(None, [helps]), *notes),
+        time_s=window.signals.time_s,
+        inputs={name: window.signals.u[:, i] for i, name in enumerate(config.inputs)},
+        input_units={name: window.log.channel(name).unit for name in config.inputs},
+        outputs=shown.outputs,
+        residuals=shown.residuals,
+        truth=truth or identified.truth,
+    )
+
+
+def identification(
+    log: FlightLog, dictionary: Dictionary, config: Config, progress: Progress = unseen, *, given: bool = False
+) -> Identification:
+    """Identify the faults of a dictionary without a conclusion; see `identify_faults`."""
+    method = METHODS[config.method]
+    module, _, function = method.function.partition(":")
+    config = with_inputs_of(log, config)
+    with threadpool_limits(1):
+        window = prepare_window(
+            log, dictionary, config, partial(progress, "the window and the dictionary"), courses=True
+        )
+        if len(config.outputs) > 1 and not method.several_outputs:
+            raise ConfigError(
+                f"--method {config.method}: works on one output, got {len(config.outputs)}; give one --output, or "
+                "--method ml"
+            )
+        for key in method.needs:
+            if attrgetter(key)(config) is None:
+                section, _, name = key.partition(".")
+                raise LogError(
+                    f"{log.path}: method {config.method} needs a {name}, which no log holds; give --{name} NAME, or "
+                    f"{section}: {{{name}: NAME}} in the configuration"
+                )
+        regression = regression_of(window, config, partial(progress, "the record factorised"))
+        identify = getattr(import_module(f"bfi_cli.{module}"), function)
+        if given:
+            identify = partial(identify, given=True)
+        elif config.method == "ml" and alternatives(window.filters):
+            identify = partial(identify, exclusive=True)
+        if window.free:
+            if config.method != "ml" or len(config.outputs) > 1:
+                raise DictionaryError(
+                    f"{dictionary.path}: a fault of unknown shape is estimated by --method ml on one output, got "
+                    f"{config.method} on {', '.join(config.outputs)}; leave out shape free"
+                )
+            if log.earlier:
+                raise DictionaryError(
+                    f"{dictionary.path}: a fault of unknown shape is estimated from one log, got --together with "
+                    f"{len(log.earlier)} more; leave out shape free, or the other logs"
+                )
+            identify = partial(identify_with_courses, identify=identify)
+        outcome = identify(window, regression, config, progress)
+        suggested = window
+        if config.method == "ml" and not given and not window.free:
+            window, regression, outcome = with_likeliest_recorder(
+                log, dictionary, config, window, regression, outcome, progress
+            )
+        # Of a long record the memory is needed for what follows.
+        regression = regression.without_record()
+        if outcome.analysed is not None:
+            outcome = replace(outcome, analysed=(outcome.analysed[0], outcome.analysed[1].without_record()))
+        outcome = with_heads(outcome, len(regression.signals.time_s))
+        identified = _assembled(log, window, regression, config, outcome)
+        return identified if window is suggested else replace(identified, recorder=of_recorder(window.filters)[0])
+
+
+def _assembled(
+    log: FlightLog, window: PreparedWindow, regression: RegressionData, config: Config, outcome: MethodResult
+) -> Identification:
+    """Return the outcome of a method as estimates, candidates, series, residuals and notes.
+
+    Parameters
+    ----------
+    log : as it was read; window, regression : of it, with the onsets of the dictionary; outcome : of the method on
+        them.
+    """
+    stated = window
+    window, regression = outcome.analysed or (window, regression)
+    magnitudes, estimates_all = outcome.magnitudes, METHODS[config.method].candidates
+    hidden = hidden_atoms(window, magnitudes) if estimates_all else (False,) * len(window.live)
+    tolerances = tolerances_of(log, window.log, config.outputs, config)
+    faults = [_of_atom(window, outcome, n, tolerances) for n in outcome.atoms]
+    faults += [_of_course(window, course, magnitudes.quantile) for course in outcome.free if course.declared]
+    candidates = claims_of_entries(window, regression, outcome, config.method, tolerances)
+    residuals = residual_summaries(window, outcome)
+    explained = window.signals.y[len(window.signals.y) - len(outcome.error) :]
+    vaf = [
+        float(100.0 * (1.0 - np.var(error) / np.var(y))) for error, y in zip(outcome.error.T, explained.T, strict=True)
+    ]
+    series = output_series(window, outcome, true_faults(window))
+    return Identification(
+        window=window,
+        outcome=outcome,
+        faults=tuple(faults),
+        candidates=candidates,
+        model=ModelSummary(
+            order=outcome.order,
+            rate_hz=window.signals.rate_hz,
+            feedthrough=outcome.feedthrough,
+            inputs=config.inputs,
+            outputs=config.outputs,
+            noise_sd=noise_of(outcome.error, config.outputs),
+            orders=outcome.orders,
+            criterion_no_fault=outcome.criterion_no_fault,
+            criterion_best=outcome.criterion_best,
+        ),
+        vaf_output=dict(zip(config.outputs, vaf, strict=True)),
+        outputs=series,
+        residuals=residuals,
+        truth=against_truth(stated, outcome, series),
+        hides_all=bool(hidden) and all(hidden),
+        notes=(
+            *outcome.notes,
+            *warnings_of(window, outcome, series, residuals, hidden),
+            *((Note.method(window.recorder),) if window.recorder else ()),
+        ),
+    )
+
+
+def _of_atom(window: PreparedWindow, outcome: MethodResult, n: int, tolerances: Mapping[str, float]) -> FaultEstimate:
+    """Return the estimate of the n-th live entry, which is declared."""
+    entry, magnitudes = window.live[n], outcome.magnitudes
+    fault, z = window.faults[entry], float(magnitudes.value[n])
+    return estimate_of(
+        fault,
+        z,
+        float(np.sqrt(magnitudes.variance[n])) if outcome.converged else np.nan,
+        window.log.channel(fault.channel).unit,
+        effect=abs(z) * float(window.largest[entry]),
+        tolerance=tolerances[fault.channel],
+        quantile=magnitudes.quantile,
+        among=(fault.shape,),
+    )
+
+
+def _of_course(window: PreparedWindow, course: FreeOutcome, quantile: float) -> FaultEstimate:
+    """Return the estimate of a fault of unknown course: its magnitude is its largest value."""
+    fault, z, sd = window.faults[course.entry], float(course.value[course.peak]), float(course.sd[course.peak])
+    return estimate_of(fault, z, sd, window.log.channel(fault.channel).unit, quantile=quantile)

@@ -1,0 +1,75 @@
+"""Healthy flights of recorders and aircraft that no threshold was made on: nothing is declared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from bfi_cli.analysis import identify, start_time
+from bfi_cli.config import Config, merge
+from bfi_cli.faults import Fault
+from bfi_cli.flight.diagnose import diagnose_flight
+from bfi_cli.flightlog import inject, read_log
+
+pytestmark = [pytest.mark.slow, pytest.mark.realdata]
+
+
+@pytest.mark.parametrize("name", ["reader_samples/g1000_c172.csv", "px4_flight3"])
+def test_nothing_is_declared(flights: Path, name: str) -> None:
+    """The Cessna's wind changes by 5 m/s within half an hour of training, the drone flies at 15 m/s."""
+    result = diagnose_flight(read_log(flights / name), Config())
+    assert [one.fault for one in result.events if one.state == "declared"] == []
+    assert result.decision != "fault"
+
+
+@pytest.mark.parametrize("from_s", [50_700.0, 50_758.0])
+def test_a_practised_stall_is_no_fault(flights: Path, from_s: float) -> None:
+    """The airspeed falls to 12 m/s and rises by 10 m/s within two seconds, which no linear model follows."""
+    log = read_log(flights / "reader_samples" / "g1000_c172.csv")
+    config = merge(Config(), {"inputs": ("auto",), "window.from_s": from_s, "window.to_s": from_s + 250.0})
+    for result in (start_time(log, config), identify(log, None, config)[0]):
+        assert (result.decision, result.faults) == ("inconclusive", ())
+        assert any("of a stall (50789 to 50810 s)" in note.text for note in result.notes)
+
+
+@pytest.mark.parametrize(("fault", "onset_s"), [("pitot_blocked", 51_500.0), ("static_blocked", 51_000.0)])
+def test_a_leak_that_is_only_suspected_explains_no_blocked_line(flights: Path, fault: str, onset_s: float) -> None:
+    """In this flight a static leak cannot be told from none; two landings follow."""
+    log = read_log(flights / "reader_samples" / "g1000_c172.csv")
+    result = diagnose_flight(inject(log, [Fault(shape=fault, onset_s=onset_s)]), Config())
+    declared = [one for one in result.events if one.state == "declared"]
+    assert (declared[0].fault, declared[0].onset_s) == (fault, pytest.approx(onset_s, abs=5.0))
+
+
+@pytest.mark.parametrize(
+    ("fault", "onset_s"),
+    [
+        ("pitot_blocked", 49_300.0),
+        ("pitot_blocked", 50_100.0),
+        ("static_blocked", 50_300.0),
+        ("static_blocked", 52_300.0),
+    ],
+)
+def test_a_blocked_line_is_named_from_its_onset(flights: Path, fault: str, onset_s: float) -> None:
+    """The true airspeed in whole knots hides a trapped pressure, the indicated one in hundredths does not."""
+    log = read_log(flights / "reader_samples" / "g1000_c172.csv")
+    result = diagnose_flight(inject(log, [Fault(shape=fault, onset_s=onset_s)]), Config())
+    declared = [(one.fault, one.onset_s) for one in result.events if one.state == "declared"]
+    assert declared == [(fault, pytest.approx(onset_s, abs=5.0))]
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        Fault(shape="drift", channel="tas", magnitude=0.05, onset_s=52_000.0),
+        Fault(shape="bias", channel="ias", magnitude=-3.0, onset_s=50_900.0),
+    ],
+    ids=lambda fault: fault.channel,
+)
+def test_an_airspeed_that_is_held_against_the_other_is_told_from_its_onset(flights: Path, fault: Fault) -> None:
+    log = read_log(flights / "reader_samples" / "g1000_c172.csv")
+    result = diagnose_flight(inject(log, [fault]), Config())
+    (declared,) = (one for one in result.events if one.state == "declared")
+    assert {fault.channel} <= {*declared.among} <= {"tas", "ias", "altitude"}
+    assert declared.onset_s == pytest.approx(fault.onset_s, abs=5.0)

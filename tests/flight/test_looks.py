@@ -1,0 +1,53 @@
+"""The scan of windows: what the threshold of each depends on."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from bfi_cli.flight.looks import Scanned, scan_flight
+from bfi_cli.parity import ScanKey, Threshold
+
+AT = Threshold(level=9.0, suspected=6.0, null=None)  # type: ignore[arg-type]
+WINDOW = (0.0, 60.0)
+
+
+def flight_with(lasting: tuple[str, ...]) -> SimpleNamespace:
+    course = SimpleNamespace(ratio=np.array([1.0, 4.0]), weighted=lambda weights: (np.ones(2), np.ones(2)))
+    scan = SimpleNamespace(
+        kinds=(SimpleNamespace(name="lift"),),
+        constants=SimpleNamespace(knows_zero_lift=False),
+        ratios={"tas": course},
+        weights=None,
+        lacking={},
+        statistic=4.0,
+        onsets_s=np.array([10.0, 20.0]),
+    )
+    return SimpleNamespace(lasting_in=lambda window: lasting, scan=lambda window: scan)
+
+
+def scanned(lasting: tuple[str, ...], kept: list[Scanned]) -> tuple[Scanned, list[ScanKey]]:
+    asked: list[ScanKey] = []
+
+    def threshold(key: ScanKey) -> Threshold:
+        asked.append(key)
+        return AT
+
+    (one,) = scan_flight(flight_with(lasting), [WINDOW], threshold, kept=kept)  # type: ignore[arg-type]
+    return one, asked
+
+
+@pytest.mark.parametrize("lasting", [(), ("aoa",)])
+def test_a_window_beside_a_fault_that_lasts_has_the_threshold_of_such_windows(lasting: tuple[str, ...]):
+    one, (key,) = scanned(lasting, [])
+    assert (one.fault, one.onset_s, one.lasting) == ("tas", 20.0, lasting)
+    assert key == ScanKey(residuals=("lift",), length_s=60.0, knows_zero_lift=False, beside=bool(lasting))
+
+
+@pytest.mark.parametrize(("lasting", "n_made"), [((), 0), (("aoa",), 1)])
+def test_a_scan_is_made_again_where_other_faults_last(lasting: tuple[str, ...], n_made: int):
+    kept, _ = scanned((), [])
+    _, asked = scanned(lasting, [kept])
+    assert len(asked) == n_made

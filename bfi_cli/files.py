@@ -22,8 +22,8 @@ MARK = "# written by bfi"
 EVENTS = "time,end,event,channels,state,kind,shape,magnitude,unit,low,high,p_value"
 ATTRIBUTE, OWNER = "written_by", "bfi"
 KIND = re.compile(
-    rb'"kind"\s*:\s*"(?:calibration|compare|detect|diagnosability|diagnose|dictionary|identify|info|montecarlo|plot'
-    rb'|reproduce|start-time)"'
+    rb'"kind"\s*:\s*"(?:calibration|compare|detect|diagnosability|diagnose|dictionary|fleet|identify|info|montecarlo|plot'
+    rb'|reproduce|start-time|unread)"'
 )
 PROVENANCE = re.compile(rb'"provenance"\s*:\s*\{')
 # Our documents begin with their kind and end with their provenance; the series between may be gigabytes long.

@@ -41,6 +41,7 @@ FLOORS = (
     ("audit", "diagnosability", "model"),
     ("engine", "lab"),
     ("flight",),
+    ("fleet",),
     ("analysis",),
     ("lab.compare",),
     ("lab.montecarlo",),
@@ -59,9 +60,10 @@ HOME = {
     "jsbsim": {"jsbsim"},
     "ruptures": {"lab.compare"},
     "nptdms": {"flightlog"},
+    "pyarrow": {"fleet"},
     "yaml": {"yaml12"},
 }
-SLOW = ("dask", "distributed", "h5py", "jinja2", "matplotlib", "rich", "ruptures")
+SLOW = ("dask", "distributed", "h5py", "jinja2", "matplotlib", "pyarrow", "rich", "ruptures")
 # The parts of scipy that are imported in tenths of a second; the others take one second and are not always needed.
 SCIPY = {"fft", "linalg", "special"}
 VAGUE = {"utils", "util", "helpers", "helper", "common", "base", "core", "misc"}

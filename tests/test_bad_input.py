@@ -357,7 +357,7 @@ COMMANDS = {
     "plot good.csv --json --events damaged.json": (2, "damaged.json: no key 'provenance'; the file is damaged or of"),
     "plot good.csv --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out, or"),
     "plot good.csv --out new --series": (2, "bfi plot: --series is about --json; add --json"),
-    "diagnose": (2, "bfi diagnose: LOG is missing; see bfi diagnose --help"),
+    "diagnose": (2, "bfi diagnose: LOG... is missing; see bfi diagnose --help"),
     "diagnose absent.csv": (3, "absent.csv: no such file; give the path of a log"),
     "diagnose unflown.csv": (
         3,
@@ -477,6 +477,24 @@ COMMANDS = {
         "reproduced.json: exhibit: '../../drawn' is no name of a file; run the command again",
     ),
     "identify good.csv -d good.yaml --require abrupt,sloww": (2, "--require: not one of the choices, got 'sloww'; did"),
+    "diagnose folder": (3, "folder: no logs are there (files that end with .bin, .csv"),
+    "diagnose good.csv good.csv hard.csv --json --series": (
+        2,
+        "--series: is about one log, got several; result.json",
+    ),
+    "diagnose good.csv hard.csv --verbose": (2, "--verbose: is about one log, got several; the report of each log has"),
+    "diagnose good.csv hard.csv --events-csv new.csv": (2, "--events-csv: is about one log, got several; the table"),
+    "diagnose good.csv hard.csv --jsonl good.csv": (2, "good.csv: is an input of this command; give another --jsonl"),
+    "diagnose good.csv hard.csv --jsonl in_the_way": (2, "in_the_way: exists and was not written by bfi; give another"),
+    "diagnose good.csv hard.csv --out in_the_way": (2, "in_the_way: cannot be written, not a directory; give another"),
+    "diagnose good.csv hard.csv --workers 2 --scheduler a": (
+        2,
+        "bfi diagnose: --workers and --scheduler exclude each other; keep one",
+    ),
+    "diagnose good.csv hard.csv --workers 0": (2, "--workers: too small, got 0; give 1 or more"),
+    "diagnose --list absent.txt": (2, "--list absent.txt: no such file or directory; give a text file with the path"),
+    "diagnose --list good.csv": (2, "--list good.csv: no column 'log', the first line is 'time [s],elevator [rad]"),
+    "info good.csv hard.csv --out good.csv": (2, "good.csv: cannot be written, not a directory; give another --out"),
     "start-time good.csv --require abrupt,abrupt": (2, "--require: a value stands twice"),
     "identify good.csv -d good.yaml --tolerance aoa=1": (
         2,

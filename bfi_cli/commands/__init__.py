@@ -173,7 +173,7 @@ def run_command(argv: Sequence[str] | None) -> int:
         if isinstance(error, OSError) and (error.errno == errno.ENOSPC or not _flushed()):
             what = f"stdout: cannot be written, {reason_of(error)}"
             return _complain(f"{what}; free some space, or write elsewhere", USAGE)
-        return _complain(_crash(error), DEFECT)
+        return _complain(crash_line(error), DEFECT)
     finally:
         _flushed()
     return 0
@@ -237,7 +237,7 @@ def _close_output(*streams: TextIO) -> None:
     os.close(nowhere)
 
 
-def _crash(error: Exception) -> str:
+def crash_line(error: Exception) -> str:
     """Write a crash file for a maintainer, without data of the user; return the line to print."""
     what = f"bfi: internal error, {type(error).__name__}"
     text = "".join(f"{line}\n" for line in _crash_lines(error))

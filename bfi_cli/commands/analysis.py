@@ -29,6 +29,10 @@ if TYPE_CHECKING:
 
 # Exit codes of --strict without a trustworthy answer, and of --fail-on with a declared fault.
 NO_ANSWER, FAULT_DECLARED = 4, 10
+# From name, options and configuration of a command to an exit code.
+Many = Callable[[str, Mapping[str, Any], "Config"], int | None]
+# The functions from request to answer of the commands that are imported, by name.
+ANSWERS: dict[str, Callable[[Asked], Answer]] = {}
 
 
 class Decided(Protocol):
@@ -132,7 +136,11 @@ class Asked:
 
 
 def analysis(
-    name: str, *options: str | Command, check: Callable[[Mapping[str, Any]], None] | None = None, **words: str
+    name: str,
+    *options: str | Command,
+    check: Callable[[Mapping[str, Any]], None] | None = None,
+    many: Many | None = None,
+    **words: str,
 ) -> Callable[[Callable[[Asked], Answer]], click.Command]:
     """Return the decorator that makes a command of a function from a request to its answer.
 
@@ -140,6 +148,7 @@ def analysis(
     ----------
     options, words : see `with_options`.
     check : raises an error about the options alone, before anything is read.
+    many : of a command that takes several logs, answers them and returns the exit code, None where one is given.
     """
 
     def make(answer_to: Callable[[Asked], Answer]) -> click.Command:
@@ -148,6 +157,11 @@ def analysis(
             if check is not None:
                 check(given)
             config, log = config_of(given["config_path"], given), given.get("log") or ""
+            if many is not None:
+                code = many(name, given, config)
+                if code is not None:
+                    click.get_current_context().exit(code)
+                log = _only_log(given["logs"])
             dictionary = config.load_dictionary(allow_outside=given["allow_outside"]) if "dictionary" in given else None
             inputs = inputs_of(config, log, *given.get("logs", ()), *given.get("results", ()), dictionary=dictionary)
             with stages(wanted=given.get("progress", False)) as progress:
@@ -168,19 +182,30 @@ def analysis(
             document = answer.document(origin)
             shown = partial(answer.content, document)
             emit(shown, document, given, units=config.shown_units, origin=origin, inputs=inputs)
-            if answer.decided is not None:
-                click.get_current_context().exit(_exit_code(answer.decided, config))
+            if (decided := answer.decided) is not None:
+                code = exit_code_of(decided.decision, config, is_trusted=decided.is_trusted)
+                click.get_current_context().exit(code)
 
+        ANSWERS[name] = answer_to
         return click.command(name, help=answer_to.__doc__, cls=GroupedCommand)(run)
 
     return make
 
 
-def _exit_code(result: Decided, config: Config) -> int:
+def _only_log(logs: Sequence[str]) -> str:
+    """Return the log of a command line that names no others."""
+    if not logs:
+        context = click.get_current_context()
+        argument = next(one for one in context.command.params if one.name == "logs")
+        raise click.MissingParameter(ctx=context, param=argument)
+    return logs[0]
+
+
+def exit_code_of(decision: str, config: Config, *, is_trusted: bool) -> int:
     """Return the exit code: 4 for --strict and an answer that is not trusted, 10 for --fail-on and a fault, else 0."""
-    if config.strict and not result.is_trusted:
+    if config.strict and not is_trusted:
         return NO_ANSWER
-    return FAULT_DECLARED if config.fail_on == "fault" and result.decision == "fault" else 0
+    return FAULT_DECLARED if config.fail_on == "fault" and decision == "fault" else 0
 
 
 def log_of(path: str, config: Config) -> FlightLog:

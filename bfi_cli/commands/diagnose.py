@@ -10,36 +10,34 @@ from pathlib import Path
 import click
 
 from .analysis import Answer, Asked, analysis, doubts, log_of, saying_first, with_findings
-from .options import ANSWER, CHANNELS, log_argument
+from .fleet import answer_fleet
+from .options import ANSWER, CHANNELS, FLEET, fleet_argument
 
 
 @analysis(
     "diagnose",
-    log_argument,
+    fleet_argument,
     *("config_path", "from_s", "to_s", *CHANNELS, "fix_units", "recorder", "require", "tolerance"),
-    *("diagnose_false_alarm", "diagnose_calibration", "judge", *ANSWER),
-    click.option(
-        *("--workers",),
-        metavar="N",
-        type=click.IntRange(min=1),
-        help="Processes; the numbers are the same.  [default: cores]",
-    ),
+    *("diagnose_false_alarm", "diagnose_calibration", "judge", *ANSWER, *FLEET),
     click.option(
         "--events-csv",
         metavar="FILE",
         type=click.Path(path_type=Path),
         help="Write a row for each event, for PlotJuggler or a spreadsheet.",
     ),
+    many=answer_fleet,
     from_s="Start of the part that is diagnosed.  [default: take-off]",
     to_s="End of it, in the log's seconds.  [default: landing]",
     strict="Exit 4 where the log cannot tell.",
     fail_on="Exit 10 where a fault is declared.",
 )
 def command(asked: Asked) -> Answer:
-    """Say which air-data fault hit the flight of LOG, when, how large and how sure: every analysis that it allows.
+    """Say which air-data fault hit the flight of each LOG, when, how large and how sure: every analysis that it allows.
 
     Pressures that must agree, lines that must not hold still, and lift, climb, inertial acceleration and ground speed,
     which bound the air data without a model of the aircraft; steps and oscillations by the scan over all onsets.
+
+    Of several logs, or a folder of logs, a line each, faults first; --out DIR keeps what is done, and continues.
     """
     from ..config import merge
     from ..files import aside, check_files

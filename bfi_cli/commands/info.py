@@ -5,14 +5,22 @@ from __future__ import annotations
 from functools import partial
 
 from .analysis import Answer, Asked, analysis, source_of, with_findings
-from .options import CHANNELS, FILES, log_argument
+from .fleet import answer_fleet
+from .options import CHANNELS, FILES, FLEET, fleet_argument
 
 
-@analysis("info", log_argument, "config_path", *CHANNELS, "fix_units", "from_s", "to_s", "explain", *FILES, "as_json")
+@analysis(
+    "info",
+    fleet_argument,
+    *("config_path", *CHANNELS, "fix_units", "from_s", "to_s", "explain", *FILES, "as_json", *FLEET),
+    many=answer_fleet,
+)
 def command(asked: Asked) -> Answer:
-    """Show channels, units, rate, gaps, held samples, excitation of a log, its phases and windows to analyse.
+    """Show channels, units, rate, gaps, held samples, excitation of each LOG, its phases and windows to analyse.
 
     Of a configuration file counts what says how the log is read, its window and the units to show.
+
+    Of several logs, or a folder of logs, a line each; --out DIR keeps what is done, and continues.
     """
     from ..flightlog import inspect_log, read_log
     from ..flightlog.defects import find_defects

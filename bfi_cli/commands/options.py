@@ -129,6 +129,7 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "number": {"type": float},
     "positive": {"type": click.FloatRange(min=0, min_open=True)},
     "whole": {"type": int},
+    "count": {"type": click.IntRange(min=1)},
     "flag": {"is_flag": True},
     "choice": {"default": None},  # --this/--no-this, None where neither is given
     "request": {"is_flag": True, "default": None},  # flag; unset means the configuration's value
@@ -284,6 +285,16 @@ verbose  --verbose,-v  -  -  flag
     Print every table, fact and note of the answer, not its first screen
 explain  --explain  -  -  flag
     For every column of the file what it was taken for, in which unit, and why.
+recursive  --recursive  -  -  flag
+    Of a folder, the logs of the folders within too.
+list_file  --list  -  FILE  text
+    Logs to analyse, a path a line or CSV with a column log, and aircraft where known; - is stdin.
+jsonl  --jsonl  -  FILE  path
+    Write a document a line as they come, without what has an entry per sample.
+workers  --workers  -  N  count
+    Processes; the numbers are the same.  [default: cores]
+scheduler  --scheduler  -  ADDRESS  text
+    Dask scheduler whose workers analyse the logs.
 as_json  --json  -  -  json
     JSON on stdout in place of a table.
 series  --series  -  -  series
@@ -317,6 +328,7 @@ SIGNALS = ("inputs", "outputs", "from_s", "to_s", *CHANNELS, "rate", "recorder")
 MODEL = ("order", "feedthrough")
 VERDICT = ("require", "tolerance")
 FILES = ("allow_outside", "units", "out", "force")
+FLEET = ("recursive", "list_file", "jsonl", "workers", "scheduler")
 ANSWER = (*FILES, "strict", "fail_on", "progress", "verbose", "as_json", "series")
 # Options by their heading in `--help`, the most used first.
 HELP_GROUPS: Mapping[str, tuple[str, ...]] = {
@@ -346,6 +358,7 @@ HELP_GROUPS: Mapping[str, tuple[str, ...]] = {
         *("detect_false_alarm", "diagnose_false_alarm", "calibration", "diagnose_calibration", "judge"),
         *("magnitudes", "at_limit", "duration_s", "length_s", "step_s", "require"),
     ),
+    "Many logs": FLEET,
     "Output": ("verbose", "series", "strict", "fail_on", "force", "progress"),
 }
 
@@ -392,6 +405,8 @@ class GroupedCommand(click.Command):
 
 
 log_argument = click.argument("log", metavar="LOG", type=click.Path())
+# Where none is given, --list may name them.
+fleet_argument = click.argument("logs", metavar="LOG...", nargs=-1, type=click.Path())
 logs_argument = click.argument("logs", metavar="LOG...", nargs=-1, required=True, type=click.Path())
 
 

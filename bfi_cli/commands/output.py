@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import shutil
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
 
 # Columns of a pipe or a file, unless COLUMNS is set: those of the widest table.
 PIPE_COLUMNS = 120
+# Whether notes are left to the document.
+_SILENT: ContextVar[bool] = ContextVar("silent", default=False)
 
 
 def check_out(
@@ -109,8 +113,18 @@ def write(
 
 def note(sentence: str) -> None:
     """Print a note to stderr if that is a terminal."""
-    if sys.stderr.isatty():
+    if sys.stderr.isatty() and not _SILENT.get():
         click.echo(printable(sentence), err=True)
+
+
+@contextmanager
+def without_notes() -> Iterator[None]:
+    """Print no notes within the block: those of each of many logs stand in its document."""
+    token = _SILENT.set(True)
+    try:
+        yield
+    finally:
+        _SILENT.reset(token)
 
 
 def show(
@@ -147,7 +161,7 @@ def _print_json(document: Mapping[str, Any], *, series: bool = False) -> None:
     from ..serialization import to_json, without_series
 
     ascii_only = not (sys.stdout.encoding or "utf-8").lower().startswith("utf")
-    _print(to_json(document if series else without_series(document), ascii_only=ascii_only) + "\n")
+    print_text(to_json(document if series else without_series(document), ascii_only=ascii_only) + "\n")
 
 
 def _print_rich(draw: Callable[[Console], None]) -> None:
@@ -163,10 +177,10 @@ def _print_rich(draw: Callable[[Console], None]) -> None:
     with console.capture() as captured:
         draw(console)
     text = captured.get()
-    _print(text if on_terminal else "".join(f"{line.rstrip()}\n" for line in text.splitlines()))
+    print_text(text if on_terminal else "".join(f"{line.rstrip()}\n" for line in text.splitlines()))
 
 
-def _print(text: str) -> None:
+def print_text(text: str) -> None:
     """Write to stdout and flush it, so that a full disk raises here."""
     try:
         sys.stdout.write(text)

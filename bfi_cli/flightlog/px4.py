@@ -220,6 +220,11 @@ def _topic_files(folder: str) -> list[Path]:
     return [path for path in paths if path.is_file() and _is_by_ulog2csv(path)]
 
 
+def is_log_folder(path: str) -> bool:
+    """Return whether a path is a folder with files of `ulog2csv`, which is one log."""
+    return os.path.isdir(path) and bool(_topic_files(path))
+
+
 def folder_digest(folder: str) -> str:
     """Return the SHA-256 of the names and contents of the files of `ulog2csv` in a folder."""
     whole = hashlib.sha256()

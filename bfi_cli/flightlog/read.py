@@ -141,14 +141,25 @@ def read_log(
         keep=tuple(keep),
     )
     if os.path.isdir(name):
-        log = with_short_gaps(_of_boot(name, read_folder(name, asked), asked, folder_digest(name), boot))
+        log = with_short_gaps(_of_boot(name, read_folder(name, asked), asked, digest_of_log(name), boot))
     else:
         raw = _read_file(name, asked)
-        with open(name, "rb") as file:
-            sha256 = hashlib.file_digest(file, "sha256").hexdigest()
-        log = with_seen_recorder(with_short_gaps(_of_boot(name, raw, asked, sha256, boot)))
+        log = with_seen_recorder(with_short_gaps(_of_boot(name, raw, asked, digest_of_log(name), boot)))
     log = with_quantities(log, asked.channel_map)
     return log if fill_s is None else with_filled(log, fill_s)
+
+
+def digest_of_log(path: str) -> str:
+    """Return the SHA-256 of the bytes of a log: a file, or a folder of files of `ulog2csv`.
+
+    Raises
+    ------
+    OSError : it cannot be read.
+    """
+    if os.path.isdir(path):
+        return folder_digest(path)
+    with open(path, "rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def _read_file(path: str, asked: Asked) -> RawLog:

@@ -68,7 +68,7 @@ def test_the_help_of_every_analysis_lists_each_option_once_and_the_common_ones_f
         text = command.get_help(click.Context(command, info_name="x"))
         assert all(re.search(rf"{one.opts[0]}[,\s]", text) for one in options), command.name
         if command.name in ("identify", "start-time", "detect", "diagnose"):
-            assert {one.name for one in options} <= {*grouped, "help", "events_csv", "workers"}
+            assert {one.name for one in options} <= {*grouped, "help", "events_csv"}
         assert text.index("Common options:") < text.index("Output:")
 
 

@@ -1,0 +1,330 @@
+"""Many logs in one call of a command: each is analysed as a call on it alone would, on the one engine."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, replace
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+import click
+
+from ..errors import BfiError, ConfigError, reason_of
+from .analysis import ANSWERS, Answer, Asked, exit_code_of, inputs_of
+from .output import note, print_text, show_lines, without_notes
+from .progress import progress
+
+if TYPE_CHECKING:
+    from ..config import Config
+    from ..fleet import FleetLog, LogAnswer, Outcome, Store, Task
+    from ..provenance import Provenance
+
+# Options that ask for an answer to many logs, whatever their number.
+OF_SEVERAL = ("recursive", "list_file", "jsonl", "scheduler")
+# What is about one log: refused with several, by the option's name in the table, with what serves in its place.
+OF_A_LOG = {
+    "series": "result.json in the folder of each log has them; give --out DIR",
+    "verbose": "the report of each log has every table; give --out DIR",
+    "events_csv": "the table events has those of all; give --out DIR",
+}
+DEFECT = 70  # exit code of a defect of ours, EX_SOFTWARE of sysexits.h
+PATH_LETTERS, ANSWER_LETTERS = 48, 100  # of a line on a terminal
+PIECE = 1 << 20  # letters of an array that are in memory while it is printed
+# Settings that change no answer: what an exit code follows from, and where a configuration lies.
+NO_ANSWER_SETTINGS = ("strict", "fail_on")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Request:
+    """What is asked of every log.
+
+    Attributes
+    ----------
+    kind : name of the command; options : those of a call on one log.
+    settings : digest of what an answer depends on beside the log.
+    origin : provenance of every answer, with the log's digest in place of its own.
+    wants_files, wants_document : see `bfi_cli.fleet.Outcome`.
+    """
+
+    kind: str
+    config: Config
+    options: Mapping[str, Any]
+    settings: str
+    origin: Provenance
+    wants_files: bool
+    wants_document: bool
+
+
+def answer_fleet(kind: str, given: Mapping[str, Any], config: Config) -> int | None:
+    """Analyse the logs of a command line, print and write the answers, and return the exit code.
+
+    Nothing is done, and None is returned, where a single log is asked for.
+
+    Raises
+    ------
+    ConfigError : an option is about one log, or a file may not be written.
+    LogError : there is no log.
+    """
+    from ..fleet import Store, is_fleet, logs_of, run_fleet
+    from ..provenance import provenance
+
+    if not is_fleet(given["logs"]) and not any(given[name] for name in OF_SEVERAL):
+        return None
+    for name, instead in OF_A_LOG.items():
+        if given.get(name):
+            raise ConfigError(f"--{name.replace('_', '-')}: is about one log, got several; {instead}")
+    if given["workers"] is not None and given["scheduler"] is not None:
+        raise click.UsageError("--workers and --scheduler exclude each other; keep one")
+    logs = logs_of(given["logs"], recursive=given["recursive"], listed=given["list_file"])
+    out: Path | None = given["out"]
+    inputs = inputs_of(config, given["list_file"])
+    _check_files(kind, given, logs, inputs)
+    origin = provenance(log_sha256="", config_sha256=config.sha256, seed=config.seed)
+    request = Request(
+        kind=kind,
+        config=config,
+        options={**given, "out": None, "as_json": False, "workers": 1, "progress": False},
+        settings=_digest_of_settings(kind, config, given, inputs, origin),
+        origin=origin,
+        wants_files=out is not None,
+        wants_document=given["as_json"] or given["jsonl"] is not None,
+    )
+    answers: list[LogAnswer] = []
+    opened = nullcontext() if out is None else Store(out, origin=origin, inputs=inputs, force=given["force"])
+    with (
+        opened as store,
+        _documents(given) as add_document,
+        progress("logs", wanted=given.get("progress")) as report,
+    ):
+        results = run_fleet(
+            partial(analyse, request=request),
+            logs,
+            store=store,
+            workers=given["workers"] or os.cpu_count() or 1,
+            scheduler=given["scheduler"],
+        )
+        report(0, len(logs))
+        for answer, document in results:
+            answers.append(answer)
+            if request.wants_document:
+                add_document(document or _stored(answer, store, origin))
+            report(len(answers), len(logs))
+    if out is not None:
+        _write_fleet(kind, out, answers, given, inputs, origin)
+    if not given["as_json"]:
+        show_lines({}, _lines(answers), as_json=False)
+    unread = [one for one in answers if one.error]
+    if unread:
+        click.echo(f"bfi {kind}: {len(unread)} of {len(answers)} logs could not be read", err=True)
+    return _exit_code(answers, config)
+
+
+def _check_files(kind: str, given: Mapping[str, Any], logs: Sequence[FleetLog], inputs: Sequence[str]) -> None:
+    """Check, before long work, that the files of the answers may be written."""
+    from ..files import check_files, check_folder, same_file
+    from ..fleet import fleet_names
+
+    out: Path | None = given["out"]
+    if given["jsonl"] is not None:
+        paths = [*inputs, *(one.path for one in logs)]
+        check_files([given["jsonl"]], inputs=paths, force=given["force"], option="--jsonl")
+    if out is None:
+        return
+    check_folder(out, fleet_names(kind), inputs=inputs, force=given["force"])
+    for one in logs:
+        if same_file(out / one.folder, one.path):
+            raise ConfigError(f"{out / one.folder}: is a log of this command; give another --out")
+
+
+def _digest_of_settings(
+    kind: str, config: Config, given: Mapping[str, Any], inputs: Sequence[str], origin: Provenance
+) -> str:
+    """Return the digest of what an answer depends on beside the log: versions, configuration and the files it names."""
+    from ..flightlog import digest_of_log
+    from ..serialization import to_json
+
+    settings = config.model_dump(mode="json", exclude=set(NO_ANSWER_SETTINGS))
+    versions = (origin.version, origin.numpy, origin.scipy)
+    files = sorted(digest_of_log(path) for path in inputs if path != given["list_file"] and os.path.isfile(path))
+    text = to_json([kind, versions, settings, given.get("explain", False), files], indent=None)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def analyse(task: Task, *, request: Request) -> Outcome:
+    """Return what a call of the command on a log alone answers; an error is an answer too."""
+    from ..fleet import LogAnswer, Outcome
+    from ..fleet.running import key_of
+    from ..flightlog import digest_of_log
+
+    log, sha256, key = task.log, "", ""
+    if os.path.isfile(log.path) or os.path.isdir(log.path):
+        try:
+            sha256 = digest_of_log(log.path)
+            key = key_of(request.settings, sha256)
+        except (OSError, BfiError):
+            pass  # the reader says why
+    if key and key == task.known_key:
+        return Outcome()
+    unread = LogAnswer(log=log.path, folder=log.folder, key=key, sha256=sha256, flight={})
+    try:
+        with without_notes():
+            return _analysed(task, request, key)
+    except BfiError as error:
+        return Outcome(answer=replace(unread, error=str(error), error_code=error.exit_code))
+    except MemoryError:
+        error_line = f"{log.path}: out of memory; choose a shorter window or a lower --rate"
+        return Outcome(answer=replace(unread, key="", error=error_line, error_code=3))
+    except Exception as error:
+        from . import crash_line
+
+        return Outcome(answer=replace(unread, key="", error=crash_line(error), error_code=DEFECT))
+
+
+def _analysed(task: Task, request: Request, key: str) -> Outcome:
+    """Return the answer on a log that is read.
+
+    Raises
+    ------
+    BfiError : the log, or the configuration for it, cannot be used.
+    """
+    from ..display_units import IN_FILES, UNITS
+    from ..fleet import LogAnswer, Outcome, answer_of_diagnosis, answer_of_info
+    from ..report.files import content_files
+    from ..serialization import to_json, without_series
+
+    import_module(f"{__package__}.{request.kind}")  # a new process knows none of the commands
+    log, config = task.log, request.config
+    asked = Asked(
+        options={**request.options, "logs": (log.path,)},
+        config=config,
+        dictionary=None,
+        log=log.path,
+        inputs=inputs_of(config, log.path),
+        progress=lambda _stage, _done: None,
+    )
+    answer: Answer = ANSWERS[request.kind](asked)
+    origin = replace(request.origin, log_sha256=answer.log_sha256)
+    document = answer.document(origin)
+    content = answer.content(document, UNITS[config.shown_units])
+    fields = (answer_of_diagnosis if request.kind == "diagnose" else answer_of_info)(document, content)
+    decided = answer.decided
+    files = {}
+    if request.wants_files:
+        files = content_files(content, document, origin, plain=answer.content(document, IN_FILES))
+    return Outcome(
+        answer=LogAnswer(
+            log=log.path,
+            folder=log.folder,
+            key=key,
+            sha256=answer.log_sha256,
+            is_trusted=decided is None or decided.is_trusted,
+            **fields,
+        ),
+        document=to_json(without_series(document), indent=None) if request.wants_document else "",
+        files=files,
+    )
+
+
+def _stored(answer: LogAnswer, store: Store | None, origin: Provenance) -> str:
+    """Return the document of an answer that no worker made: of a log that is unread, or did not change."""
+    from ..fleet import unread_document
+    from ..serialization import to_json, without_series
+
+    if answer.error or store is None:
+        return to_json(unread_document(answer.log, answer.error, origin), indent=None)
+    return to_json(without_series(store.document(answer)), indent=None)
+
+
+@contextmanager
+def _documents(given: Mapping[str, Any]) -> Iterator[Any]:
+    """Yield a function that takes documents as they come, for --jsonl and --json; the array is printed at the end."""
+    with tempfile.TemporaryFile("w+", encoding="utf-8") as spool, _jsonl(given["jsonl"]) as file:
+
+        def add(document: str) -> None:
+            if file is not None:
+                try:
+                    file.write(document + "\n")
+                    file.flush()
+                except OSError as error:
+                    raise ConfigError(
+                        f"{given['jsonl']}: cannot be written, {reason_of(error)}; free some space"
+                    ) from None
+            if given["as_json"]:
+                spool.write((",\n" if spool.tell() else "") + document)
+
+        yield add
+        if given["as_json"]:
+            spool.seek(0)
+            print_text("[\n")
+            while piece := spool.read(PIECE):
+                print_text(piece)
+            print_text("\n]\n")
+
+
+@contextmanager
+def _jsonl(path: Path | None) -> Iterator[IO[str] | None]:
+    if path is None:
+        yield None
+        return
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        file = path.open("w", encoding="utf-8", newline="")
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written, {reason_of(error)}; give another --jsonl") from None
+    with file:
+        yield file
+
+
+def _write_fleet(
+    kind: str,
+    out: Path,
+    answers: Sequence[LogAnswer],
+    given: Mapping[str, Any],
+    inputs: Sequence[str],
+    origin: Provenance,
+) -> None:
+    """Write the tables, the summary and the index."""
+    from ..files import replace_files
+    from ..fleet import fleet_files, remove_other_format
+
+    replace_files(fleet_files(kind, answers, origin), out, inputs=inputs, force=given["force"])
+    remove_other_format(kind, out)
+    note(f"wrote {out / 'index.html'}")
+
+
+def _lines(answers: Sequence[LogAnswer]) -> list[str]:
+    """Return a line for each log, those that need a reader first."""
+    from ..printable import printable, shortened
+
+    ordered = sorted(answers, key=lambda one: one.rank)
+    logs = [shortened(one.log, PATH_LETTERS) for one in ordered]
+    width = max(map(len, logs), default=0)
+    lines = []
+    for log, one in zip(logs, ordered, strict=True):
+        decision = "not read" if one.error else one.decision.replace("_", " ")
+        summary = printable(one.error) if one.error else shortened(one.summary, ANSWER_LETTERS)
+        hidden = f"  could hide: {one.hidden}" if one.hidden else ""
+        lines.append(f"{log:<{width}}  " + (f"{decision:<12}  " if decision else "") + f"{summary}{hidden}")
+    return lines
+
+
+def _exit_code(answers: Sequence[LogAnswer], config: Config) -> int:
+    """Return the exit code of a fleet.
+
+    70 if a log met a defect of ours; that of the errors if no log could be read; else the first of what a call on a log
+    alone would exit with.
+    """
+    codes = {one.error_code for one in answers if one.error}
+    if DEFECT in codes:
+        return DEFECT
+    read = [one for one in answers if not one.error]
+    if not read:
+        return max(codes, default=0)
+    by_log = {exit_code_of(one.decision, config, is_trusted=one.is_trusted) for one in read}
+    return min(by_log - {0}, default=0)

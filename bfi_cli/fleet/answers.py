@@ -1,0 +1,154 @@
+"""The answer on each log of a fleet: its line, and its rows of the tables."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..flightlog.phases import PARTS
+from ..notes import Note
+from ..provenance import Provenance
+from ..report.content import ReportContent
+from ..report.text import counted, instant, number
+from ..serialization import document_of
+
+# Order of the lines: what needs a reader first.
+FAULT, SUSPECTED, DEVIATION, DOUBT, QUIET, UNREAD = range(6)
+IN_FLIGHT = {*PARTS} - {"ground"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LogAnswer:
+    """The answer on a log.
+
+    Attributes
+    ----------
+    log : its path; aircraft : "" where it is not known; folder : of its results.
+    key : digest of the log's bytes, the version and the configuration that the answer is of; "" for an answer that is
+        not kept.
+    sha256 : of the log, "" where it could not be read.
+    error : why there is no answer, "" where there is; error_code : the exit code for it.
+    rank : in the order of lines, least first.
+    decision : of the analysis, "" of one that decides nothing; is_trusted : whether `--strict` accepts it.
+    summary : the first fault with onset and size, or what there is to say; hidden : what could hide, "" for nothing.
+    flight : the log's row of the table `flights`, by column.
+    rows : its rows of the second table, by column.
+    """
+
+    log: str
+    folder: str
+    key: str
+    sha256: str
+    aircraft: str = ""
+    error: str = ""
+    error_code: int = 0
+    rank: int = UNREAD
+    decision: str = ""
+    is_trusted: bool = True
+    summary: str = ""
+    hidden: str = ""
+    flight: Mapping[str, Any]
+    rows: tuple[Mapping[str, Any], ...] = ()
+
+
+def answer_of_diagnosis(document: Mapping[str, Any], content: ReportContent) -> dict[str, Any]:
+    """Return what a document of `bfi diagnose`, and its content, say of a flight: fields of `LogAnswer`."""
+    events = [{"state": one["state"], **_event(one)} for one in document["events"]]
+    deviations = [{"state": "deviation", **_event(one)} for one in document["deviations"]]
+    states = [one["state"] for one in events]
+    decision = document["decision"]
+    screen = content.screen
+    hidden = screen.hidden.rows[0] if screen is not None and screen.hidden is not None else ()
+    first = screen.faults[0] if screen is not None and screen.faults else document["summary"]
+    rank = (
+        FAULT
+        if decision == "fault"
+        else SUSPECTED
+        if "suspected" in states
+        else DEVIATION
+        if deviations
+        else QUIET
+        if decision == "no_fault"
+        else DOUBT
+    )
+    named = next(iter([*events, *deviations]), {})
+    return {
+        "rank": rank,
+        "decision": decision,
+        "summary": first,
+        "hidden": f"{hidden[0]} {hidden[2]}" if hidden else "",
+        "flight": {
+            **_span(document),
+            "decision": decision,
+            **{kind: document["verdicts"].get(kind) for kind in ("abrupt", "oscillating", "slow")},
+            "declared": states.count("declared"),
+            "suspected": states.count("suspected"),
+            "deviations": len(deviations),
+            "ordinary": len(document.get("ordinary", ())),
+            "contradictions": len(document.get("plausibility", ())),
+            **{key: named.get(key) for key in ("fault", "shape", "onset_s", "magnitude", "unit", "low", "high")},
+            "could_hide": f"{hidden[0]} {hidden[2]}" if hidden else None,
+        },
+        "rows": (*events, *deviations),
+    }
+
+
+def _event(event: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an event of a document in plain cells."""
+    low, high = event["ci95"] or (None, None)
+    effect = next(iter(event["effect"].items()), (None, None))
+    same = ("fault", "kind", "shape", "magnitude", "unit", "onset_s", "offset_s", "statistic", "threshold", "p_value")
+    return {
+        **{key: event[key] for key in same},
+        **{key: event.get(key) for key in ("margin", "beyond_tolerance", "frequency_hz", "count")},
+        "among": " ".join(event["among"]),
+        "channels": " ".join(event["channels"]),
+        "low": low,
+        "high": high,
+        "onset_low_s": event["onset_ci95"][0],
+        "onset_high_s": event["onset_ci95"][1],
+        "effect_channel": effect[0],
+        "effect": effect[1],
+    }
+
+
+def answer_of_info(document: Mapping[str, Any], content: ReportContent) -> dict[str, Any]:
+    """Return what a document of `bfi info` says of a log: fields of `LogAnswer`."""
+    span = _span(document)
+    counts = {key: len(document[key]) for key in ("channels", "gaps", "defects", "plausibility")}
+    wrong = {"contradiction": counts["plausibility"], "defect": counts["defects"], "gap": counts["gaps"]}
+    said = ", ".join(counted(n, noun) for noun, n in wrong.items() if n)
+    flown = span["flight_s"]
+    in_flight = f"{instant(round(flown))} s in flight" if flown else "no flight"
+    size = f"{span['n_samples']} samples at {number(span['rate_hz'])} Hz, {in_flight}, {counts['channels']} channels"
+    rows = [
+        {key: one[key] for key in ("name", "unit", "source", "min", "max", "n_nan")} for one in document["channels"]
+    ]
+    return {
+        "rank": SUSPECTED if counts["plausibility"] else DOUBT if said else QUIET,
+        "summary": f"{size}; {said}" if said else size,
+        "flight": {
+            **span,
+            "uniform": document["uniform"],
+            "channels": counts["channels"],
+            "gaps": counts["gaps"],
+            "defects": counts["defects"],
+            "contradictions": counts["plausibility"],
+        },
+        "rows": tuple(rows),
+    }
+
+
+def _span(document: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the length of a log, and how much of it is flight, s."""
+    phases: Sequence[Mapping[str, Any]] = document["phases"]
+    return {
+        **{key: document["log"][key] for key in ("start_s", "stop_s", "n_samples", "rate_hz")},
+        "flight_s": sum((one["to_s"] - one["from_s"] for one in phases if one["phase"] in IN_FLIGHT), 0.0),
+    }
+
+
+def unread_document(path: str, error: str, provenance: Provenance) -> dict[str, Any]:
+    """Return the document in place of that of a log without an answer."""
+    return document_of("unread", {"log": {"path": path}, "error": error}, (Note.limit(error),), provenance)

@@ -1,0 +1,101 @@
+"""The files of a fleet beside the folders of its logs: tables, summary, index page."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path, PurePosixPath
+from typing import Any
+from urllib.parse import quote
+
+from ..notes import Note
+from ..printable import SHOWN, shortened
+from ..provenance import Provenance
+from ..report.listing import Listing, render_listing
+from ..report.text import counted
+from ..serialization import document_of, to_json
+from .answers import LogAnswer
+from .store import SUMMARY
+from .tables import table_file, table_names, tables_of
+
+INDEX = "index.html"
+# Letters of a cell of the index: with eight cells and their tags less than 500 bytes a row, 5 MB at 10 000 logs.
+PATH_LETTERS, TEXT_LETTERS, HIDDEN_LETTERS = 60, 100, 50
+TITLES = {"diagnose": "Diagnosis of a fleet", "info": "Logs of a fleet"}
+
+
+def fleet_names(kind: str) -> tuple[str, ...]:
+    """Return the names of the files that `fleet_files` makes."""
+    return (*table_names(kind), INDEX, SUMMARY)
+
+
+def fleet_files(kind: str, answers: Sequence[LogAnswer], origin: Provenance) -> dict[str, bytes]:
+    """Return the bytes of every file of a fleet by its name."""
+    tables = tables_of(kind, answers)
+    files = {name: table_file(table) for name, table in zip(table_names(kind), tables, strict=True)}
+    files[INDEX] = index_page(kind, answers, origin).encode("utf-8", SHOWN)
+    files[SUMMARY] = to_json(summary_of_fleet(kind, answers, origin)).encode() + b"\n"
+    return files
+
+
+def remove_other_format(kind: str, out: Path) -> None:
+    """Remove the tables of an earlier result in the format that is not written here."""
+    for name, other in table_names(kind).items():
+        if name != other:
+            with contextlib.suppress(OSError):
+                (out / other).unlink()
+
+
+def summary_of_fleet(kind: str, answers: Sequence[LogAnswer], origin: Provenance) -> dict[str, Any]:
+    """Return the document of a fleet: what was done, and how many logs have which answer."""
+    unread = sum(bool(one.error) for one in answers)
+    body = {
+        "analysis": kind,
+        "n_logs": len(answers),
+        "n_unread": unread,
+        "decisions": dict(sorted(Counter(one.decision for one in answers if one.decision).items())),
+        "tables": list(table_names(kind)),
+    }
+    notes = [Note.limit(f"{counted(unread, 'log')} could not be read")] if unread else []
+    return document_of("fleet", body, notes, origin)
+
+
+def index_page(kind: str, answers: Sequence[LogAnswer], origin: Provenance) -> str:
+    """Return the page of a fleet: counts, and a row for each log that leads to its report."""
+    has_aircraft = any(one.aircraft for one in answers)
+    columns = {
+        "log": [shortened(one.log, PATH_LETTERS) for one in answers],
+        "aircraft": [shortened(one.aircraft, PATH_LETTERS) for one in answers],
+        "decision": ["not read" if one.error else one.decision for one in answers],
+        "answer": [shortened(one.error or one.summary, TEXT_LETTERS) for one in answers],
+        "onset [s]": [_cell(one.flight.get("onset_s")) for one in answers],
+        "size": [_cell(one.flight.get("magnitude")) for one in answers],
+        "unit": [one.flight.get("unit") or "" for one in answers],
+        "in flight [min]": [_cell(one.flight.get("flight_s"), 60.0) for one in answers],
+        "what could hide": [shortened(one.hidden, HIDDEN_LETTERS) for one in answers],
+    }
+    of_diagnosis = ("decision", "onset [s]", "size", "unit", "what could hide")
+    left_out = {*(() if has_aircraft else ("aircraft",)), *(of_diagnosis if kind != "diagnose" else ())}
+    shown = {head: cells for head, cells in columns.items() if head not in left_out}
+    faults = Counter(str(one.flight["fault"]) for one in answers if one.flight.get("declared"))
+    counts = Counter("not read" if one.error else one.decision or "read" for one in answers)
+    return render_listing(
+        Listing(
+            title=TITLES[kind],
+            facts=(
+                ("Logs", str(len(answers))),
+                *((name.replace("_", " ").capitalize(), str(n)) for name, n in sorted(counts.items())),
+                *((f"First fault {name.replace('_', ' ')}", str(n)) for name, n in faults.most_common()),
+            ),
+            heads=tuple(shown),
+            rows=tuple(zip(*shown.values(), strict=True)) if answers else (),
+            links=tuple("" if one.error else quote(str(PurePosixPath(one.folder, "report.html"))) for one in answers),
+            tones=tuple("unread" if one.error else one.decision for one in answers),
+        ),
+        origin,
+    )
+
+
+def _cell(value: float | None, divisor: float = 1.0) -> str:
+    return "" if value is None else f"{value / divisor:.6g}"

@@ -1,0 +1,109 @@
+"""The tables of a fleet: Parquet where pyarrow is installed, else CSV; the same for any number of workers."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ..serialization import to_csv
+from .answers import LogAnswer
+
+# Columns of every table, and by analysis those of `flights` and of the second table with its name.
+OF_LOG: Mapping[str, type] = {"log": str, "aircraft": str}
+SPAN: Mapping[str, type] = {"start_s": float, "stop_s": float, "n_samples": int, "rate_hz": float, "flight_s": float}
+SIZE: Mapping[str, type] = {"magnitude": float, "unit": str, "low": float, "high": float}
+FLIGHTS: Mapping[str, Mapping[str, type]] = {
+    "diagnose": {
+        **SPAN,
+        **dict.fromkeys(("decision", "abrupt", "oscillating", "slow"), str),
+        **dict.fromkeys(("declared", "suspected", "deviations", "ordinary", "contradictions"), int),
+        "fault": str,
+        "shape": str,
+        "onset_s": float,
+        **SIZE,
+        "could_hide": str,
+    },
+    "info": {
+        **SPAN,
+        "uniform": bool,
+        **dict.fromkeys(("channels", "gaps", "defects", "contradictions"), int),
+    },
+}
+SECOND: Mapping[str, tuple[str, Mapping[str, type]]] = {
+    "diagnose": (
+        "events",
+        {
+            **dict.fromkeys(("state", "fault", "among", "channels", "kind", "shape"), str),
+            **SIZE,
+            **dict.fromkeys(("onset_s", "onset_low_s", "onset_high_s", "offset_s", "frequency_hz"), float),
+            **dict.fromkeys(("statistic", "threshold", "p_value", "margin"), float),
+            "beyond_tolerance": bool,
+            "effect_channel": str,
+            "effect": float,
+            "count": int,
+        },
+    ),
+    "info": ("channels", {**dict.fromkeys(("name", "unit", "source"), str), "min": float, "max": float, "n_nan": int}),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FleetTable:
+    """A table with typed columns; a cell is None where nothing is known."""
+
+    name: str
+    columns: Mapping[str, type]
+    rows: Sequence[Mapping[str, Any]]
+
+
+def tables_of(kind: str, answers: Iterable[LogAnswer]) -> tuple[FleetTable, ...]:
+    """Return the tables of the answers of an analysis, in their order."""
+    flights, rows = [], []
+    for one in answers:
+        of_log = {"log": one.log, "aircraft": one.aircraft or None}
+        flights.append({**of_log, "sha256": one.sha256 or None, "error": one.error or None, **one.flight})
+        rows += [{**of_log, **row} for row in one.rows]
+    name, columns = SECOND[kind]
+    return (
+        FleetTable(name="flights", columns={**OF_LOG, "sha256": str, "error": str, **FLIGHTS[kind]}, rows=flights),
+        FleetTable(name=name, columns={**OF_LOG, **columns}, rows=rows),
+    )
+
+
+def table_names(kind: str) -> dict[str, str]:
+    """Return the names of the files of the tables as they are written here, each with that of the other format."""
+    ends = (".parquet", ".csv") if _pyarrow() is not None else (".csv", ".parquet")
+    return {f"{name}{ends[0]}": f"{name}{ends[1]}" for name in ("flights", SECOND[kind][0])}
+
+
+def table_file(table: FleetTable) -> bytes:
+    """Return the file of a table in the format that `table_names` says."""
+    pyarrow = _pyarrow()
+    if pyarrow is None:
+        rows = ([row.get(name) for name in table.columns] for row in table.rows)
+        return to_csv(tuple(table.columns), rows)
+    from pyarrow import parquet
+
+    kinds = {str: pyarrow.string(), int: pyarrow.int64(), float: pyarrow.float64(), bool: pyarrow.bool_()}
+    columns = {
+        name: pyarrow.array([_as(kind, row.get(name)) for row in table.rows], kinds[kind])
+        for name, kind in table.columns.items()
+    }
+    file = io.BytesIO()
+    parquet.write_table(pyarrow.table(columns), file)
+    return file.getvalue()
+
+
+def _as(kind: type, value: Any) -> Any:
+    return None if value is None else kind(value)
+
+
+def _pyarrow() -> Any:
+    """Return the library, None where it is not installed."""
+    try:
+        import pyarrow
+    except ImportError:
+        return None
+    return pyarrow

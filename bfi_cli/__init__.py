@@ -27,25 +27,50 @@ fault, *detection* whether and when. ``prediction_error`` belongs to a model, ``
 
 from __future__ import annotations
 
+import warnings
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from .config import Config, load_config, merge
+    from .detection import DetectResult
     from .dictionary import Dictionary, load_dictionary
     from .errors import BfiError, ConfigError, DictionaryError, ExcitationError, LogError
     from .faults import Fault
+    from .flight import DiagnoseResult
     from .flightlog import FlightLog, inject, inspect_log, read_log, resample, write_log
+    from .lab.compare import ComparisonResult
+    from .library import compare, detect, diagnose, identify, simulate, start_time
     from .model import identify_faults
     from .model.result import IdentifyResult
-    from .onset import find_onset
+    from .onset import OnsetResult, find_onset
 
 __version__ = "0.2.0"
 
+_HOME = {
+    "config": ("Config", "load_config", "merge"),
+    "detection": ("DetectResult",),
+    "dictionary": ("Dictionary", "load_dictionary"),
+    "errors": ("BfiError", "ConfigError", "DictionaryError", "ExcitationError", "LogError"),
+    "faults": ("Fault",),
+    "flight": ("DiagnoseResult",),
+    "flightlog": ("FlightLog", "inject", "inspect_log", "read_log", "resample", "write_log"),
+    "lab.compare": ("ComparisonResult",),
+    "library": ("compare", "detect", "diagnose", "identify", "simulate", "start_time"),
+    "model": ("identify_faults",),
+    "model.result": ("IdentifyResult",),
+    "onset": ("OnsetResult", "find_onset"),
+}
+# Names of 0.2.0, and what takes their place.
+_REPLACED = {"find_onset": "start_time", "identify_faults": "identify"}
+
 __all__ = [
     "BfiError",
+    "ComparisonResult",
     "Config",
     "ConfigError",
+    "DetectResult",
+    "DiagnoseResult",
     "Dictionary",
     "DictionaryError",
     "ExcitationError",
@@ -53,8 +78,13 @@ __all__ = [
     "FlightLog",
     "IdentifyResult",
     "LogError",
+    "OnsetResult",
     "__version__",
+    "compare",
+    "detect",
+    "diagnose",
     "find_onset",
+    "identify",
     "identify_faults",
     "inject",
     "inspect_log",
@@ -63,24 +93,18 @@ __all__ = [
     "merge",
     "read_log",
     "resample",
+    "simulate",
+    "start_time",
     "write_log",
 ]
-
-_HOME = {
-    "config": ("Config", "load_config", "merge"),
-    "dictionary": ("Dictionary", "load_dictionary"),
-    "errors": ("BfiError", "ConfigError", "DictionaryError", "ExcitationError", "LogError"),
-    "faults": ("Fault",),
-    "flightlog": ("FlightLog", "inject", "inspect_log", "read_log", "resample", "write_log"),
-    "model": ("identify_faults",),
-    "model.result": ("IdentifyResult",),
-    "onset": ("find_onset",),
-}
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used, so that `bfi --help` imports none of them."""
     for module, names in _HOME.items():
         if name in names:
+            if name in _REPLACED:
+                instead = f"bfi_cli.{name} goes with the next version; call bfi_cli.{_REPLACED[name]}"
+                warnings.warn(instead, DeprecationWarning, stacklevel=2)
             return getattr(import_module(f"{__name__}.{module}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

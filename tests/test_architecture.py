@@ -45,7 +45,7 @@ FLOORS = (
     ("analysis",),
     ("lab.compare",),
     ("lab.montecarlo",),
-    ("lab.reproduce",),
+    ("lab.reproduce", "library"),
     ("commands",),
     ("__main__",),
 )

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
-from ..errors import LogError
-from ..notes import Note
 from .options import CHANNELS, OPTIONS, Command, GroupedCommand, config_of, with_options
 from .output import check_out, emit, note
 from .progress import stages
@@ -23,7 +20,7 @@ if TYPE_CHECKING:
     from ..display_units import Units
     from ..flightlog import FlightLog
     from ..kernels.progress import Progress
-    from ..plausibility import Implausible
+    from ..library import ReadyLog
     from ..provenance import Provenance
     from ..report.content import ReportContent
 
@@ -76,8 +73,6 @@ class Asked:
     config : of the file, with the options merged; dictionary : that it names or holds, None for most commands.
     log : path, "" without a log.
     inputs : the files that the command reads.
-    notes : on channels used in place of defaults, and questions about the log.
-    findings : on channels that contradict each other throughout the flight.
     """
 
     options: Mapping[str, Any]
@@ -86,8 +81,6 @@ class Asked:
     log: str
     inputs: tuple[str, ...]
     progress: Progress
-    notes: tuple[Note, ...] = ()
-    findings: tuple[Implausible, ...] = ()
 
     @property
     def has_log(self) -> bool:
@@ -98,41 +91,19 @@ class Asked:
         """Check, before long work, that the files of the answer may be written to --out."""
         check_out(self.options, self.inputs, drawings, tables, zoom=zoom)
 
-    def read(self) -> tuple[FlightLog, Asked]:
-        """Return the log, and the request with channels of the log in place of defaults that it lacks.
+    def flight(self) -> FlightLog:
+        """Return the log, of a large one what the analysis of the window needs."""
+        return log_of(self.log, self.config)
 
-        The notes name these channels, the windows of a long log unless one was stated, and ask about impossible values
-        and units that are not stated; they are printed too.
-        """
-        from ..flightlog.quality import advice_on_the_ground, advice_on_windows
-        from ..preprocessing.defaults import with_defaults_of
+    def ready(self) -> ReadyLog:
+        """Return the log ready for the analysis of a window; what is told on the way is printed."""
+        from ..library import ready_log
 
-        flight, findings = with_findings(log_of(self.log, self.config), self.config)
-        config, notes = with_defaults_of(flight, self.config)
-        whole = (config.window.from_s, config.window.to_s) == (None, None)
-        asked = (self.config.window.from_s, self.config.window.to_s) != (None, None)
-        on_windows = None if asked else advice_on_windows(flight)
-        if on_windows and whole:
-            on_windows += "; the whole record is analysed"
-        on_ground = advice_on_the_ground(flight, config.window.from_s, config.window.to_s, suspects=config.outputs)
-        notes = (*map(Note.advice, filter(None, (on_ground, on_windows))), *notes)
-        for one in notes:
-            note(one.text)
-        notes = (*notes, *doubts(flight, (*config.outputs, *config.inputs), findings))
-        dictionary = self.dictionary
-        if dictionary is not None:  # its entries may act on the default output, which is known now
-            dictionary = config.load_dictionary(allow_outside=self.options["allow_outside"])
-        return flight, replace(self, config=config, notes=notes, dictionary=dictionary, findings=findings)
+        return ready_log(self.flight(), self.config, note)
 
-    def noted(self, result: Any) -> Any:
-        """Return a result with the notes of the request, and with what is wrong with channels throughout."""
-        from ..plausibility import in_words, with_plausibility
-
-        result = replace(result, notes=(*self.notes, *result.notes))
-        if hasattr(result, "plausibility"):
-            return with_plausibility(result, self.findings)
-        contradictions = in_words(self.findings)
-        return replace(result, notes=(Note.limit(contradictions), *result.notes)) if contradictions else result
+    def dictionary_of(self, config: Config) -> Dictionary | None:
+        """Return the dictionary, its entries on the default channel of a configuration, which the log decides."""
+        return None if self.dictionary is None else config.load_dictionary(allow_outside=self.options["allow_outside"])
 
 
 def analysis(
@@ -237,44 +208,3 @@ def inputs_of(config: Config, *paths: str | None, dictionary: Dictionary | None 
     if dictionary is not None:
         named |= {dictionary.path, *(atom.file for atom in dictionary.atoms)}
     return tuple(path for path in named if path)
-
-
-def with_findings(flight: FlightLog, config: Config) -> tuple[FlightLog, tuple[Implausible, ...]]:
-    """Return a log and the contradictions between its channels, with --fix-units those mended that are certain."""
-    from ..plausibility import implausible_channels, with_fixed_units
-
-    findings = implausible_channels(flight)
-    if config.fix_units:
-        flight, findings = with_fixed_units(flight, findings, config.units)
-    for one in findings:
-        note(f"{one.advice}: {one.text}" if not one.fixed else f"--fix-units: {one.text}")
-    return flight, findings
-
-
-@contextmanager
-def saying_first(findings: Sequence[Implausible]) -> Iterator[None]:
-    """Append the contradictions between channels to the error of a log that cannot be analysed."""
-    try:
-        yield
-    except LogError as error:
-        from ..plausibility import in_words
-
-        if not (contradictions := in_words(findings)):
-            raise
-        raise LogError(f"{error}; first {contradictions}") from error
-
-
-def doubts(flight: FlightLog, names: Sequence[str], findings: Sequence[Implausible] = ()) -> tuple[Note, ...]:
-    """Return, and print, questions about channels with impossible values or without a stated unit.
-
-    Parameters
-    ----------
-    findings : contradictions between channels, which are not asked about again.
-    """
-    from ..flightlog.plausible import doubts_about
-
-    known = {name for one in findings for name in one.channels}
-    questions = doubts_about(flight, [name for name in names if name not in known])
-    for one in questions:
-        note(one.text)
-    return questions

@@ -7,8 +7,9 @@ from functools import partial
 import click
 
 from ..errors import ConfigError
-from .analysis import Answer, Asked, analysis, saying_first
+from .analysis import Answer, Asked, analysis
 from .options import FILES, MODEL, SIGNALS, log_argument, pairs
+from .output import note
 
 
 @analysis(
@@ -42,10 +43,11 @@ def command(asked: Asked) -> Answer:
     A method that lacks a channel, a model or a dictionary stands in the table with the reason.
     """
     from ..faults import did_you_mean
-    from ..lab.compare import PEERS, compare, compare_content, compare_document
+    from ..lab.compare import PEERS, compare_content, compare_document
     from ..lab.compare.programs import program_peer
+    from ..library import compare
 
-    given, programs = asked.config, asked.options["programs"]
+    programs = asked.options["programs"]
     peers = {**PEERS, **{name: program_peer(path, asked.options["timeout_s"]) for name, path in programs.items()}}
     for name in asked.options["only"]:
         if name not in peers:
@@ -54,17 +56,15 @@ def command(asked: Asked) -> Answer:
         raise ConfigError(f"--program: '{sorted(taken)[0]}' is a method of this program; give another name")
     wanted = {*(asked.options["only"] or peers), *programs}
     asked.check_out(("comparison",), ("methods", "refused"))
-    flight, asked = asked.read()
-    with saying_first(asked.findings):
-        result = compare(
-            flight,
-            asked.dictionary,
-            asked.config,
-            {name: peer for name, peer in peers.items() if name in wanted},
-            asked.progress,
-            asked=given,
-        )
-    result = asked.noted(result)
+    flight = asked.flight()
+    result = compare(
+        flight,
+        config=asked.config,
+        peers={name: peer for name, peer in peers.items() if name in wanted},
+        allow_outside=asked.options["allow_outside"],
+        progress=asked.progress,
+        tell=note,
+    )
     return Answer(
         document=partial(compare_document, result),
         content=compare_content,

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
-from .analysis import Answer, Asked, analysis, doubts, log_of, saying_first, with_findings
+from .analysis import Answer, Asked, analysis
 from .options import ANSWER, CHANNELS, VERDICT, log_argument
+from .output import note
 
 
 @analysis(
@@ -25,14 +25,12 @@ def command(asked: Asked) -> Answer:
 
     What is healthy is learnt from the time --train; the threshold is calibrated on a part of it that was held back.
     """
-    from ..detection import detect_content, detect_document, detect_faults
+    from ..detection import detect_content, detect_document
+    from ..library import detect
 
     asked.check_out(("hidden", "detection"), ("alarms", "candidates", "channels"))
-    flight, findings = with_findings(log_of(asked.log, asked.config), asked.config)
-    with saying_first(findings):
-        result = detect_faults(flight, asked.config, report=partial(asked.progress, "channels"))
-    notes = doubts(flight, (*result.outputs, *result.inputs), findings)
-    result = replace(asked, notes=notes, findings=findings).noted(result)
+    flight = asked.flight()
+    result = detect(flight, asked.config, progress=asked.progress, tell=note)
     return Answer(
         document=partial(detect_document, result),
         content=detect_content,

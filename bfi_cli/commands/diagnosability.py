@@ -38,9 +38,9 @@ def command(asked: Asked) -> Answer:
     asked.check_out(("divergence", "information", "manoeuvres"), ("faults", "manoeuvres"))
     with threadpool_limits(1):
         if asked.has_log:
-            flight, asked = asked.read()
-            dictionary, log_sha256 = asked.dictionary or dictionary, flight.sha256
-            result = asked.noted(diagnosability.assess(flight, dictionary, asked.config))
+            ready = asked.ready()
+            dictionary, log_sha256 = asked.dictionary_of(ready.config) or dictionary, ready.log.sha256
+            result = ready.noted(diagnosability.assess(ready.log, dictionary, ready.config))
         else:
             result = diagnosability.assess_manoeuvres(
                 dictionary,

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 import click
 
-from .analysis import Answer, Asked, analysis, doubts, log_of, saying_first, with_findings
+from .analysis import Answer, Asked, analysis, log_of
 from .fleet import answer_fleet
 from .options import ANSWER, CHANNELS, FLEET, fleet_argument
+from .output import note
 
 
 @analysis(
@@ -41,9 +41,9 @@ def command(asked: Asked) -> Answer:
     """
     from ..config import merge
     from ..files import aside, check_files
-    from ..flight import diagnose_content, diagnose_document, diagnose_flight
+    from ..flight import diagnose_content, diagnose_document
     from ..flight.report import events_csv
-    from ..parity.record import USED
+    from ..library import diagnose
 
     asked.check_out(("timeline",), ("events", "deviations", "limits", "phases"), zoom=True)
     listed = asked.options["events_csv"]
@@ -51,12 +51,8 @@ def command(asked: Asked) -> Answer:
         check_files([listed], inputs=asked.inputs, force=asked.options["force"], option="--events-csv")
     # The whole log, whatever part is diagnosed: the angle of zero lift is estimated from the rest of the flight.
     flight = log_of(asked.log, merge(asked.config, {"window": {"from_s": None, "to_s": None}}))
-    flight, findings = with_findings(flight, asked.config)
     workers = asked.options["workers"] or os.cpu_count() or 1
-    asked = replace(asked, notes=doubts(flight, USED, findings), findings=findings)
-    with saying_first(findings):
-        result = diagnose_flight(flight, asked.config, findings=findings, workers=workers, progress=asked.progress)
-    result = replace(asked, findings=result.plausibility).noted(result)
+    result = diagnose(flight, asked.config, workers=workers, progress=asked.progress, tell=note)
     if listed is not None:
         with aside(listed.parent, place=listed, option="--events-csv") as new:
             (new / listed.name).write_bytes(events_csv(result.events))

@@ -44,10 +44,10 @@ def command(asked: Asked) -> Answer:
     if asked.has_log:
         from threadpoolctl import threadpool_limits
 
-        flight, asked = asked.read()
-        dictionary, log_sha256 = asked.dictionary or dictionary, flight.sha256
+        ready = asked.ready()
+        dictionary, log_sha256 = asked.dictionary_of(ready.config) or dictionary, ready.log.sha256
         with threadpool_limits(1):
-            audit = asked.noted(audit_on_log(flight, dictionary, asked.config))
+            audit = ready.noted(audit_on_log(ready.log, dictionary, ready.config))
     else:
         audit = audit_dictionary(dictionary, asked.config, duration_s=asked.config.audit.duration_s)
     return Answer(

@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ConfigError
-from .analysis import Answer, Asked, analysis, saying_first, source_of, with_findings
+from .analysis import Answer, Asked, analysis, source_of
 from .options import ANSWER, MODEL, SIGNALS, VERDICT, log_argument
+from .output import note
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -39,16 +40,17 @@ def _earlier_log(word: str, config: Config) -> FlightLog:
     LogError : the log cannot be read, or has no such stretch.
     """
     from ..flightlog import read_log
+    from ..library import with_findings
 
     stretch = None if Path(word).exists() else re.fullmatch(r"(.+)@([-+.\deE]*):([-+.\deE]*)", word)
     if stretch is None:
-        return with_findings(read_log(word, **source_of(config)), config)[0]
+        return with_findings(read_log(word, **source_of(config)), config, note)[0]
     path, *ends = stretch.groups()
     try:
         from_s, to_s = (float(end) if end else None for end in ends)
     except ValueError:
         raise ConfigError(f"--together: {word}: not a stretch of seconds, write {path}@100:250") from None
-    log = with_findings(read_log(path, **source_of(config)), config)[0]
+    log = with_findings(read_log(path, **source_of(config)), config, note)[0]
     return replace(log.window(from_s, to_s), path=word)
 
 
@@ -65,20 +67,24 @@ def command(asked: Asked) -> Answer:
 
     Without a dictionary the scan over all onsets (bfi start-time) proposes the faults.
     """
-    from ..analysis import identify
+    from ..library import identify
     from ..model.document import identify_document
     from ..model.report import DRAWINGS, TABLES, identify_content
 
     asked.check_out(DRAWINGS, TABLES)
-    flight, asked = asked.read()
+    flight = asked.flight()
     flight = replace(flight, earlier=tuple(_earlier_log(word, asked.config) for word in asked.options["logs"]))
-    with saying_first(asked.findings):
-        result, dictionary = identify(flight, asked.dictionary, asked.config, asked.progress)
-    result = asked.noted(result)
+    result = identify(
+        flight,
+        config=asked.config,
+        allow_outside=asked.options["allow_outside"],
+        progress=asked.progress,
+        tell=note,
+    )
     return Answer(
         document=partial(identify_document, result),
         content=lambda _document, units: identify_content(result, units),
         log_sha256=flight.sha256,
-        dictionary=dictionary,
+        dictionary=asked.dictionary,
         decided=result,
     )

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from functools import partial
 
-from .analysis import Answer, Asked, analysis, source_of, with_findings
+from .analysis import Answer, Asked, analysis, source_of
 from .fleet import answer_fleet
 from .options import CHANNELS, FILES, FLEET, fleet_argument
+from .output import note
 
 
 @analysis(
@@ -26,12 +27,13 @@ def command(asked: Asked) -> Answer:
     from ..flightlog.defects import find_defects
     from ..flightlog.recorder import with_seen_recorder
     from ..flightlog.report import explained, info_content, info_document
+    from ..library import with_findings
 
     tables = ("channels", "derived", "phases", "excitation", "windows", "segments", "explain")
     asked.check_out(("phases",), tables)
     window = asked.config.window
     flight = read_log(asked.log, from_s=window.from_s, to_s=window.to_s, **source_of(asked.config))
-    flight, findings = with_findings(flight.window(window.from_s, window.to_s), asked.config)
+    flight, findings = with_findings(flight.window(window.from_s, window.to_s), asked.config, note)
     report, defects = inspect_log(flight), find_defects(with_seen_recorder(flight))
     return Answer(
         document=partial(

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from functools import partial
+from pathlib import Path
 from typing import Any
 
 import click
@@ -16,9 +15,8 @@ from .output import write_and_show
 from .progress import stages
 
 SIZES = pairs("tas=0.01", float)
-RADIANS = 0.035  # two degrees, within the range of a linear model
-AMPLITUDE = f"""
-    Largest deflection, rad; of jsbsim the part of the stick's travel.  [default: {RADIANS}; of jsbsim 0.08]"""
+AMPLITUDE = """
+    Largest deflection, rad; of jsbsim the part of the stick's travel.  [default: 0.035; of jsbsim 0.08]"""
 THROTTLE = "Size of a throttle doublet that follows the manoeuvre, of f16 and jsbsim; 1 is the lever's travel."
 WIND = "Steady wind in m/s to the north and east, of jsbsim.  [default: calm]"
 
@@ -95,55 +93,35 @@ def command(context: click.Context, /, name: str | None, model_file: str | None,
     (--manoeuvre tour). --model takes any linear one, such as configs/citation_model.yaml.
     Noise and steps are in the output's unit, m/s or rad: --noise tas=0.01 --quantum tas=0.03.
     """
-    import numpy as np
-
-    from .. import aircraft
     from ..files import check_files
+    from ..library import simulate
 
     _check(context, options)
     check_files([options["out_file"]], inputs=() if model_file is None else (model_file,), force=options["force"])
-    tour = options["manoeuvre"] == "tour"
-    plan = aircraft.FlightPlan(
-        tas_m_s=options["tas"], altitude_m=options["altitude"], wind_m_s=options["wind"], tour=tour
-    )
-    model: aircraft.LinearModel | aircraft.NonlinearModel
-    if model_file is None and name is not None:
-        model = aircraft.find_model(name, plan)
-    elif model_file is not None and name is None:
-        from ..aircraft.model import load_model
+    model = name if model_file is None else Path(model_file)
+    if model is None or (name and model_file):
+        from ..aircraft import MODELS, PREFIX
 
-        model = load_model(model_file)
-        if plan != aircraft.FlightPlan():
-            raise ConfigError(
-                f"{model.name}: flies straight from its own trim; leave out --tas, --altitude, --wind and the tour"
-            )
-    else:
         given = "no model given" if name is None else f"one model is flown, got '{name}' and --model {model_file}"
-        raise ConfigError(
-            f"bfi simulate: {given}; give one of {', '.join(aircraft.MODELS)}, {aircraft.PREFIX}NAME, or --model FILE"
-        )
-    time_s = aircraft.time_axis(duration_s=options["duration"], rate_hz=options["rate"])
-    usual = aircraft.STICK if model.name.startswith(aircraft.PREFIX) else RADIANS
-    moved = aircraft.deviations(
-        model,
-        "none" if tour else options["manoeuvre"],
-        time_s,
-        amplitude=usual if options["amplitude"] is None else options["amplitude"],
-        start_s=options["start"],
-        step_s=options["step"],
-        throttle=options["throttle"],
-    )
+        raise ConfigError(f"bfi simulate: {given}; give one of {', '.join(MODELS)}, {PREFIX}NAME, or --model FILE")
     with stages(wanted=options["progress"]) as progress:
-        if isinstance(model, aircraft.NonlinearModel):
-            model = replace(model, report=partial(progress, "flight"))
-        log = aircraft.simulate(
+        log = simulate(
             model,
-            moved,
-            rng=np.random.default_rng(options["seed"]),
+            manoeuvre=options["manoeuvre"],
+            amplitude=options["amplitude"],
+            start_s=options["start"],
+            step_s=options["step"],
+            throttle=options["throttle"],
+            tas_m_s=options["tas"],
+            altitude_m=options["altitude"],
+            wind_m_s=options["wind"],
+            duration_s=options["duration"],
             rate_hz=options["rate"],
-            discretisation=options["discretisation"],
-            turbulence=aircraft.Dryden(sigma_m_s=options["turbulence"]) if options["turbulence"] else None,
             noise_sd=options["noise"],
             quantum=options["quantum"],
+            turbulence_m_s=options["turbulence"],
+            discretisation=options["discretisation"],
+            seed=options["seed"],
+            progress=progress,
         )
     write_and_show(log, options, kind="simulate", seed=options["seed"])

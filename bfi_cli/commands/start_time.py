@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from functools import partial
 
-from .analysis import Answer, Asked, analysis, saying_first
+from .analysis import Answer, Asked, analysis
 from .options import ANSWER, MODEL, SIGNALS, VERDICT, log_argument
+from .output import note
 
 
 @analysis(
@@ -16,13 +17,12 @@ from .options import ANSWER, MODEL, SIGNALS, VERDICT, log_argument
 )
 def command(asked: Asked) -> Answer:
     """Say when a fault started in LOG, which shape it has, how large it is and how sure that is."""
-    from ..analysis import start_time
+    from ..library import start_time
     from ..onset import onset_content, onset_document
 
     asked.check_out(("hidden", "profile", "outputs"), ("faults", "candidates", "profile", "shapes"))
-    flight, asked = asked.read()
-    with saying_first(asked.findings):
-        result = asked.noted(start_time(flight, asked.config, asked.progress))
+    flight = asked.flight()
+    result = start_time(flight, asked.config, progress=asked.progress, tell=note)
     return Answer(
         document=partial(onset_document, result),
         content=onset_content,

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from bfi_cli import Config, identify_faults, load_dictionary, merge, read_log
+from bfi_cli import Config, identify, load_dictionary, merge, read_log
 
 ROOT = Path(__file__).resolve().parents[2]
 
 log = read_log(ROOT / "data" / "citation_two_faults.h5")
 dictionary = load_dictionary(ROOT / "configs" / "thesis_dictionary.yaml")
 config = merge(Config(), {"conditioning.rate_hz": 10.0, "inputs": ["elevator"], "outputs": ["tas"]})
-result = identify_faults(log, dictionary, config)
+result = identify(log, dictionary, config)
 
 print(f"decision: {result.decision}, order {result.model.order}")
 for fault in result.faults:

@@ -5,13 +5,13 @@ python docs/examples/scan_onsets.py
 
 from pathlib import Path
 
-from bfi_cli import Config, find_onset, merge, read_log
+from bfi_cli import Config, merge, read_log, start_time
 
 ROOT = Path(__file__).resolve().parents[2]
 
 log = read_log(ROOT / "data" / "citation_bias.csv")
 config = merge(Config(), {"conditioning.rate_hz": 10.0, "model.order": 4, "start_time.shapes": ["bias", "drift"]})
-result = find_onset(log, config)
+result = start_time(log, config)
 
 for found in result.faults:
     fault = found.fault

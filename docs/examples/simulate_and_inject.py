@@ -6,13 +6,9 @@ python docs/examples/simulate_and_inject.py [FOLDER]    with a folder, the log g
 import sys
 from pathlib import Path
 
-import numpy as np
+from bfi_cli import Fault, identify, inject, simulate, write_log
 
-from bfi_cli import Config, Fault, identify_faults, inject, load_dictionary, write_log
-from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
-
-elevator = manoeuvre("3211", time_axis(duration_s=40.0), amplitude_rad=0.03)
-clean = simulate(find_model("citation"), elevator, rng=np.random.default_rng(1), noise_sd={"tas": 0.02})
+clean = simulate("citation", amplitude=0.03, duration_s=40.0, noise_sd={"tas": 0.02}, seed=1)
 
 fault = Fault(shape="lagged_bias", channel="tas", magnitude=-1.5, onset_s=20.0, time_constant_s=2.0)
 log = inject(clean, [fault])
@@ -22,7 +18,7 @@ if len(sys.argv) > 1:
 suspects = {
     "atoms": [{"shape": "lagged_bias", "time_constant_s": 2.0, "onset_s": 20.0}, {"shape": "bias", "onset_s": 20.0}]
 }
-result = identify_faults(log, load_dictionary(suspects), Config())
+result = identify(log, suspects)
 print(f"decision: {result.decision}, isolated: {result.truth.isolated}")
 for found in result.faults:
     print(f"{found.name}: {found.magnitude:.3f} {found.unit} +- {found.sd:.3f}, injected {fault.magnitude}")

@@ -24,7 +24,7 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 # each other. The longest name counts: what several analyses share is below them, wherever its file lies.
 FLOORS = (
     ("errors", "kernels", "notes", "printable"),
-    ("airdata", "units"),
+    ("airdata", "epoch", "units"),
     ("channels", "shapes"),
     ("faults", "files", "yaml12", "model.methods", "plausibility.finding", "preprocessing.summary", "provenance"),
     ("filters", "jsbsim"),

@@ -59,7 +59,11 @@ def detect_faults(log: FlightLog, config: Config, *, report: Report = silent) ->
     failed_s = {alarm.channel: alarm.time_s - detection.reach_s for alarm in reversed(detection.alarms)}
     return DetectResult(
         log=log_summary(
-            prepared.record.path, detection.time_s, rate_hz=detection.rate_hz, native_rate_hz=prepared.native_rate_hz
+            prepared.record.path,
+            detection.time_s,
+            rate_hz=detection.rate_hz,
+            native_rate_hz=prepared.native_rate_hz,
+            epoch=log.epoch,
         ),
         decision=conclusion.decision,
         verdicts=conclusion.verdicts,

@@ -20,6 +20,7 @@ from ..report.claims import (
     shown_summary,
     verdict_sentence,
 )
+from ..report.clock import with_clock
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve, shown_notes
 from ..report.text import change, instant, interval, number, with_unit
 from ..serialization import document_of, from_plain, member, to_plain
@@ -77,7 +78,7 @@ def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str
         )
         for one in result.series
     ]
-    return ReportContent(
+    content = ReportContent(
         category="Detection of a failing channel",
         title=result.log.path,
         heading=HEADINGS[result.decision],
@@ -94,17 +95,18 @@ def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str
             **_files(result),
         },
     )
+    return with_clock(content, result.log.clock, start_s=result.log.start_s, stop_s=result.log.stop_s)
 
 
 def _facts(result: DetectResult) -> tuple[tuple[str, str], ...]:
     log, model, use = result.log, result.model, result.calibration
     facts = [
-        ("Window", f"{number(log.start_s, digits=6)} to {number(log.stop_s, digits=6)} s"),
+        ("Window", f"{instant(log.start_s)} to {instant(log.stop_s)} s"),
         ("Samples", f"{log.n_samples} at {number(log.rate_hz)} Hz"),
         ("Inputs", ", ".join(result.inputs) or "none"),
         ("False alarms", f"{number(100.0 * result.false_alarm)} % of healthy records wanted"),
         ("Method", METHODS[result.method]),
-        ("Ready", f"{number(result.ready_s, digits=6)} s"),
+        ("Ready", "-" if result.ready_s is None else f"{instant(result.ready_s)} s"),
     ]
     if result.train is not None:
         facts.append(("Healthy time", f"{instant(result.train[0])} to {instant(result.train[1])} s"))
@@ -131,7 +133,9 @@ def _alarms(result: DetectResult, units: Units) -> tuple[Table, ...]:
         )
         for alarm in result.alarms
     )
-    return (Table(name="alarms", title="Alarms", heads=heads, rows=rows),) if rows else ()
+    times_s = tuple((alarm.onset_s,) for alarm in result.alarms)
+    table = Table(name="alarms", title="Alarms", heads=heads, rows=rows, times_s=times_s, last_time=1)
+    return (table,) if rows else ()
 
 
 def _channels(result: DetectResult, units: Units) -> Table:

@@ -13,8 +13,9 @@ from ..display_units import SI, Units
 from ..kernels import FloatArray
 from ..printable import shortened
 from ..provenance import Provenance
+from ..report.clock import with_clock
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, shown_notes
-from ..report.text import noise_levels, number, quantity
+from ..report.text import instant, noise_levels, number, quantity
 from ..serialization import document_of, from_plain, mapping, member, to_plain
 from .assess import DiagnosabilityResult, DiagnosedAtom, ManoeuvreScore
 
@@ -105,7 +106,7 @@ def diagnosability_content(document: Mapping[str, Any], units: Units = SI, *, wh
         table, drawing = _manoeuvres(manoeuvres, live[:MOST_IN_MAP], names[:MOST_IN_MAP])
         tables.append(table)
         drawings.append(drawing)
-    return ReportContent(
+    content = ReportContent(
         category="Diagnosability",
         title=result.log.path,
         heading="What could be diagnosed" if best is None else f"Best manoeuvre: {best}",
@@ -116,6 +117,7 @@ def diagnosability_content(document: Mapping[str, Any], units: Units = SI, *, wh
         notes=shown_notes(result.notes, units),
         data={"faults.csv": {key: [getattr(atom, key) for atom in stored] for key in FAULT_COLUMNS}},
     )
+    return with_clock(content, result.log.clock, start_s=result.log.start_s, stop_s=result.log.stop_s)
 
 
 def _manoeuvres(scores: Sequence[ManoeuvreScore], shown: Sequence[int], names: Sequence[str]) -> tuple[Table, Drawing]:
@@ -150,7 +152,7 @@ def _facts(result: DiagnosabilityResult, units: Units) -> tuple[tuple[str, str],
     own = {atom.channel: atom.channel_unit for atom in atoms}
     sizes = "multiples of the minimal detectable ones" if result.in_limits else "as given"
     facts = [
-        ("Window", f"{number(log.start_s)} to {number(log.stop_s)} s, {log.n_samples} samples"),
+        ("Window", f"{instant(log.start_s)} to {instant(log.stop_s)} s, {log.n_samples} samples"),
         ("Rate", f"{number(log.rate_hz)} Hz (recorded at {number(log.native_rate_hz)} Hz)"),
         ("Model", f"VARX of order {model.order}, inputs {', '.join(model.inputs) or 'none'}"),
         ("Prediction error", noise_levels(model.noise_sd, units, own)),

@@ -160,7 +160,7 @@ def _summary(flight: Flight) -> LogSummary:
     """Return what of the log was analysed."""
     log = flight.log
     inside = log.window(flight.from_s, flight.to_s)
-    return log_summary(log.path, inside.time_s, rate_hz=log.rate_hz, native_rate_hz=log.rate_hz)
+    return log_summary(log.path, inside.time_s, rate_hz=log.rate_hz, native_rate_hz=log.rate_hz, epoch=log.epoch)
 
 
 def _notes(slow: SlowFaults) -> tuple[Note, ...]:

@@ -18,6 +18,7 @@ from ..kernels.runs import within
 from ..notes import Note
 from ..provenance import Provenance
 from ..report.claims import beside_tolerance, fault_head, hidden_table
+from ..report.clock import with_clock
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Screen, Table, curve, shown_notes
 from ..report.text import HEADINGS, capital, change, instant, number, with_unit
 from ..serialization import csv_lines, document_of, from_plain, mapping, member, to_plain
@@ -104,7 +105,7 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
     drawings += [_limits_figure(result, units)] if result.limit_courses else []
     pages = (_page(result, k, units) for k in range(min(len(events), MOST_PAGES)))
     drawings += [one for one in pages if one.panels]  # none of what is neither drawn nor has evidence by residual
-    return ReportContent(
+    content = ReportContent(
         category="Diagnosis of a flight",
         title=log.path,
         heading=NOTHING_FOUND if _is_quiet(result) else HEADINGS[result.decision],
@@ -139,6 +140,7 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
             **({"limits.csv": _columns(result.limits, LIMIT_COLUMNS)} if result.limits else {}),
         },
     )
+    return with_clock(content, log.clock, start_s=log.start_s, stop_s=log.stop_s)
 
 
 def _zoom(result: DiagnoseResult, drawings: Sequence[Drawing], units: Units) -> tuple[Drawing, ...]:
@@ -315,7 +317,9 @@ def _event_tables(name: str, title: str, events: Sequence[Event], units: Units) 
             )
         )
     heads = ("fault (or)", "state", "from [s]", "to [s]", "course (95 %)", "largest error", "p at most", "evidence")
-    return (Table(name=name, title=title, heads=heads, rows=tuple(rows)),) if rows else ()
+    times_s = tuple((one.onset_s, one.offset_s) for one in events)
+    table = Table(name=name, title=title, heads=heads, rows=tuple(rows), times_s=times_s, last_time=3)
+    return (table,) if rows else ()
 
 
 def _ordinary_table(ordinary: Sequence[OrdinaryEvent], units: Units) -> tuple[Table, ...]:
@@ -330,7 +334,9 @@ def _ordinary_table(ordinary: Sequence[OrdinaryEvent], units: Units) -> tuple[Ta
             (TEXT_OF_CAUSE.get(one.cause, one.cause), *times, one.looks_like.replace("_", " "), size, evidence or "-")
         )
     heads = ("what happens", "from [s]", "to [s]", "looks like", "of", "log density")
-    return (Table(name="ordinary", title="Ordinary events, no faults", heads=heads, rows=tuple(rows)),) if rows else ()
+    title, times_s = "Ordinary events, no faults", tuple((one.from_s, one.to_s) for one in ordinary)
+    table = Table(name="ordinary", title=title, heads=heads, rows=tuple(rows), times_s=times_s, last_time=2)
+    return (table,) if rows else ()
 
 
 def _limit_tables(limits: Sequence[FlightLimit], units: Units) -> tuple[Table, ...]:
@@ -347,15 +353,25 @@ def _limit_tables(limits: Sequence[FlightLimit], units: Units) -> tuple[Table, .
             if one.bounds == bounds:
                 by_fault.setdefault((one.fault, one.shape), []).append(one)
         rows = tuple(_limit_row(of_fault, units) for of_fault in by_fault.values())
+        worst = map(_worst, by_fault.values())
+        times_s = tuple((one.from_s, one.to_s) for one in worst)
         if rows:
             name = "limits" if bounds == "error" else "agreement"
-            tables.append(Table(name=name, title=title, heads=(*heads, "within"), rows=rows))
+            columns = (*heads, "within")
+            tables.append(
+                Table(name=name, title=title, heads=columns, rows=rows, times_s=times_s, last_time=len(heads))
+            )
     return tuple(tables)
+
+
+def _worst(of_fault: Sequence[FlightLimit]) -> FlightLimit:
+    """Return the limit of the worst stretch."""
+    return next(one for one in of_fault if one.holds_in == 1.0 and not one.grows_on)
 
 
 def _limit_row(of_fault: Sequence[FlightLimit], units: Units) -> tuple[str, ...]:
     """Return the limits of one fault and shape: the worst stretch, what holds mostly, and what grows on."""
-    worst = next(one for one in of_fault if one.holds_in == 1.0 and not one.grows_on)
+    worst = _worst(of_fault)
     mostly = next((one for one in of_fault if one.holds_in < 1.0), None)
     grown = next((one for one in of_fault if one.grows_on), None)
     shown = units.of(worst.effect_unit, channel=worst.channel)
@@ -379,8 +395,9 @@ def _limit_row(of_fault: Sequence[FlightLimit], units: Units) -> tuple[str, ...]
 
 def _unwatched_table(unwatched: Sequence[Sequence[Any]]) -> tuple[Table, ...]:
     rows = tuple((f"{instant(round(first))} to {instant(round(last))}", str(why)) for first, last, why in unwatched)
-    title = "Flight that was not watched"
-    return (Table(name="unwatched", title=title, heads=("stretch [s]", "why"), rows=rows),) if rows else ()
+    title, times_s = "Flight that was not watched", tuple((first, last) for first, last, _ in unwatched)
+    table = Table(name="unwatched", title=title, heads=("stretch [s]", "why"), rows=rows, times_s=times_s)
+    return (table,) if rows else ()
 
 
 def _happening(event: Event) -> Happening:

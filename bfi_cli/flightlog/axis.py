@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ..epoch import DAY_S
 from ..errors import LogError
 from ..kernels.regular_clock import quantum_of, regular_times
 from ..notes import Note
 from .rates import MENDED, longest_in_order
-from .raw import DAY_S
 from .record import FloatArray, frozen_array
 
 # Largest time, s. Times since 1904 or 1970 are up to 4e9 s; in ms or us without a stated unit they are beyond this.

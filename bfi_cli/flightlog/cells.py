@@ -18,11 +18,13 @@ from typing import Literal, TextIO
 
 import numpy as np
 
+from ..epoch import DAY_S
 from ..errors import LogError
 from ..notes import Note
-from .raw import DAY_S, FloatArray
+from .raw import FloatArray
 
-Kind = Literal["number", "clock", "date", "moment"]
+# A "moment" has a date and a time of an unknown zone, a "utc_moment" states its offset from UTC, which is taken out.
+Kind = Literal["number", "clock", "date", "moment", "utc_moment"]
 # Numbers, counted from 1, and texts of lines.
 Block = tuple[Sequence[int], list[str]]
 
@@ -38,7 +40,12 @@ FIRST_BLOCK, BLOCK = 2**14, 2**19
 # Share of the rows: with more rows of another length the header is that of another table. A damaged card loses single
 # rows; a header that lacks or repeats a name makes every row odd.
 MOST_RAGGED = 0.05
-WHAT = {"clock": "a time of day", "date": "a date", "moment": "a date and time"}
+WHAT = {
+    "clock": "a time of day",
+    "date": "a date",
+    "moment": "a date and time",
+    "utc_moment": "a date and time with its offset from UTC",
+}
 
 
 def cells_of(line: str, delimiter: str) -> list[str]:
@@ -221,7 +228,9 @@ def _read(cell: str, *, comma: bool) -> tuple[Kind | None, float]:
             return "date", DAY_S * (date.fromisoformat(cell).toordinal() - EPOCH)
         if DATE.match(cell):
             moment = datetime.fromisoformat(cell)
-            return "moment", (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+            if moment.tzinfo is None:
+                return "moment", moment.replace(tzinfo=UTC).timestamp()
+            return "utc_moment", moment.timestamp()
     except (ValueError, OverflowError):
         pass
     return None, math.nan

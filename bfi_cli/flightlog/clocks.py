@@ -66,7 +66,8 @@ def _by_axes(path: str, raw: RawLog, asked: Asked) -> RawLog | None:
             unit = track.unit or (known.unit if known else None)
             channel = known.name if known else track.channel
             why = BY_RANK[known.rank] if known else track.why
-            tracks.append(replace(track, time_s=clocks[clock], unit=unit, channel=channel, why=why))
+            here = replace(track, time_s=clocks[clock], epoch=main.epoch)
+            tracks.append(replace(here, unit=unit, channel=channel, why=why))
     by_clock = [f"{', '.join(repr(s) for s, c in clock_of.items() if c == clock)} by '{clock}'" for clock in further]
     note = Note.method(f"several time axes: {'; '.join(by_clock)}, the others by '{main.source}'")
     left_out = {name: "has the samples of no time axis" for name, clock in clock_of.items() if clock is None}

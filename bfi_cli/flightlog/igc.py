@@ -14,11 +14,12 @@ from datetime import date
 
 import numpy as np
 
+from ..epoch import DAY_S, Epoch
 from ..errors import LogError
 from ..notes import Note
 from .layouts import with_channels
 from .rates import in_order
-from .raw import DAY_S, Asked, RawLog, Track, from_midnight
+from .raw import Asked, RawLog, Track
 
 HEAD = re.compile(rb"(?:\xef\xbb\xbf)?A[A-Za-z0-9]{3}[^\n]*\n")
 RECORD = re.compile(rb"\n(?:H[FOP][A-Z0-9]{3}|B\d{13}[NS]\d{8}[EW][AV])")
@@ -76,15 +77,14 @@ def read_igc(path: str, _: Asked) -> RawLog:
         kept = ordered.values.astype(np.intp)
         time_s, values = time_s[kept], [column[kept] for column in values]
     names = ("latitude", "longitude", "pressure_altitude", "gnss_altitude", *_channels(extensions))
-    columns = [Track(source="time", values=time_s, unit="s", channel="time", why="UTC of the fixes")]
+    epoch = Epoch(since_1970_s=None if day is None else _since_1970(*map(int, day.groups())), is_utc=True)
+    columns = [Track(source="time", values=time_s, unit="s", channel="time", epoch=epoch, why="UTC of the fixes")]
     columns += [Track(source=name, values=column) for name, column in zip(names, values, strict=True)]
     left_out = {}
     if not columns[3].values.any():  # a recorder without a pressure sensor
         left_out[columns.pop(3).source] = "is zero throughout"
     notes = [Note.limit(f"B records that are damaged are left out: {n_damaged}")] if n_damaged else []
     notes += [Note.limit(f"B records: {why}")] if ordered is not None and why is not None else []
-    if day is not None and (first := _since_1970(*map(int, day.groups()))) is not None:
-        notes.append(from_midnight(first))
     return RawLog(columns=with_channels(columns, "igc"), notes=tuple(notes), left_out=left_out)
 
 

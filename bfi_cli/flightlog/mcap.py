@@ -21,18 +21,17 @@ from typing import Any, BinaryIO
 import numpy as np
 
 from ..channels import match_name, split_unit
+from ..epoch import DAY_S, Epoch
 from ..errors import LogError
 from ..files import MCAP
 from ..units import si_unit
 from .raw import (
-    DAY_S,
     LARGEST_CHUNK,
     Asked,
     FloatArray,
     RawLog,
     Track,
     choose_group,
-    from_midnight,
     parsing,
     require_few,
     require_memory,
@@ -100,7 +99,7 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
         signals = {name: topic for name, topic in signals.items() if name == chosen}
     first_s = min(min(topic.times) for topic in signals.values())
     zero_s = DAY_S * math.floor(first_s / DAY_S)
-    notes = (from_midnight(zero_s),) if zero_s else ()
+    epoch = Epoch(since_1970_s=zero_s, is_utc=True) if zero_s else None
     names = [number for topic in signals.values() for number in topic.fields]
     columns = []
     for name, topic in signals.items():
@@ -113,10 +112,10 @@ def read_mcap(path: str, asked: Asked) -> RawLog:
             if len(signals) == 1:
                 columns.append(column)
             elif (match := match_name(source)) is None or match.name != "time":
-                columns.append(replace(column, time_s=time_s))
+                columns.append(replace(column, time_s=time_s, epoch=epoch))
     if len(signals) == 1 and time_column(columns, asked) is None:
-        columns.insert(0, Track(source="time", values=time_s, unit="s", channel="time"))
-    return RawLog(columns=columns, notes=notes, left_out=left_out)
+        columns.insert(0, Track(source="time", values=time_s, unit="s", channel="time", epoch=epoch))
+    return RawLog(columns=columns, left_out=left_out)
 
 
 def _topics(path: str) -> tuple[dict[str, _Messages], dict[str, str], dict[str, str]]:

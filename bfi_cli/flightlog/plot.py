@@ -15,6 +15,7 @@ from ..display_units import SI, Units
 from ..errors import ConfigError, LogError
 from ..notes import Note
 from ..provenance import Provenance
+from ..report.clock import with_clock
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, shown_notes, thinned
 from ..report.text import change, instant
 from ..serialization import DECLARED, document_of, document_of_kind, from_plain, mapping, member, read_json, to_plain
@@ -85,6 +86,7 @@ class DrawnLog:
     start_s: float
     stop_s: float
     sha256: str
+    clock: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -260,6 +262,7 @@ def plot_logs(
                 start_s=start_s,
                 stop_s=stop_s,
                 sha256=part.sha256,
+                clock=None if part.epoch is None else part.epoch.iso,
             )
             for part, start_s, stop_s in zip(parts, starts, stops, strict=True)
         ),
@@ -378,7 +381,7 @@ def plot_content(document: Plain, units: Units = SI, *, where: str = "result") -
     pages = [names[i : i + MOST_PANELS] for i in range(0, len(names), MOST_PANELS)]
     figures = (("channels", caption, _panels), ("differences", DIFFERENCES, _changes))
     every = (*_panels(result, names, units, ZOOM_POINTS, named=True), *_changes(result, names, units, ZOOM_POINTS))
-    return ReportContent(
+    content = ReportContent(
         category="Flight log" if len(logs) == 1 else "Flight logs",
         title=paths,
         heading="Channels over time",
@@ -405,6 +408,7 @@ def plot_content(document: Plain, units: Units = SI, *, where: str = "result") -
         zoom=(Drawing(name="channels", caption=caption, panels=every, shared_x=True),),
         data={"phases.csv": phase_columns(result.phases)} if result.phases else {},
     )
+    return with_clock(content, logs[0].clock, start_s=result.from_s, stop_s=result.to_s)
 
 
 def _panels(
@@ -487,7 +491,9 @@ def _difference_table(differences: Sequence[Difference], units: Units) -> list[T
         rows.append((one.channel, *sizes, "-" if one.at_s is None else instant(one.at_s)))
     heads = ("channel", "mean", "sd", "largest", "at [s]")
     title = "Second log less the first"
-    return [Table(name="differences", title=title, heads=heads, rows=tuple(rows))] if rows else []
+    times_s = tuple((one.at_s,) for one in differences)
+    table = Table(name="differences", title=title, heads=heads, rows=tuple(rows), times_s=times_s, last_time=4)
+    return [table] if rows else []
 
 
 def _event_table(events: Sequence[Event]) -> list[Table]:
@@ -504,4 +510,5 @@ def _event_table(events: Sequence[Event]) -> list[Table]:
         for one in events
     )
     heads = ("event", "channels", "state", "from [s]", "to [s]", "analysis")
-    return [Table(name="events", title="Events", heads=heads, rows=rows)] if rows else []
+    times_s = tuple((one.onset_s, one.offset_s) for one in events)
+    return [Table(name="events", title="Events", heads=heads, rows=rows, times_s=times_s, last_time=4)] if rows else []

@@ -118,6 +118,7 @@ class LogReport:
     jitter : largest deviation of a time step from the median, relative to it, gaps left out.
     gaps : (start_s, stop_s), the last sample before and the first after each gap.
     phases : of the flight, none where the log has no airspeed.
+    clock : the midnight from which the times count, see `Epoch.iso`; None for a log without a clock.
     filters : the low-pass filters that the log went through, None where nothing is known of them.
     """
 
@@ -137,6 +138,7 @@ class LogReport:
     segments: tuple[Segment, ...]
     filters: tuple[Filter, ...] | None
     notes: tuple[Note, ...]
+    clock: str | None = None
 
 
 def median_step(time_s: FloatArray) -> float:
@@ -226,6 +228,7 @@ def inspect_log(log: FlightLog) -> LogReport:
         phases=phases,
         segments=log.segments,
         filters=log.filters,
+        clock=None if log.epoch is None else log.epoch.iso,
         notes=(*log.notes, *note_on_rotors(phases), *_sensors_of_one_quantity(log), *filter(None, questions)),
     )
 

@@ -87,7 +87,8 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
     ranked = sorted(usable, key=lambda t: (t is not base, rates[t] < AS_FAST * rate_hz))
     size = 8 * len(ranked) * grid.size
     require_memory(path, size, f"{len(ranked)} channels of {grid.size} samples", "cut the log")
-    columns = [Track(source="time", values=grid, unit="s", channel="time", why=f"at the mean rate of '{base.source}'")]
+    time = Track(source="time", values=grid, unit="s", channel="time", epoch=base.epoch)
+    columns = [replace(time, why=f"at the mean rate of '{base.source}'")]
     slow = [t for t in ranked if t.channel in FLAGS or rates[t] < AS_FAST * rate_hz]
     for t in ranked:
         if t in slow:  # the last value at or before each time, NaN before the first and in gaps

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import STANDARD, NameMatch, match_name
+from ..epoch import Epoch
 from ..errors import LogError, first_line
 from ..faults import Fault
 from ..filters import Filter
@@ -27,7 +28,6 @@ Span = tuple[float | None, float | None]
 LARGEST = 4 * 10**9
 # Limit of a chunk of HDF5 or MCAP, bytes: it is unpacked whole. Writers that choose its size take up to 4 MiB.
 LARGEST_CHUNK = 2**28
-DAY_S = 86_400.0  # without leap seconds, which clocks of recorders do not count
 BESIDE_TIME = "holds dates or times beside the time axis"
 # Angles that wrap around.
 ANGLES = frozenset({"roll", "yaw", "longitude", "track", "magnetic_track"})
@@ -66,6 +66,7 @@ class Track:
         Either all signals of a file have such times, or none.
     rate_hz : of a signal with a separate rate, None for the rate of the file.
     turn : a full turn in the unit of an angle that wraps around, None for other signals.
+    epoch : from which `time_s` counts, or the values of a time axis; None of one that no clock has set.
     why : the channel is that, in words, "" where its name alone tells it; unit_from : where the unit is stated.
     read : of a signal that is still in its file (`values` is empty), returns the values of rows; rows : its rows there.
     """
@@ -77,6 +78,7 @@ class Track:
     time_s: FloatArray = field(default_factory=lambda: np.empty(0))
     rate_hz: float | None = None
     turn: float | None = None
+    epoch: Epoch | None = None
     why: str = ""
     unit_from: str = "the file"
     read: Callable[[slice], FloatArray] | None = None
@@ -212,11 +214,6 @@ def unlike(kind: str, shape: tuple[int, ...]) -> str | None:
 def unlike_time(name: str, n: int, n_times: int) -> str:
     """Return why a channel of so many samples is left out of a log of another number of times."""
     return f"has {n} samples, the time axis {n_times},; keep it with --keep {name}"
-
-
-def from_midnight(time_s: float, zone: str = " UTC") -> Note:
-    """Return the note on a time axis that counts from the beginning of a day, given in s since 1970."""
-    return Note.method(f"time counts from midnight of {np.datetime64(int(time_s), 's').astype('datetime64[D]')}{zone}")
 
 
 def most_common(lengths: Iterable[int]) -> int:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from ..channels import STANDARD, match_name, meant_channel
+from ..epoch import Epoch, epoch_since_1970
 from ..errors import ConfigError, LogError, reason_of
 from ..files import HDF5
 from ..notes import Note
@@ -279,7 +280,7 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
         why = "".join(f", '{name}' {reason.replace(',;', ';')}" for name, reason in list(raw.left_out.items())[:3])
         raise LogError(f"{path}: no channels beside time{why}; give a log with a column or dataset for each")
     time = taken.pop("time", None)
-    order = [column.source for column in raw.columns]
+    order, epoch = [column.source for column in raw.columns], None
     channels = dict(sorted(taken.items(), key=lambda item: order.index(item[1].source)))
     if time is None:
         rate_hz = raw.sample_rate_hz if asked.sample_rate_hz is None else asked.sample_rate_hz
@@ -294,7 +295,8 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     else:
         axis = axis_of(path, time.source, time.values)
         time_s = axis.time_s
-        notes += axis.notes
+        epoch, on_epoch = _epoch_of(raw, time.source, time_s)
+        notes += (*on_epoch, *axis.notes)
         if axis.rows is not None:
             alike = {name for name, channel in channels.items() if channel.n_samples == time.n_samples}
             channels |= {name: channels[name].taken(axis.rows) for name in alike}
@@ -322,6 +324,7 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
         truth=_truth(path, raw, time_s.size, convention),
         segments=raw.segments,
         filters=raw.filters,
+        epoch=epoch,
         sha256=sha256,
         notes=tuple(notes),
         left_out=left_out,
@@ -330,6 +333,15 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
     if time is not None and not {"time", time.source} & asked.unit_map.keys():
         _check_clock(log, time.source)
     return log
+
+
+def _epoch_of(raw: RawLog, source: str, time_s: FloatArray) -> tuple[Epoch | None, list[Note]]:
+    """Return from which midnight the time axis of the name `source` counts, and a note on it if it is that of a day."""
+    stated = next(column.epoch for column in raw.columns if column.source == source)
+    epoch = stated or epoch_since_1970(float(time_s[0]), float(time_s[-1]))
+    if epoch is None or not epoch.since_1970_s:
+        return epoch, []
+    return epoch, [Note.method(f"time counts from midnight of {epoch.date(0.0)}{' UTC' * epoch.is_utc}")]
 
 
 def _unlike_time(path: str, channels: Mapping[str, Channel], n_times: int, asked: Asked) -> dict[str, str]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import meant_channel, unit_of
+from ..epoch import Epoch
 from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..filters import Filter
@@ -186,6 +187,7 @@ class FlightLog:
     truth : injected faults, None where the file carries none.
     segments : labelled parts of the flight.
     filters : the low-pass filters that the log went through, recorder first; None where nothing is known of them.
+    epoch : from which the times count, None where the file has no clock.
     sha256 : of the file, "" for a log made in memory.
     notes : what the reader, or resampling, decided, as sentences for the user.
     left_out : by name in the file why an array is no channel; see `raw.RawLog`.
@@ -200,6 +202,7 @@ class FlightLog:
     truth: Truth | None = None
     segments: tuple[Segment, ...] = ()
     filters: tuple[Filter, ...] | None = None
+    epoch: Epoch | None = None
     sha256: str = ""
     notes: tuple[Note, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from ..channels import STANDARD
@@ -11,8 +12,9 @@ from ..faults import Fault, fault_from_dict, fault_to_dict, magnitude_unit, phys
 from ..notes import unique
 from ..plausibility.finding import Implausible, in_words
 from ..provenance import Provenance
+from ..report.clock import with_clock
 from ..report.content import Drawing, Lane, Panel, ReportContent, Table, notes_of, shown_notes
-from ..report.text import counted, with_unit
+from ..report.text import counted, instant, with_unit
 from ..serialization import document_of, from_plain, mapping, member, to_plain
 from ..shapes import SHAPES
 from .defects import Defect, sentence_of_defect
@@ -61,7 +63,7 @@ def info_document(
     explain: Sequence[Plain] | None = None,
 ) -> dict[str, Any]:
     """Return the document of `bfi info --json`, with `explain`, see `explained`, where it is given."""
-    span = ("path", "rate_hz", "n_samples", "start_s", "stop_s")
+    span = ("path", "rate_hz", "n_samples", "start_s", "stop_s", "clock")
     same = ("rate_hz", "uniform", "jitter", "channels", "derived", "excitation", "phases", "windows", "segments")
     body = to_plain(
         {
@@ -97,7 +99,7 @@ def info_content(document: Plain, units: Units = SI, *, where: str = "result") -
         step = f"uniform but for {counted(len(gaps), 'gap')}"
     else:
         step = f"not uniform, off by up to {100 * log.jitter:.3g} %"
-    size = f"{log.n_samples} samples at {log.rate_hz:.4g} Hz, {log.start_s:g} s to {log.stop_s:g} s"
+    size = f"{log.n_samples} samples at {log.rate_hz:.4g} Hz, {instant(log.start_s)} s to {instant(log.stop_s)} s"
     longest = sorted(sorted(gaps, key=lambda gap: gap[0] - gap[1])[:MOST_GAPS])
     facts = [("Gap", f"from {start:.10g} s to {stop:.10g} s ({stop - start:.3g} s)") for start, stop in longest]
     if len(gaps) > len(longest):
@@ -116,7 +118,7 @@ def info_content(document: Plain, units: Units = SI, *, where: str = "result") -
         panels=(lane_panel(lanes, limits),),
     )
     contradicted = units.sentence(in_words(findings))
-    return ReportContent(
+    content = ReportContent(
         category="Flight log",
         title=log.path,
         heading="What the log holds",
@@ -127,6 +129,7 @@ def info_content(document: Plain, units: Units = SI, *, where: str = "result") -
         notes=shown_notes(log.notes, units),
         data={"phases.csv": phase_columns(phases)} if phases else {},
     )
+    return with_clock(content, log.clock, start_s=log.start_s, stop_s=log.stop_s)
 
 
 def _explain_table(rows: Sequence[Plain]) -> Iterator[Table]:
@@ -202,7 +205,9 @@ def _tables(log: LogReport, units: Units) -> Iterator[Table]:
     yield from phase_table(log.phases)
     yield from _table("excitation", "Inputs, in flight", moving)
     yield from window_table(log.windows)
-    yield from _table("segments", "Segments named in the file", named)
+    for table in _table("segments", "Segments named in the file", named):
+        times_s = tuple((one.start_s, one.stop_s) for one in log.segments)
+        yield replace(table, times_s=times_s, last_time=table.heads.index("to [s]"))
 
 
 def _table(name: str, title: str, rows: Sequence[Plain]) -> Iterator[Table]:

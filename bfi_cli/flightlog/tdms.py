@@ -14,17 +14,16 @@ from typing import Any
 import numpy as np
 
 from ..channels import match_name
+from ..epoch import DAY_S, Epoch
 from ..errors import LogError
 from ..notes import Note
 from .raw import (
     BESIDE_TIME,
-    DAY_S,
     Asked,
     FloatArray,
     RawLog,
     Track,
     choose_group,
-    from_midnight,
     number_of,
     parsing,
     rate_of,
@@ -104,13 +103,14 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
         made = _with_time(signals)
     elif all(one.clock is not None for one in signals):
         day = min((one.clock.day for one in signals if one.clock and one.clock.day is not None), default=None)
-        if day is not None:
-            notes.append(from_midnight(DAY_S * day))
+        epoch = None if day is None else Epoch(since_1970_s=DAY_S * day, is_utc=True)
         times = [_times(one, day) for one in signals]
         if len({(one.clock, one.values.size) for one in signals}) > 1:
-            columns = [replace(column, time_s=time_s) for column, time_s in zip(made.columns, times, strict=True)]
+            columns = [
+                replace(column, time_s=time_s, epoch=epoch) for column, time_s in zip(made.columns, times, strict=True)
+            ]
         else:
-            columns = [Track(source="time", values=times[0], unit="s", channel="time"), *made.columns]
+            columns = [Track(source="time", values=times[0], unit="s", channel="time", epoch=epoch), *made.columns]
         made = RawLog(columns=columns)
     left_out = {**left_out, **made.left_out}
     return replace(made, sample_rate_hz=stated_rate, notes=(*notes, *made.notes), left_out=left_out)
@@ -187,7 +187,7 @@ def _times(signal: _Signal, day: int | None) -> FloatArray:
 def _with_time(signals: Sequence[_Signal]) -> RawLog:
     """Return the log; a channel of dates becomes the time axis, from midnight of its first day, unless there is one."""
     has_axis = any(one.is_time and not one.is_moment for one in signals)
-    kept, notes, left_out = [], [], {}
+    kept, left_out = [], {}
     for signal in signals:
         if not signal.is_moment:
             kept.append(Track(source=signal.source, values=signal.values, unit=signal.unit))
@@ -196,7 +196,8 @@ def _with_time(signals: Sequence[_Signal]) -> RawLog:
         else:
             has_axis = True
             known = signal.values[np.isfinite(signal.values)]
-            first = np.floor(known[0] / DAY_S) * DAY_S if known.size else 0.0
-            notes.append(from_midnight(first))
-            kept.append(Track(source=signal.source, values=signal.values - first, unit="s", channel="time"))
-    return RawLog(columns=kept, notes=tuple(notes), left_out=left_out)
+            first = float(np.floor(known[0] / DAY_S) * DAY_S) if known.size else 0.0
+            epoch = Epoch(since_1970_s=first, is_utc=True) if known.size else None
+            values = signal.values - first
+            kept.append(Track(source=signal.source, values=values, unit="s", channel="time", epoch=epoch))
+    return RawLog(columns=kept, left_out=left_out)

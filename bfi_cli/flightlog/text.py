@@ -14,13 +14,14 @@ from dataclasses import replace
 import numpy as np
 
 from ..channels import match_name
+from ..epoch import DAY_S, Epoch
 from ..errors import LogError
 from ..filters import filters_from_json
 from ..notes import Note
 from .axis import made_regular, without_jumps
 from .cells import Kind, Lines, Table
 from .layouts import Heading, heading_of, with_channels
-from .raw import BESIDE_TIME, DAY_S, Asked, RawLog, Track, from_midnight
+from .raw import BESIDE_TIME, Asked, RawLog, Track
 from .record import CLEAN, faults_from_json, segments_from_json
 
 FAULTS = "# faults: "
@@ -144,7 +145,9 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
     by_kind: dict[Kind | None, list[Track]] = {}
     for column, kind in zip(columns, kinds, strict=True):
         by_kind.setdefault(kind, []).append(column)
-    dates, clocks, moments = by_kind.get("date", []), by_kind.get("clock", []), by_kind.get("moment", [])
+    dates, clocks = by_kind.get("date", []), by_kind.get("clock", [])
+    in_utc = by_kind.get("utc_moment", [])
+    moments = [column for column in columns if column in by_kind.get("moment", []) or column in in_utc]
     notes = list[Note]()
     kept = [c for c, kind in zip(columns, kinds, strict=True) if kind in ("number", None)]
     timed = [*moments, *clocks, *dates]
@@ -160,10 +163,11 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
         time_s[rows] = known + DAY_S * np.cumsum(np.diff(known, prepend=known[:1]) < -0.5 * DAY_S)
     time_s[rows], jumps = without_jumps(chosen.source, time_s[rows], zones=True)
     notes += jumps
+    epoch = Epoch(since_1970_s=None, is_utc=chosen in in_utc)
     if rows.any() and time_s[rows][0] >= DAY_S:
-        first = np.floor(time_s[rows][0] / DAY_S) * DAY_S
+        first = float(np.floor(time_s[rows][0] / DAY_S) * DAY_S)
         time_s -= first
-        notes.append(from_midnight(first, zone=""))
+        epoch = replace(epoch, since_1970_s=first)
     if not rows.all():
         notes.append(Note.method(f"{np.count_nonzero(~rows)} rows without a time are left out"))
     time_s[rows], regular = made_regular(chosen.source, time_s[rows])
@@ -181,7 +185,7 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
             notes.append(Note.method(f"rows that repeat the second before are left out: {repeated.size}"))
     used = dates[:1] if chosen in clocks else []
     why = f"the clock of the log{''.join(f', with the dates of {one.source!r}' for one in used)}"
-    time = Track(source=chosen.source, values=time_s[rows], unit="s", channel="time", why=why)
+    time = Track(source=chosen.source, values=time_s[rows], unit="s", channel="time", epoch=epoch, why=why)
     kept = [time, *(replace(column, values=column.values[rows]) for column in kept)]
     aside = {one.source: BESIDE_TIME for one in timed if one is not chosen and one not in used}
     return RawLog(columns=kept, notes=tuple(notes), left_out=aside)

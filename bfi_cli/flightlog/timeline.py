@@ -132,15 +132,18 @@ def _apart(blocks: Iterable[Block], letter_s: float) -> list[list[Block]]:
 
 def phase_table(phases: Sequence[Phase]) -> list[Table]:
     """Return the table of the kinds of phases, how often and how long in all; [] without phases."""
-    rows = []
+    rows, times_s = [], []
     for kind in (*PARTS, *MANOEUVRES):
         found = [one for one in phases if one.phase == kind]
         if found:
             total = sum(one.to_s - one.from_s for one in found)
             ends = (instant(found[0].from_s), instant(found[-1].to_s))
             rows.append((kind, str(len(found)), f"{total:.0f}", *ends))
+            times_s.append((found[0].from_s, found[-1].to_s))
     heads = ("phase", "times", "in all [s]", "first from [s]", "last to [s]")
-    return [Table(name="phases", title="Phases of the flight", heads=heads, rows=tuple(rows))] if rows else []
+    title = "Phases of the flight"
+    table = Table(name="phases", title=title, heads=heads, rows=tuple(rows), times_s=tuple(times_s), last_time=4)
+    return [table] if rows else []
 
 
 def phase_columns(phases: Sequence[Phase]) -> dict[str, list[Any]]:
@@ -150,9 +153,11 @@ def phase_columns(phases: Sequence[Phase]) -> dict[str, list[Any]]:
 
 def window_table(windows: Sequence[ExcitedWindow]) -> list[Table]:
     """Return the table of the windows to analyse, in order of their rank; [] without windows."""
+    ranked = sorted(windows, key=lambda one: one.rank)
     rows = tuple(
-        (str(one.rank), instant(one.start_s), instant(one.stop_s), one.channel, str(one.moves))
-        for one in sorted(windows, key=lambda one: one.rank)
+        (str(one.rank), instant(one.start_s), instant(one.stop_s), one.channel, str(one.moves)) for one in ranked
     )
+    times_s = tuple((one.start_s, one.stop_s) for one in ranked)
     heads = ("rank", "--from", "--to", "input", "moves")
-    return [Table(name="windows", title="Windows to analyse", heads=heads, rows=rows)] if rows else []
+    title = "Windows to analyse"
+    return [Table(name="windows", title=title, heads=heads, rows=rows, times_s=times_s, last_time=2)] if rows else []

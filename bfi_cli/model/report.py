@@ -24,6 +24,7 @@ from ..report.claims import (
     shown_summary,
     verdict_sentence,
 )
+from ..report.clock import with_clock
 from ..report.content import (
     AT_ONCE,
     Curve,
@@ -81,7 +82,7 @@ def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent
     said = [describe(one, units, own=own.get(one.fault.channel, "")) for one in result.faults]
     named = [f"{one}, '{shortened(fault.name, NAMED_LETTERS)}'" for one, fault in zip(said, result.faults, strict=True)]
     summary = shown_summary(result.summary, result.verdicts, result.candidates, units)
-    return ReportContent(
+    content = ReportContent(
         category="Fault identification",
         title=result.log.path,
         heading=HEADINGS[result.decision],
@@ -103,6 +104,7 @@ def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent
         notes=shown_notes(result.notes, units),
         data=_data(result),
     )
+    return with_clock(content, result.log.clock, start_s=result.log.start_s, stop_s=result.log.stop_s)
 
 
 def content_of_document(document: object, units: Units = SI, *, where: str = "result") -> ReportContent:
@@ -161,7 +163,7 @@ def _smallest(candidate: Candidate) -> float | None:
 
 def _facts(result: IdentifyResult, units: Units) -> tuple[tuple[str, str], ...]:
     log, model, solver = result.log, result.model, result.solver
-    span = f"{number(log.start_s)} to {number(log.stop_s)} s ({number(log.stop_s - log.start_s)} s"
+    span = f"{instant(log.start_s)} to {instant(log.stop_s)} s ({number(log.stop_s - log.start_s)} s"
     return (
         ("Window", f"{span}, {log.n_samples} samples)"),
         ("Rate", f"{number(log.rate_hz)} Hz (recorded at {number(log.native_rate_hz)} Hz)"),
@@ -202,7 +204,9 @@ def _tables(result: IdentifyResult, units: Units) -> Iterator[Table]:
     if faults:
         n = len(FAULT_HEADS) - all(one.fault.slope is None for one in result.faults)
         rows = tuple(row[:n] for row in faults)
-        yield Table(name="faults", title="Faults", heads=FAULT_HEADS[:n], rows=rows)
+        times_s = tuple((one.fault.onset_s, one.fault.offset_s) for one in result.faults)
+        last = FAULT_HEADS.index("from")
+        yield Table(name="faults", title="Faults", heads=FAULT_HEADS[:n], rows=rows, times_s=times_s, last_time=last)
     yield from candidate_tables(result.candidates, units)
     residuals = []
     for summary in result.residuals:
@@ -216,7 +220,7 @@ def _tables(result: IdentifyResult, units: Units) -> Iterator[Table]:
                 f"{number(result.vaf_output.get(summary.channel))} %",
                 f"p = {number(p, digits=2)}{white}" if p == p else "-",
                 change(5.0 * summary.plain_sd, shown),
-                f"{len(alarms_s)}, first at {number(min(alarms_s), digits=6)} s" if alarms_s else "none",
+                f"{len(alarms_s)}, first at {instant(min(alarms_s))} s" if alarms_s else "none",
             )
         )
     if residuals:
@@ -471,7 +475,7 @@ def _data(result: IdentifyResult) -> dict[str, dict[str, Any] | Callable[[], dic
         "vaf_percent": [result.vaf_output.get(one.channel) for one in result.residuals],
         "ljung_box_p": [one.ljung_box_p for one in result.residuals],
         "plain_sd": [one.plain_sd for one in result.residuals],
-        "plain_alarms_s": [" ".join(f"{time_s:g}" for time_s in one.plain_alarms_s) for one in result.residuals],
+        "plain_alarms_s": [" ".join(f"{time_s:.12g}" for time_s in one.plain_alarms_s) for one in result.residuals],
     }
     return {
         **({"residuals.csv": residuals} if result.residuals else {}),

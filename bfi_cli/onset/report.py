@@ -20,6 +20,7 @@ from ..report.claims import (
     shown_summary,
     verdict_sentence,
 )
+from ..report.clock import with_clock
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve, shown_notes
 from ..report.faults import describe, fault_columns, fault_entry, half, kind_in_words, meaning, plain_estimate, until
 from ..report.text import HEADINGS, instant, interval, noise_levels, number, quantity, with_unit
@@ -137,7 +138,7 @@ def onset_content(document: Plain, units: Units = SI, *, where: str = "result") 
         shown = units.of(one.unit, channel=one.channel, own=own.get(one.channel, ""))
         size, sd = shown.changes(one.magnitude), shown.changes(one.sd)
         drawn.append(replace(one, unit=shown.unit, magnitude=size, sd=sd))
-    return ReportContent(
+    content = ReportContent(
         category="Onset of a fault",
         title=result.log.path,
         heading=HEADINGS[result.decision],
@@ -151,6 +152,7 @@ def onset_content(document: Plain, units: Units = SI, *, where: str = "result") 
         notes=shown_notes(result.notes, units),
         data=_data(result),
     )
+    return with_clock(content, result.log.clock, start_s=result.log.start_s, stop_s=result.log.stop_s)
 
 
 def _data(result: OnsetResult) -> dict[str, dict[str, Any]]:
@@ -182,7 +184,7 @@ def _facts(result: OnsetResult, units: Units, own: Mapping[str, str]) -> list[tu
     rows = [
         (
             "Window",
-            f"{number(log.start_s)} to {number(log.stop_s)} s, {log.n_samples} samples at {number(log.rate_hz)} Hz",
+            f"{instant(log.start_s)} to {instant(log.stop_s)} s, {log.n_samples} samples at {number(log.rate_hz)} Hz",
         ),
         ("Model", f"VARX of order {model.order}, inputs {', '.join(model.inputs)}"),
         ("Noise", noise_levels(model.noise_sd, units, own)),
@@ -194,7 +196,7 @@ def _facts(result: OnsetResult, units: Units, own: Mapping[str, str]) -> list[tu
         rows.append(("p-value", bound + number(result.p_value, digits=2)))
     for series in result.series:
         alarms = series.plain_alarms_s
-        told = f"{len(alarms)}, first at {number(min(alarms), digits=6)} s" if alarms else "none"
+        told = f"{len(alarms)}, first at {instant(min(alarms))} s" if alarms else "none"
         rows.append((f"Plain 5-sigma test, {series.channel}", told))
     for fault in result.truth or ():
         where = f"on {fault.channel} " if fault.channel else ""  # a pressure line is no channel
@@ -230,18 +232,22 @@ def _fault_tables(result: OnsetResult, units: Units, own: Mapping[str, str]) -> 
         )
     within = "95 % interval"
     heads = ("shape", "channel", "onset", within, "until", "magnitude", within, "statistic", "p-value")
-    return (Table(name="faults", title="Faults", heads=heads, rows=tuple(rows)),) if rows else ()
+    times_s = tuple((one.fault.onset_s, one.fault.offset_s) for one in result.faults)
+    table = Table(name="faults", title="Faults", heads=heads, rows=tuple(rows), times_s=times_s, last_time=4)
+    return (table,) if rows else ()
 
 
 def _shape_table(profiles: Sequence[ShapeProfile]) -> Table:
-    rows = []
+    rows, times_s = [], []
     for one in profiles:
         best = int(one.statistic.argmax())
         onset, size = instant(one.onset_s[best]), quantity(float(one.magnitude[best]), one.unit)
         statistic, threshold = number(float(one.statistic[best])), number(one.threshold)
         rows.append((kind_in_words(one.shape, one.frequency_hz), one.channel, f"{onset} s", size, statistic, threshold))
+        times_s.append((float(one.onset_s[best]),))
     heads = ("shape", "channel", "best onset", "magnitude", "statistic", "threshold")
-    return Table(name="shapes", title="Every shape at its best onset", heads=heads, rows=tuple(rows))
+    title = "Every shape at its best onset"
+    return Table(name="shapes", title=title, heads=heads, rows=tuple(rows), times_s=tuple(times_s), last_time=2)
 
 
 def _profile_drawing(profiles: Sequence[ShapeProfile], faults: Sequence[FaultEstimate]) -> Drawing:

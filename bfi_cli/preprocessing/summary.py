@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..epoch import Epoch
 from ..kernels import FloatArray
 
 # Rows whose squares are taken at once, for memory.
@@ -15,7 +16,10 @@ AT_ONCE = 262_144
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LogSummary:
-    """The analysed window: `rate_hz` and `n_samples` are those of the analysis, times are on the log's own axis."""
+    """The analysed window: `rate_hz` and `n_samples` are those of the analysis, times are on the log's own axis.
+
+    `clock` is the midnight from which they count, see `Epoch.iso`; None for a log without a clock.
+    """
 
     path: str
     rate_hz: float
@@ -23,6 +27,7 @@ class LogSummary:
     start_s: float
     stop_s: float
     native_rate_hz: float
+    clock: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,11 +45,18 @@ class ModelSummary:
     criterion_best: tuple[float, ...] = ()
 
 
-def log_summary(path: str, time_s: FloatArray, *, rate_hz: float, native_rate_hz: float) -> LogSummary:
+def log_summary(
+    path: str, time_s: FloatArray, *, rate_hz: float, native_rate_hz: float, epoch: Epoch | None
+) -> LogSummary:
     """Return the summary of a window with the samples `time_s` at the rate of the analysis."""
-    start_s, stop_s = float(time_s[0]), float(time_s[-1])
     return LogSummary(
-        path=path, rate_hz=rate_hz, n_samples=len(time_s), start_s=start_s, stop_s=stop_s, native_rate_hz=native_rate_hz
+        path=path,
+        rate_hz=rate_hz,
+        n_samples=len(time_s),
+        start_s=float(time_s[0]),
+        stop_s=float(time_s[-1]),
+        native_rate_hz=native_rate_hz,
+        clock=None if epoch is None else epoch.iso,
     )
 
 

@@ -128,7 +128,11 @@ class PreparedWindow:
     def summary(self) -> LogSummary:
         """What was analysed."""
         return log_summary(
-            self.log.path, self.signals.time_s, rate_hz=self.signals.rate_hz, native_rate_hz=self.native_rate_hz
+            self.log.path,
+            self.signals.time_s,
+            rate_hz=self.signals.rate_hz,
+            native_rate_hz=self.native_rate_hz,
+            epoch=self.log.epoch,
         )
 
 

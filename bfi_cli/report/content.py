@@ -112,7 +112,8 @@ class Panel:
     height : relative to other panels.
     lanes : rows of blocks from top to bottom, in place of curves and numbers on the y axis; x_limits are needed.
     bands : blocks behind the curves, over the whole height; instants are upright lines.
-    clock : x is a time in s, shown above the axes in hours, minutes and seconds too.
+    clock : x is a time in s, shown above the axes in hours, minutes and seconds too; of_day : x counts from a midnight,
+        and they are those of the day.
     """
 
     x_label: str
@@ -134,6 +135,7 @@ class Panel:
     lanes: tuple[Lane, ...] = ()
     bands: tuple[Block, ...] = ()
     clock: bool = False
+    of_day: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -181,12 +183,16 @@ class Table:
     ----------
     heads : one text per column.
     rows : texts, as many per row as there are heads.
+    times_s : by row a time of the log, or the first and the last of a stretch, None where it is not known; () for a
+        table without times; last_time : its last column with these times.
     """
 
     name: str
     title: str
     heads: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    times_s: tuple[tuple[float | None, ...], ...] = ()
+    last_time: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

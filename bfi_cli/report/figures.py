@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..epoch import time_of_day
 from ..printable import printable
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, SHADES, SKY, VERMILLION, Look, fix_places, plain, styled
+from .text import clock
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -137,7 +139,7 @@ def _draw_panel(axes: Axes, panel: Panel, *, columns: int, room: int) -> None:
         else:
             axes.axvline(span.low, color=GREY, ls=":", lw=1.0, label=label or None)
     if panel.clock and panel.x_limits is not None and panel.x_limits[1] > panel.x_limits[0]:
-        _add_clock(axes, panel.x_limits)
+        _add_clock(axes, panel.x_limits, of_day=panel.of_day)
     _set_axes(axes, panel)
     _write_legend(axes, plain(panel.title, room), columns, lift_in=CLOCK_IN if panel.clock else 0.0)
 
@@ -231,23 +233,15 @@ def _write_block(
     return False
 
 
-def _add_clock(axes: Axes, limits: tuple[float, float]) -> None:
-    """Number the upper edge of axes in minutes and seconds too."""
+def _add_clock(axes: Axes, limits: tuple[float, float], *, of_day: bool) -> None:
+    """Number the upper edge of axes in minutes and seconds too, or by the clock of the day."""
     upper = axes.secondary_xaxis("top")
     span = limits[1] - limits[0]
     step = next((one for one in CLOCK_STEPS if span / one <= MOST_CLOCK_TICKS), CLOCK_STEPS[-1])
     step *= max(1, math.ceil(span / step / MOST_CLOCK_TICKS))
     places = [float(step * k) for k in range(math.ceil(limits[0] / step), math.floor(limits[1] / step) + 1)]
-    upper.set_ticks(places, labels=[_clock(place) for place in places])
+    upper.set_ticks(places, labels=[time_of_day(place) if of_day else clock(place) for place in places])
     upper.tick_params(labelsize=6.5, length=2.0)
-
-
-def _clock(time_s: float) -> str:
-    """Return a time as h:mm:ss, below an hour as m:ss."""
-    sign, whole = "−" if time_s <= -0.5 else "", round(abs(time_s))
-    minutes, seconds = divmod(whole, 60)
-    hours, minutes = divmod(minutes, 60)
-    return f"{sign}{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{sign}{minutes}:{seconds:02d}"
 
 
 def _set_linear_part(axes: Axes, name: str, linear: float) -> None:

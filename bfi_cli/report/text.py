@@ -47,6 +47,14 @@ def instant(time_s: float) -> str:
     return f"{time_s:.6g}" if abs(time_s) < 1e5 else f"{time_s:.2f}".rstrip("0").rstrip(".")
 
 
+def clock(time_s: float) -> str:
+    """Return a time as h:mm:ss, below an hour as m:ss."""
+    sign, whole = "−" if time_s <= -0.5 else "", round(abs(time_s))
+    minutes, seconds = divmod(whole, 60)
+    hours, minutes = divmod(minutes, 60)
+    return f"{sign}{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{sign}{minutes}:{seconds:02d}"
+
+
 def counted(n: int, noun: str) -> str:
     """Return a number with a noun of regular plural: "1 iteration", "2 iterations"."""
     return f"{n} {noun}" if n == 1 else f"{n} {noun}s"

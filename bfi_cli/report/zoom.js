@@ -15,8 +15,10 @@ const make = (name, attributes, parent, text) => {
   return node;
 };
 const clock = (t) => {
-  const whole = Math.round(Math.abs(t)), two = (n) => String(n).padStart(2, "0");
+  const two = (n) => String(n).padStart(2, "0"), day = 86400;
+  const whole = page.ofDay ? (Math.round(t) % day + day) % day : Math.round(Math.abs(t));
   const h = Math.floor(whole / 3600), m = Math.floor(whole / 60) % 60;
+  if (page.ofDay) return [h, m, whole % 60].map(two).join(":");
   return (t <= -0.5 ? "−" : "") + (h ? h + ":" + two(m) : m) + ":" + two(whole % 60);
 };
 const step = (span, most) => {

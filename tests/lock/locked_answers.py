@@ -32,6 +32,8 @@ ELSEWHERE = 1e-2
 ZERO = 1e-12
 # Keys that are left out at any depth: they say when, how fast and by which version an answer was made.
 LEFT_OUT = ("provenance", "schema", "seconds")
+# Keys that are left out where they are null, as of most logs.
+NULL_LEFT_OUT = ("clock",)
 # By which keys the entries of a list are known, so that one more entry is one difference; else they go by position.
 NAMES = (("name",), ("text",), ("fault", "shape", "channel", "bounds", "holds_in", "grows_on"))
 # Letters of a value in a list of differences.
@@ -107,12 +109,16 @@ def _run(words: Sequence[str], folder: Path) -> tuple[int, str, str]:
 
 
 def plain(value: Any) -> Any:
-    """Return a value of a JSON document as it is stored: numbers with DIGITS digits, without the keys LEFT_OUT."""
+    """Return a value of a JSON document as it is stored: numbers with DIGITS digits, without the keys left out."""
     if isinstance(value, Mapping):
-        return {key: plain(entry) for key, entry in value.items() if key not in LEFT_OUT}
+        return {key: plain(entry) for key, entry in value.items() if not _is_left_out(key, entry)}
     if isinstance(value, Sequence) and not isinstance(value, str):
         return [plain(entry) for entry in value]
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def _is_left_out(key: str, value: Any) -> bool:
+    return key in LEFT_OUT or (key in NULL_LEFT_OUT and value is None)
 
 
 def stored(name: str) -> dict[str, Any]:

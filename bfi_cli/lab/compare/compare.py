@@ -78,7 +78,9 @@ def compare(
         progress(name, 0.0)
         outcomes.append(outcome_of(name, peer, problem, truth, hit))
     return ComparisonResult(
-        log=log_summary(log.path, window.time_s, rate_hz=window.rate_hz, native_rate_hz=window.rate_hz),
+        log=log_summary(
+            log.path, window.time_s, rate_hz=window.rate_hz, native_rate_hz=window.rate_hz, epoch=log.epoch
+        ),
         truth=truth,
         outcomes=tuple(replace(one, agrees=_agreeing(one, outcomes)) for one in outcomes),
         outputs=config.outputs,

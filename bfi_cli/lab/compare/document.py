@@ -10,6 +10,7 @@ from ...faults import fault_from_dict, fault_to_dict
 from ...kernels.runs import union
 from ...printable import shortened
 from ...provenance import Provenance
+from ...report.clock import with_clock
 from ...report.content import Block, Drawing, Lane, Panel, ReportContent, Span, Table, curve, shown_notes
 from ...report.text import counted, instant, number
 from ...serialization import document_of, from_plain, mapping, member, to_plain
@@ -84,7 +85,7 @@ def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: st
     tables = [_methods(outcomes, scored=injected is not None)]
     if refused:
         tables.append(Table(name="refused", title="Did not run", heads=("method", "reason"), rows=refused))
-    return ReportContent(
+    content = ReportContent(
         category="Comparison of methods",
         title=result.log.path,
         heading="Methods on one log",
@@ -98,6 +99,7 @@ def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: st
         drawings=(Drawing(name="comparison", caption=CAPTION, panels=tuple(panels), shared_x=True),),
         notes=shown_notes(result.notes, units),
     )
+    return with_clock(content, result.log.clock, start_s=start_s, stop_s=stop_s)
 
 
 def _methods(outcomes: tuple[Outcome, ...], *, scored: bool) -> Table:

@@ -5,15 +5,19 @@ Every worker has one BLAS thread, for more change the bits; results come in the 
 
 from __future__ import annotations
 
+import os
 import signal
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import suppress
 from functools import cache
 from itertools import islice
 from multiprocessing import get_context
+from multiprocessing.connection import Connection
 from typing import Any, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
@@ -24,7 +28,7 @@ T = TypeVar("T")
 R = TypeVar("R")
 
 # Items sent to a worker at a time, and chunks under way per worker: enough that none waits for the next, and few enough
-# that an interruption, which waits for those under way, comes soon. Chosen without a tuning record.
+# that an interruption, which loses those under way, loses little. Chosen without a tuning record.
 CHUNK, AHEAD = 10, 4
 # Seconds in which a Dask scheduler must answer.
 CONNECT_S = 10
@@ -35,7 +39,13 @@ class _Future(Protocol):
 
 
 def in_order(
-    work: Callable[[T], R], items: Sequence[T], *, workers: int = 1, scheduler: str | None = None, chunk: int = CHUNK
+    work: Callable[[T], R],
+    items: Sequence[T],
+    *,
+    workers: int = 1,
+    scheduler: str | None = None,
+    chunk: int = CHUNK,
+    again: str = "continue with --resume",
 ) -> Generator[tuple[R, float], None, None]:
     """Yield `work(item)` and the seconds it took, in the order of the items.
 
@@ -44,7 +54,8 @@ def in_order(
     work : a function of a module; it, the items and the results are pickled where there are several workers.
     workers : processes of this machine; 1 stays in this one.
     scheduler : address of a Dask scheduler, which then has the workers.
-    chunk : items sent to a worker at a time; an interruption waits for those under way.
+    chunk : items sent to a worker at a time.
+    again : how to go on, for the message about a worker that died.
 
     Raises
     ------
@@ -52,8 +63,8 @@ def in_order(
     """
     chunks = [items[start : start + chunk] for start in range(0, len(items), chunk)]
     if scheduler is not None:
-        return _on_dask(work, chunks, scheduler)
-    return _here(work, items) if workers == 1 else _on_processes(work, chunks, workers)
+        return _on_dask(work, chunks, scheduler, again)
+    return _here(work, items) if workers == 1 else _on_processes(work, chunks, workers, again)
 
 
 def _here(work: Callable[[T], R], items: Sequence[T]) -> Generator[tuple[R, float], None, None]:
@@ -62,24 +73,43 @@ def _here(work: Callable[[T], R], items: Sequence[T]) -> Generator[tuple[R, floa
 
 
 def _on_processes(
-    work: Callable[[T], R], chunks: Sequence[Sequence[T]], workers: int
+    work: Callable[[T], R], chunks: Sequence[Sequence[T]], workers: int, again: str
 ) -> Generator[tuple[R, float], None, None]:
-    # Interrupts are left to the parent.
-    ignored = (signal.SIGINT, signal.SIG_IGN)
-    pool = ProcessPoolExecutor(workers, get_context("spawn"), initializer=signal.signal, initargs=ignored)
+    context = get_context("spawn")
+    # Nothing is written to this pipe: it ends when this process closes its end, or is no more, and the workers with it.
+    ending, alive = context.Pipe(duplex=False)
+    pool = ProcessPoolExecutor(workers, context, initializer=_begin_worker, initargs=(ending,))
     try:
         yield from _ordered(lambda chunk: pool.submit(_in_worker, work, chunk), chunks, AHEAD * workers)
     except BrokenProcessPool:
         raise SweepError(
-            f"--workers {workers}: a worker was ended from outside, perhaps for want of memory; continue with "
-            "--resume and fewer --workers"
+            f"--workers {workers}: a worker was ended from outside, perhaps for want of memory; {again} and "
+            "fewer --workers"
         ) from None
+    except BaseException:
+        # What is under way is nobody's any more.
+        alive.close()
+        raise
     finally:
         pool.shutdown(cancel_futures=True)
+        alive.close()
+        ending.close()
+
+
+def _begin_worker(ending: Connection) -> None:
+    """Leave interrupts to the parent, and end when it does."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, args=(ending,), daemon=True).start()
+
+
+def _end_with_parent(ending: Connection) -> None:
+    with suppress(EOFError, OSError):
+        ending.recv_bytes()
+    os._exit(1)
 
 
 def _on_dask(
-    work: Callable[[T], R], chunks: Sequence[Sequence[T]], scheduler: str
+    work: Callable[[T], R], chunks: Sequence[Sequence[T]], scheduler: str, again: str
 ) -> Generator[tuple[R, float], None, None]:
     try:
         import distributed
@@ -99,8 +129,8 @@ def _on_dask(
             yield from _ordered(lambda chunk: client.submit(_in_worker, work, chunk, pure=False), chunks, ahead)
         except dask.KilledWorker:
             raise SweepError(
-                f"--scheduler {scheduler}: a part of the sweep killed its workers, perhaps for want of memory; "
-                "continue with --resume and larger workers"
+                f"--scheduler {scheduler}: a part of the work killed its workers, perhaps for want of memory; {again} "
+                "and larger workers"
             ) from None
 
 

@@ -23,10 +23,11 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 # From the ground up. A module imports what stands on lower floors, and its own package; neighbours know nothing of
 # each other. The longest name counts: what several analyses share is below them, wherever its file lies.
 FLOORS = (
-    ("errors", "kernels", "notes", "printable"),
+    ("errors", "guard", "kernels", "notes", "printable"),
     ("airdata", "epoch", "units"),
     ("channels", "shapes"),
-    ("faults", "files", "yaml12", "model.methods", "plausibility.finding", "preprocessing.summary", "provenance"),
+    ("faults", "files", "yaml12", "model.methods", "plausibility.finding", "preprocessing.summary"),
+    ("programs", "provenance"),
     ("filters", "jsbsim"),
     ("serialization", "truth", "validation"),
     ("display_units",),

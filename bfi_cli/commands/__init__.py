@@ -114,8 +114,11 @@ def main(argv: list[str] | None = None) -> None:
     """Run the command line and exit with a code of the contract (never 1, never a traceback)."""
     if "_BFI_COMPLETE" in os.environ:
         cli(prog_name="bfi")
-    # SIGTERM exits with the shell's code for it, after open files are closed and the cursor is shown again.
-    signal.signal(signal.SIGTERM, lambda number, _frame: sys.exit(128 + number))
+    # SIGTERM, and SIGHUP of a terminal that is closed, exit with the shell's code for it, after open files are closed,
+    # the workers have ended and the cursor is shown again. What nohup ignores stays ignored.
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, lambda number, _frame: sys.exit(128 + number))
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     logging.getLogger("matplotlib").setLevel(logging.ERROR)  # a home that cannot be written, fonts read anew

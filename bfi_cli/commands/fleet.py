@@ -6,7 +6,7 @@ import hashlib
 import os
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
@@ -97,18 +97,13 @@ def answer_fleet(kind: str, given: Mapping[str, Any], config: Config) -> int | N
     )
     answers: list[LogAnswer] = []
     opened = nullcontext() if out is None else Store(out, origin=origin, inputs=inputs, force=given["force"])
+    workers, work = given["workers"] or os.cpu_count() or 1, partial(analyse, request=request)
     with (
         opened as store,
         _documents(given) as add_document,
         progress("logs", wanted=given.get("progress")) as report,
+        closing(run_fleet(work, logs, store=store, workers=workers, scheduler=given["scheduler"])) as results,
     ):
-        results = run_fleet(
-            partial(analyse, request=request),
-            logs,
-            store=store,
-            workers=given["workers"] or os.cpu_count() or 1,
-            scheduler=given["scheduler"],
-        )
         report(0, len(logs))
         for answer, document in results:
             answers.append(answer)

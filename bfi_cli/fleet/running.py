@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from ..engine import in_order
 from .answers import LogAnswer
 from .logs import FleetLog
 from .store import Store
+
+AGAIN = "start again, with --out DIR what is done is kept,"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +50,7 @@ def run_fleet(
     store: Store | None = None,
     workers: int = 1,
     scheduler: str | None = None,
-) -> Iterator[tuple[LogAnswer, str]]:
+) -> Generator[tuple[LogAnswer, str], None, None]:
     """Yield the answer on every log, and its document where `analyse` made it anew, in the order of the logs.
 
     Parameters
@@ -65,7 +67,7 @@ def run_fleet(
     known = {} if store is None else dict(store.known)
     tasks = [Task(log=log, known_key=_known_key(known.get(log.path), log)) for log in logs]
     # A log a chunk: an interruption waits for no second one, and files in memory are those of a few logs.
-    results = in_order(analyse, tasks, workers=workers, scheduler=scheduler, chunk=1)
+    results = in_order(analyse, tasks, workers=workers, scheduler=scheduler, chunk=1, again=AGAIN)
     try:
         for log, (outcome, _) in zip(logs, results, strict=True):
             answer = known[log.path] if outcome.answer is None else outcome.answer

@@ -18,6 +18,7 @@ import numpy as np
 from ..errors import ConfigError
 from ..kernels import FloatArray
 from ..kernels.progress import Report, silent
+from ..programs import guarded
 from .channels import FLOWN
 
 PACKAGE_FOLDER = Path(__file__).resolve().parents[2]
@@ -52,19 +53,11 @@ def run(
         (folder / "request.json").write_text(json.dumps(dict(request)), encoding="utf-8")
         if arrays is not None:
             np.savez(folder / "request.npz", sticks=arrays["sticks"], gusts=arrays["gusts"])
-        flight = subprocess.Popen(
-            [sys.executable, "-P", "-m", "bfi_cli.jsbsim.flight", str(folder)],
-            cwd=folder,
-            env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-        )
-        try:
+        words = [sys.executable, "-P", "-m", "bfi_cli.jsbsim.flight", str(folder)]
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+        silence = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        with guarded(words, cwd=folder, env=environment, **silence) as flight:  # it ends where the wait is interrupted
             code = _wait(flight, folder / FLOWN, report)
-        finally:  # also where the wait is interrupted
-            flight.kill()
-            flight.wait()
         answer_file = folder / "answer.json"
         if not answer_file.is_file():
             raise ConfigError(f"{who}: JSBSim stopped, exit code {code}; give another aircraft or start")

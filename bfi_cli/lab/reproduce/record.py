@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -60,9 +61,10 @@ def trials_of(run: Callable[[Any], Any], points: Sequence[object], n_trials: int
     """
     trials = [(point, (settings.seed, i, k)) for i, point in enumerate(points) for k in range(n_trials)]
     done = []
-    for outcome, _ in in_order(run, trials, workers=settings.workers):
-        done.append(outcome)
-        settings.report(len(done), len(trials))
+    with closing(in_order(run, trials, workers=settings.workers)) as results:
+        for outcome, _ in results:
+            done.append(outcome)
+            settings.report(len(done), len(trials))
     outcomes = np.array(done)
     return outcomes.reshape(len(points), n_trials, *outcomes.shape[1:])
 

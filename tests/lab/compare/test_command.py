@@ -61,8 +61,20 @@ def test_a_method_without_what_it_needs_stands_in_the_table_with_the_reason(bfi)
     ("body", "reason"),
     [
         ("exit 3", "ends with exit code 3"),
-        ("sleep 60", "still runs after 0.2 s"),
-        ("yes", "still runs after 0.2 s"),
+        ("echo no; echo first >&2; echo 'no licence' >&2; exit 3", "exit code 3; its last line on stderr: no licence"),
+        (
+            "echo wait >&2; exec sleep 600",
+            "still runs after 2 s; give a longer --timeout; its last line on stderr: wait",
+        ),
+        ("exec sleep 600 > /dev/null 2>&1", "still runs after 2 s"),
+        ("kill -9 $$", "ends with exit code 137"),
+        ("exec yes", "writes more than 2 MB; a statement has some hundred bytes"),
+        ("yes >&2 & echo nonsense; sleep 0.1", "writes no JSON, got b'nonsense"),
+        ("""echo '{"decision": "no_fault", "suspects": [{"channel": "tas"}]}'""", "no_fault with 1 suspect; declare"),
+        (
+            """echo '{"decision": "fault", "suspects": [{"channel": "tas", "onset_s": 9, "offset_s": 4}]}'""",
+            "tas ends at 4 s, before its onset at 9 s",
+        ),
         ("echo nonsense", "writes no JSON, got b'nonsense"),
         ("echo '[1]'", "not a mapping"),
         ("""echo '{"decision": "perhaps"}'""", "'perhaps'"),
@@ -71,7 +83,9 @@ def test_a_method_without_what_it_needs_stands_in_the_table_with_the_reason(bfi)
 )
 def test_a_program_that_crashes_hangs_or_writes_nonsense_is_one_line(bfi, tmp_path: Path, body: str, reason: str):
     path = program(tmp_path, body)
-    made = bfi("compare", LOG, "--only", "mine", "--program", f"mine={path}", "--timeout", "0.2", "--json")
+    made = bfi(
+        "compare", LOG, "--only", "mine", "--program", f"mine={path}", "--timeout", 2 if "600" in body else 60, "--json"
+    )
     assert (made.code, made.stderr) == (0, "")
     one = outcomes(made.stdout)["mine"]
     assert one["statement"] is None

@@ -16,7 +16,7 @@ from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..printable import shortened
 from ..provenance import Provenance
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, notes_of, thinned
-from ..report.text import change, noise_levels, number, with_unit
+from ..report.text import change, instant, noise_levels, number, with_unit
 from ..serialization import document_of, to_plain
 from ..shapes import SHAPES
 from .comparison import pairs
@@ -139,7 +139,7 @@ def audit_content(document: Plain, units: Units = SI) -> ReportContent:
 
 def _facts(document: Plain, units: Units) -> tuple[tuple[str, str], ...]:
     window, model, log = document["window"], document["model"], document["log"]
-    span = f"{window['start_s']:.4g} to {window['stop_s']:.4g} s"
+    span = f"{instant(window['start_s'])} to {instant(window['stop_s'])} s"
     facts = [("Dictionary", f"{document['path']}, times from the start of the {document['relative_to']}")]
     if model is None:
         facts.append(("Window", f"{span}, {window['why']}" if window["n_samples"] else window["why"]))
@@ -188,8 +188,8 @@ def _times(atom: Plain) -> str:
     if first is None and last is None:
         return "any"
     if first is None or last is None:
-        return f"until {last:.6g}" if first is None else f"from {first:.6g}"
-    return f"any in {first:.6g} to {last:.6g}"
+        return f"until {instant(last)}" if first is None else f"from {instant(first)}"
+    return f"any in {instant(first)} to {instant(last)}"
 
 
 def _limit(atom: Plain, units: Units) -> str | None:

@@ -33,6 +33,7 @@ from ..faults import Fault, shown
 from ..filters import recorded_signal
 from ..kernels.low_pass import IDENTITY, Response
 from ..printable import shortened
+from ..report.text import instant
 from ..shapes import IN_DICTIONARY, PARAMETERS, SEARCHED, SHAPES
 from ..validation import SENTENCE_LETTERS, Number, Positive, Rules, Text, editor_schema, path_beside, validate
 from ..yaml12 import load_yaml, read_text
@@ -469,8 +470,8 @@ def dead_reason_of_kind(fault: Fault, start_s: float, stop_s: float, outputs: Se
         return dead_reason(fault, start_s, stop_s, outputs=outputs)
     if first_s < stop_s and last_s > start_s:
         return None
-    window = f"outside of the window ({start_s:.6g} to {stop_s:.6g} s)"
-    return f"'{fault.name}' begins between {first_s:.6g} and {last_s:.6g} s, {window}; move its onset_s"
+    window = f"outside of the window ({instant(start_s)} to {instant(stop_s)} s)"
+    return f"'{fault.name}' begins between {instant(first_s)} and {instant(last_s)} s, {window}; move its onset_s"
 
 
 def dead_sentences(
@@ -497,8 +498,8 @@ def dead_sentences(
         return ", ".join(f"'{one.called}'" for one in group)
 
     for group, verb, key, times_s, where in (
-        (late, "start", "onset", starts, f"after the window ends ({stop_s:g} s)"),
-        (early, "end", "offset", ends, f"before the window starts ({start_s:g} s)"),
+        (late, "start", "onset", starts, f"after the window ends ({instant(stop_s)} s)"),
+        (early, "end", "offset", ends, f"before the window starts ({instant(start_s)} s)"),
     ):
         if group:
             s, move = ("s", f"its {key}") if len(group) == 1 else ("", f"their {key}s")

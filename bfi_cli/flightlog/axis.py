@@ -15,6 +15,7 @@ from ..epoch import DAY_S
 from ..errors import LogError
 from ..kernels.regular_clock import quantum_of, regular_times
 from ..notes import Note
+from ..report.text import instant
 from .rates import MENDED, longest_in_order
 from .record import FloatArray, frozen_array
 
@@ -73,8 +74,8 @@ def axis_of(path: str, source: str, written_s: FloatArray) -> Axis:
             k = int(back[0]) + 1
             mend = "reverse its samples" if 2 < time_s.size == back.size + 1 else "sort or mend the time axis"
             raise LogError(
-                f"{path}: '{source}' does not increase at sample {k} ({time_s[k]:.6g} s after {time_s[k - 1]:.6g} s, "
-                f"{back.size} such steps); {mend}"
+                f"{path}: '{source}' does not increase at sample {k} ({instant(time_s[k])} s after "
+                f"{instant(time_s[k - 1])} s, {back.size} such steps); {mend}"
             )
         notes.append(Note.limit(f"rows whose time is out of order are left out: {time_s.size - kept.size}"))
         rows = np.isin(np.arange(n), np.flatnonzero(rows)[kept])

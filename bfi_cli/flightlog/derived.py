@@ -26,6 +26,7 @@ from ..channels import STANDARD
 from ..errors import LogError
 from ..kernels.runs import BoolArray
 from ..notes import Note
+from ..report.text import instant
 from .record import Channel, FlightLog, FloatArray, frozen_array
 
 Group = tuple[tuple[str, ...], ...]  # alternatives, each of channels that are all needed
@@ -225,6 +226,6 @@ def _check_possible(log: FlightLog, recorded: Mapping[str, FloatArray], inside: 
             k, channel = int(wrong[0]), log.channels[fault.channel]
             raise LogError(
                 f"{log.path}: '{channel.name}' is {channel.values[k]:.6g} {channel.unit} at sample {k} "
-                f"({log.time_s[k]:.6g} s), {fault.why}; choose a window without it with --from/--to, or state its "
+                f"({instant(log.time_s[k])} s), {fault.why}; choose a window without it with --from/--to, or state its "
                 f"unit with --unit"
             )

@@ -10,6 +10,7 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from ..errors import ConfigError, LogError
 from ..kernels import FloatArray
+from ..report.text import instant
 from .axis import LATEST
 from .raw import require_memory
 from .record import FlightLog, frozen_array
@@ -66,9 +67,10 @@ def difference(first: FlightLog, second: FlightLog, name: str) -> tuple[FloatArr
     slow = first if first.rate_hz <= second.rate_hz else second
     time_s = slow.time_s[(slow.time_s >= low) & (slow.time_s <= high)]
     if time_s.size < 2:
+        here, there = (f"{instant(log.time_s[0])} to {instant(log.time_s[-1])} s" for log in (second, first))
         raise LogError(
-            f"{second.path}: shares no time with {first.path}, {second.time_s[0]:g} to {second.time_s[-1]:g} s and "
-            f"{first.time_s[0]:g} to {first.time_s[-1]:g} s; give --align S, seconds to add, or --align auto"
+            f"{second.path}: shares no time with {first.path}, {here} and {there}; give "
+            "--align S, seconds to add, or --align auto"
         )
     return time_s, values_at(second, name, time_s) - values_at(first, name, time_s)
 

@@ -17,6 +17,7 @@ import numpy as np
 from ..errors import LogError
 from ..filters import filters_from_json
 from ..notes import Note
+from ..report.text import instant
 from ..units import si_unit, to_si
 from . import raw
 from .layouts import with_channels
@@ -294,8 +295,8 @@ def _rows(
     if not first < last:
         source = "sample_rate_hz" if time is None else time.source
         raise LogError(
-            f"{path}: '{source}' does not increase, got {first:.6g} s at sample 0 and {last:.6g} s at sample {n - 1}; "
-            "sort or mend the time axis"
+            f"{path}: '{source}' does not increase, got {instant(first)} s at sample 0 and {instant(last)} s at sample "
+            f"{n - 1}; sort or mend the time axis"
         )
     start = first if asked.span[0] is None else asked.span[0]
     stop = np.inf if asked.span[1] is None else asked.span[1]

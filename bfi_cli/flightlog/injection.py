@@ -24,6 +24,7 @@ from ..filters import recorded_signal, response_of
 from ..kernels.low_pass import Response
 from ..kernels.runs import BoolArray, bridged
 from ..notes import Note
+from ..report.text import instant
 from ..shapes import SHAPES
 from .quantities import pressures_of
 from .record import FlightLog, FloatArray, Truth, frozen_array
@@ -74,12 +75,12 @@ def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog
     active, added = active_samples(fault, log.time_s), added_by(log, fault, through)
     # NaN is no change: where a channel is missing nothing can be added to it.
     if not any(np.any(np.nan_to_num(change)) for change in added.values()):
-        until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
+        until = "" if fault.offset_s is None else f" until {instant(fault.offset_s)} s"
         size = f"magnitude {fault.magnitude:g} " if SHAPES[fault.shape].has_magnitude else ""
         why = "changes no channel of" if active.any() and fault.magnitude else "never active in"
         raise DictionaryError(
-            f"{_place(log, fault)}: {why} the log, got {size}from {fault.onset_s:g} s{until}, the log runs from "
-            f"{start_s:g} s to {stop_s:g} s; change onset, offset or magnitude"
+            f"{_place(log, fault)}: {why} the log, got {size}from {instant(fault.onset_s)} s{until}, the log runs from "
+            f"{instant(start_s)} s to {instant(stop_s)} s; change onset, offset or magnitude"
         )
     before, notes = log.truth or Truth(faults=()), log.notes
     if active.all():
@@ -227,8 +228,8 @@ def _under(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) -> tup
         k = int(np.argmax(impossible.where))
         odd = log.channels[impossible.channel]
         raise LogError(
-            f"{place}: '{odd.name}' is {recorded[odd.name][k]:.6g} {odd.unit} at {time_s[k]:.6g} s, {impossible.why}; "
-            "end the fault before with offset_s, or give its unit with --unit"
+            f"{place}: '{odd.name}' is {recorded[odd.name][k]:.6g} {odd.unit} at {instant(time_s[k])} s, "
+            f"{impossible.why}; end the fault before with offset_s, or give its unit with --unit"
         )
     known = np.isfinite(air.p_static + air.q_impact)
     if not known.any():
@@ -342,8 +343,8 @@ def line_signals(
     if gone.any():
         raise DictionaryError(
             f"{_place(log, fault)}: leaves less than {100.0 * LEAST_LEFT:.0f} % of the line's pressure from "
-            f"{log.time_s[part][np.argmax(gone)]:.6g} s on, which tells no airspeed or altitude; end the window or the "
-            "fault before, or use bfi diagnose"
+            f"{instant(log.time_s[part][np.argmax(gone)])} s on, which tells no airspeed or altitude; end the window "
+            "or the fault before, or use bfi diagnose"
         )
     # The fault is taken out of the log; secant or derivative, per unit of its size.
     small = SMALL / float(np.max(np.abs(lost[on])))

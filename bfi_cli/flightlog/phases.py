@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from ..channels import quantity_of
 from ..kernels.runs import BoolArray, FloatArray, Run, bridged, joined, left_of, runs, runs_with, within
 from ..notes import Note
+from ..report.text import instant
 from .record import LARGEST_VALUE, FlightLog
 from .signs import (
     ABOVE_GROUND,
@@ -197,7 +198,7 @@ def note_on_rotors(phases: Sequence[Phase]) -> tuple[Note, ...]:
     if not parts:
         return ()
     longest = sorted(sorted(parts, key=lambda one: one.from_s - one.to_s)[:3], key=lambda one: one.from_s)
-    named = ", ".join(f"{one.from_s:.6g} to {one.to_s:.6g} s" for one in longest)
+    named = ", ".join(f"{instant(one.from_s)} to {instant(one.to_s)} s" for one in longest)
     total = sum(one.to_s - one.from_s for one in parts)
     names = " and ".join(name for name in (HOVER, TRANSITION) if any(one.phase == name for one in parts))
     among = "" if len(parts) == len(longest) else ", the longest"

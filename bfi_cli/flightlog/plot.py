@@ -301,7 +301,7 @@ def _measured(log: FlightLog, names: Sequence[str]) -> tuple[FlightLog, list[Not
             notes.append(
                 Note.limit(
                     f"{log.path}: '{name}' is no measurement in {np.count_nonzero(absurd)} samples, the first at "
-                    f"{log.time_s[first]:.6g} s ({values[first]:.3g}): these are not drawn"
+                    f"{instant(log.time_s[first])} s ({values[first]:.3g}): these are not drawn"
                 )
             )
     return (replace(log, channels=channels), notes) if notes else (log, [])

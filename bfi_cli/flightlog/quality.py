@@ -15,7 +15,7 @@ from ..filters import Filter
 from ..kernels.quantisation import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
 from ..kernels.runs import BoolArray, shared, within
 from ..notes import Note
-from ..report.text import quantity
+from ..report.text import instant, quantity
 from .derived import DERIVED, missing_for
 from .phases import HOVER, NO_AIRSPEED, TRANSITION, Phase, note_on_rotors, phases_of, spans_of
 from .plausible import doubt_about
@@ -295,10 +295,10 @@ def advice_on_the_ground(
     if not shared((first, last), spans_of(phases, ("ground",))) > MOSTLY * (last - first):
         return None
     flown = [one for one in phases if one.phase not in UNFIT]
-    aloft = f" (in flight from {flown[0].from_s:.6g} to {flown[-1].to_s:.6g} s)" if flown else ""
+    aloft = f" (in flight from {instant(flown[0].from_s)} to {instant(flown[-1].to_s)} s)" if flown else ""
     return (
-        f"the aircraft is on the ground for most of the window, {first:.6g} to {last:.6g} s{aloft}: its airspeed "
-        "is wind and noise, and the answer is not about a flight"
+        f"the aircraft is on the ground for most of the window, {instant(first)} to {instant(last)} s{aloft}: its "
+        "airspeed is wind and noise, and the answer is not about a flight"
     )
 
 
@@ -342,13 +342,13 @@ def require_usable(log: FlightLog, names: Sequence[str], *, resampling: bool = F
         huge = np.flatnonzero(np.isfinite(values) & (np.abs(values) > LARGEST_VALUE))
         if huge.size:
             raise LogError(
-                f"{place} no measurement at sample {huge[0]} ({log.time_s[huge[0]]:.6g} s), got "
+                f"{place} no measurement at sample {huge[0]} ({instant(log.time_s[huge[0]])} s), got "
                 f"{values[huge[0]]:.3g} {channel.unit}; choose a window without it with --from/--to"
             )
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             raise LogError(
-                f"{place} not a number at sample {bad[0]} ({log.time_s[bad[0]]:.6g} s), {bad.size} of "
+                f"{place} not a number at sample {bad[0]} ({instant(log.time_s[bad[0]])} s), {bad.size} of "
                 f"{log.n_samples} samples in all; choose a window without them with --from/--to"
             )
     if resampling:

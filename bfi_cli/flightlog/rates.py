@@ -18,6 +18,7 @@ from ..errors import LogError
 from ..kernels.decimation import WHITE, lowpass_taps
 from ..kernels.regular_clock import regular_times
 from ..notes import Note
+from ..report.text import instant
 from .raw import FLAGS, FloatArray, RawLog, Track, require_memory
 
 # The first of these channels in the log gives the time base.
@@ -262,9 +263,9 @@ def _about(base: Track, ranked: Sequence[Track], slow: Sequence[Track], grid: Fl
     if slow:
         yield f"held between their samples: {named(slow, lambda t: f'{mean_rate(t.time_s):.3g} Hz')}"
     if late := [t for t in ranked if t.time_s[0] > grid[0] + _patience(t)]:
-        yield f"missing at the start of the log, until: {named(late, lambda t: f'{t.time_s[0]:.6g} s')}"
+        yield f"missing at the start of the log, until: {named(late, lambda t: f'{instant(t.time_s[0])} s')}"
     if early := [t for t in ranked if t.time_s[-1] < grid[-1] - _patience(t)]:
-        yield f"missing at the end of the log, from: {named(early, lambda t: f'{t.time_s[-1]:.6g} s')}"
+        yield f"missing at the end of the log, from: {named(early, lambda t: f'{instant(t.time_s[-1])} s')}"
     offset_s = float(grid[0] - min(t.time_s[0] for t in ranked))
     if offset_s > 2.0 / mean_rate(base.time_s):
-        yield f"the log starts at {grid[0]:.6g} s, {offset_s:.3g} s after its first signal, when all are there"
+        yield f"the log starts at {instant(grid[0])} s, {offset_s:.3g} s after its first signal, when all are there"

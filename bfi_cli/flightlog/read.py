@@ -18,6 +18,7 @@ from ..epoch import Epoch, epoch_since_1970
 from ..errors import ConfigError, LogError, reason_of
 from ..files import HDF5
 from ..notes import Note
+from ..report.text import instant
 from ..units import si_unit, to_si
 from .axis import FEWEST_TIMES, LATEST, axis_of
 from .clocks import on_one_clock
@@ -220,7 +221,7 @@ def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None
     lengths = [float(log.time_s[-1] - log.time_s[0]) for log in logs]
     chosen = max(range(len(logs)), key=lambda k: (flown[k], lengths[k])) if boot is None else boot - 1
     others = ", ".join(
-        f"{k + 1} ({log.time_s[0]:.6g} to {log.time_s[-1]:.6g} s, {flown[k]:.0f} s of it in flight)"
+        f"{k + 1} ({instant(log.time_s[0])} to {instant(log.time_s[-1])} s, {flown[k]:.0f} s of it in flight)"
         for k, log in enumerate(logs)
         if k != chosen
     )

@@ -17,6 +17,7 @@ from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..filters import Filter
 from ..notes import Note
+from ..report.text import instant
 
 FloatArray = NDArray[np.float64]
 
@@ -34,9 +35,9 @@ def frozen_array(values: object) -> FloatArray:
 
 def nothing_between(path: str, span: tuple[float, float], ends: tuple[float, float]) -> LogError:
     """Return the error of a window without samples in a log that runs between `ends`, s."""
+    low, high, first, last = map(instant, (*span, *ends))
     return LogError(
-        f"{path}: no samples between {span[0]:g} s and {span[1]:g} s, the log runs from {ends[0]:g} s to "
-        f"{ends[1]:g} s; change --from/--to"
+        f"{path}: no samples between {low} s and {high} s, the log runs from {first} s to {last} s; change --from/--to"
     )
 
 

@@ -282,10 +282,10 @@ def describe_injected(fault: Fault, unit: str, units: Units = SI) -> str:
         shown = units.of_file(of, channel=fault.channel, own=unit)
         return with_unit(f"{value:g}" if shown.factor == 1.0 else f"{value / shown.factor:.4g}", shown.unit)
 
-    until = "" if fault.offset_s is None else f" until {fault.offset_s:g} s"
+    until = "" if fault.offset_s is None else f" until {instant(fault.offset_s)} s"
     label = fault.shape if fault.name is None else f"{fault.name} ({fault.shape})"
     size = f", magnitude {typed(fault.magnitude, magnitude_unit(fault, unit))}"
     if fault.slope is not None:
         size += f" ({typed(*physical(fault, fault.magnitude, unit))})"
     where = f" on {fault.channel}" if fault.channel else ""
-    return f"{label}{where}{size if SHAPES[fault.shape].has_magnitude else ''}, from {fault.onset_s:g} s{until}"
+    return f"{label}{where}{size if SHAPES[fault.shape].has_magnitude else ''}, from {instant(fault.onset_s)} s{until}"

@@ -20,6 +20,7 @@ from ..kernels.decimation import decimate, lost_samples
 from ..kernels.quantisation import Hold
 from ..kernels.runs import bridged, runs
 from ..notes import Note
+from ..report.text import instant
 from .quality import hold_of, is_uniform
 from .raw import ANGLES, FLAGS
 from .record import FlightLog, FloatArray, StoredChannel, frozen_array
@@ -131,7 +132,7 @@ def _grid(log: FlightLog, rate_hz: float) -> FloatArray:
     k = int(np.argmax(step))
     if step[k] > LONGEST_BRIDGE * np.median(step):
         raise LogError(
-            f"{log.path}: gap of {step[k]:.4g} s from {log.time_s[k]:.6g} s to {log.time_s[k + 1]:.6g} s; "
+            f"{log.path}: gap of {step[k]:.4g} s from {instant(log.time_s[k])} s to {instant(log.time_s[k + 1])} s; "
             "choose a window beside it with --from/--to"
         )
     fine = rate_hz * math.ceil(log.rate_hz / rate_hz - SAME_RATE)
@@ -291,7 +292,7 @@ def _with_rows(log: FlightLog) -> FlightLog:
         return frozen_array(np.where(missing, filled, inserted))
 
     first_s = log.time_s[at[0] - 1]
-    note = Note.method(f"{at.size} missing samples, the first after {first_s:.6g} s, are interpolated")
+    note = Note.method(f"{at.size} missing samples, the first after {instant(first_s)} s, are interpolated")
     return log.changed(with_holes, time_s=longer.time_s, notes=(*log.notes, note))
 
 

@@ -31,6 +31,7 @@ from ..notes import Note
 from ..preprocessing.magnitudes import MagnitudeEstimates
 from ..preprocessing.regression import RegressionData
 from ..preprocessing.window import PreparedWindow
+from ..report.text import instant
 
 Variances = float | Sequence[float]
 Reference = Literal["trim", "start"]
@@ -310,8 +311,8 @@ def identify_by_dmae(
         share = 100.0 * (1.0 - float(rest @ rest) / float(course @ course))
         notes = (
             Note.method(
-                f"a fault of '{run.channel}' is more probable than not from {run.onset_s:.6g} s on, with a probability "
-                f"of {run.probability[-1]:.3g} at the end of the window"
+                f"a fault of '{run.channel}' is more probable than not from {instant(run.onset_s)} s on, with a "
+                f"probability of {run.probability[-1]:.3g} at the end of the window"
             ),
             Note.limit(
                 f"the entries of the dictionary explain {share:.3g} % of the fault's estimated course; their "

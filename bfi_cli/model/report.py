@@ -298,7 +298,7 @@ def _draw_outputs(result: IdentifyResult) -> Drawing:
     caption = (
         f"Measured {outputs} with the one-step prediction of the final model and the measurement corrected for the "
         f"declared faults; below, {inputs}. {result.log.n_samples} samples at {number(result.model.rate_hz)} Hz, "
-        f"{number(result.log.start_s)} to {number(result.log.stop_s)} s on the log's time axis."
+        f"{instant(result.log.start_s)} to {instant(result.log.stop_s)} s on the log's time axis."
     )
     return Drawing(name="outputs", caption=caption, panels=_over_time(result, panels))
 

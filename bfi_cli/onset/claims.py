@@ -35,6 +35,7 @@ from ..kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onsets
 from ..kernels.onset.waveform import Waveform
 from ..kernels.progress import Report, parts, shares, silent
 from ..preprocessing.tolerance import is_any
+from ..report.text import instant
 from ..shapes import SHAPES, Kind, Shape
 from .decision import Rule
 from .estimate import Estimate, subtract_faults
@@ -216,7 +217,7 @@ def _narrowed(record: ScanRecord, shape: Shape, output: int, order: int, note: s
         return UNTESTED
     if spans[0] == covered_s(record, order):
         return note
-    onsets = f"that begins from {spans[0][0]:.6g} to {spans[0][1]:.6g} s"
+    onsets = f"that begins from {instant(spans[0][0])} to {instant(spans[0][1])} s"
     return f"{note} {onsets}" if note and shape == "sine" else onsets
 
 
@@ -338,7 +339,7 @@ def _weighed(
         candidate = replace(candidate, state="suspected")
         note = (
             f"the log is {likeliest.beyond:.2g} times as likely with {named} beyond the tolerance as without, most of "
-            f"all from {likeliest.onset_s[likeliest.profile.best]:.6g} s on; see --shape {shape}"
+            f"all from {instant(likeliest.onset_s[likeliest.profile.best])} s on; see --shape {shape}"
         )
     hidden = max(likeliness.hidden() for likeliness in likelinesses)
     return _bounded(record, candidate, form.output, likeliest.profile, detectable, *hidden, note=note)

@@ -15,6 +15,7 @@ from ..errors import LogError
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..preprocessing.window import with_inputs_of
+from ..report.text import instant
 from .estimate import Estimate, subtract_faults, unit_signals
 from .scan import lasting_peak, scan_of
 from .scan_record import ScanRecord, prepare_record
@@ -57,7 +58,7 @@ def unconfirmed(
         statistic = _statistic_of(wider, subtract_faults(wider.y, *others), fault, order)
         if statistic < LEAST_SHARE * fault.statistic:
             doubts[i] = (
-                f"the {fault.form.shape} from {fault.onset_s:.6g} s is only suspected: its statistic falls from "
+                f"the {fault.form.shape} from {instant(fault.onset_s)} s is only suspected: its statistic falls from "
                 f"{fault.statistic:.3g} to {statistic:.3g} with {', '.join(more)} as inputs"
             )
     return doubts

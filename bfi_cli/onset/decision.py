@@ -31,6 +31,7 @@ from ..kernels.lagged import lagged
 from ..kernels.progress import Progress, Report, parts, silent, unseen
 from ..notes import Note
 from ..preprocessing.manoeuvres import modelled_stretches
+from ..report.text import instant
 from .scan import HypothesisScan, Peak, bic_change, scan_hypotheses
 from .scan_record import ScanRecord, prepare_record
 from .shapes import SCANNED_AS
@@ -435,7 +436,7 @@ def table_of_windows(
             if settings is not None and (
                 made.orders != settings.orders or abs(made.rate_hz / settings.rate_hz - 1.0) > TOLERANCES["rate_hz"]
             ):
-                raise LogError(f"{log.path}: the window from {from_s:g} s is shorter than the others")
+                raise LogError(f"{log.path}: the window from {instant(from_s)} s is shorter than the others")
             with threadpool_limits(1):
                 scans.append(scan_hypotheses(record, record.y, report=own))
         except LogError as unusable:

@@ -23,6 +23,7 @@ from ..flightlog.quality import advice_on_windows, gap_starts, held_hz
 from ..flightlog.signs import HEIGHTS
 from ..kernels.runs import runs, within
 from ..notes import Note
+from ..report.text import instant
 from ..shapes import Kind
 from .window import TRUSTED
 
@@ -122,8 +123,8 @@ def _with_window(log: FlightLog, config: Config) -> tuple[Config, list[Note]]:
     notes = []
     first, stop = _flight(log)  # samples
     if (first, stop) != (0, log.n_samples):
-        cut = [f"from {log.time_s[first]:.6g} s, after take-off"] * (first > 0)
-        cut += [f"to {log.time_s[stop - 1]:.6g} s, before landing"] * (stop < log.n_samples)
+        cut = [f"from {instant(log.time_s[first])} s, after take-off"] * (first > 0)
+        cut += [f"to {instant(log.time_s[stop - 1])} s, before landing"] * (stop < log.n_samples)
         notes.append(Note.method(f"analysed {', '.join(cut)}; --from and --to take more"))
     if "hover" in log.channels or any(channel.own_rate_hz is not None for channel in log.channels.values()):
         pieces = _whole_pieces(log, [*config.inputs, *config.outputs], first, stop)
@@ -133,7 +134,7 @@ def _with_window(log: FlightLog, config: Config) -> tuple[Config, list[Note]]:
             notes.append(
                 Note.method(
                     f"the log has {why}: of {len(pieces)} stretches the longest without is analysed, from "
-                    f"{log.time_s[first]:.6g} s to {log.time_s[stop - 1]:.6g} s; --from and --to take another"
+                    f"{instant(log.time_s[first])} s to {instant(log.time_s[stop - 1])} s; --from and --to take another"
                 )
             )
     if (first, stop) == (0, log.n_samples):
@@ -221,7 +222,7 @@ def require_one_trim(window: FlightLog, faults: Sequence[Fault], config: Config)
     ]
     if later:
         raise LogError(
-            f"{window.path}: {advice}; after {last_s:.6g} s, where the last entry of the dictionary begins, come "
+            f"{window.path}: {advice}; after {instant(last_s)} s, where the last entry of the dictionary begins, come "
             f"{len(later)} phases ({', '.join(dict.fromkeys(later))}) that a model of one trim does not describe; give "
             "--from and --to within one of them"
         )

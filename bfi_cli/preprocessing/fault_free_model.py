@@ -16,6 +16,7 @@ from ..kernels.model_selection import Penalty, ScoredFit, least_criterion
 from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..kernels.whiteness import exceedances
 from ..notes import Note
+from ..report.text import instant
 from .regression import RegressionData, build_regression
 from .summary import ModelSummary, noise_of
 from .window import PreparedWindow
@@ -141,9 +142,9 @@ def about_the_log(log: FlightLog, window: PreparedWindow, fitted: FaultFreeModel
             more = f" and {beyond.size - 1} more samples" if beyond.size > 1 else ""
             notes.append(
                 Note.limit(
-                    f"'{name}' jumps away from its prediction at {fitted.regression.rows_s[beyond[0]]:.6g} s{more}: if "
-                    "that is a fault, the minimal detectable magnitudes are too large; choose a log or window without "
-                    "one"
+                    f"'{name}' jumps away from its prediction at {instant(fitted.regression.rows_s[beyond[0]])} s"
+                    f"{more}: if that is a fault, the minimal detectable magnitudes are too large; choose a log or "
+                    "window without one"
                 )
             )
     if log.truth is not None and log.truth.clean:

@@ -14,6 +14,7 @@ from made_tdms import write_tdms
 from noted import texts
 
 from bfi_cli.epoch import DAY_S, Epoch
+from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
 
 N = 40
@@ -134,3 +135,12 @@ def test_a_part_of_a_log_counts_from_the_same_midnight(tmp_path: Path):
     log = read_log(path)
     assert log.window(NOON_S + 2.0, NOON_S + 5.0).epoch == IN_UTC
     assert read_log(path, from_s=NOON_S + 2.0).epoch == IN_UTC
+
+
+def test_a_message_has_every_digit_of_an_axis_since_1970(tmp_path: Path):
+    path = tmp_path / "log.h5"
+    hdf5_from(MAY_S + NOON_S)(path)
+    with pytest.raises(
+        LogError, match=r"between 7 s and 8 s, the log runs from 1714564800 s to 1714564809.75 s; change"
+    ):
+        read_log(path).window(7.0, 8.0)

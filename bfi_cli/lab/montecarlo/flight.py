@@ -17,6 +17,7 @@ from ...flightlog.injection import added_by
 from ...flightlog.record import frozen_array
 from ...flightlog.recorder import recorder_filters
 from ...kernels import FloatArray
+from ...report.text import instant
 from ...shapes import OF_LINES, SHAPES
 from .definition import FlownModel, InjectedFault, RecordedLog
 from .scenarios import Setting
@@ -169,8 +170,8 @@ def check_onsets(log: FlightLog, setting: Setting, *, drawing: bool, where: str)
         first, last = onsets_within(fault.onset_range_s, start_s, stop_s)
         if not start_s <= first < last <= stop_s:
             raise ConfigError(
-                f"{where}: {key}: onset_s: '{fault.called}' would begin at {first:g} to {last:g} s, and the "
-                f"window of {log.path} is {start_s:g} to {stop_s:g} s; move from or to"
+                f"{where}: {key}: onset_s: '{fault.called}' would begin at {instant(first)} to {instant(last)} s, "
+                f"and the window of {log.path} is {instant(start_s)} to {instant(stop_s)} s; move from or to"
             )
 
 

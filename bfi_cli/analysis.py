@@ -12,12 +12,9 @@ from dataclasses import fields, replace
 from .config import Config, merge
 from .decision import (
     KINDS,
-    UNTESTED,
-    Conclusion,
     Evidence,
     decide,
     not_excluded_by,
-    onsets_checked,
     verdicts_of,
     with_limit_of_scan,
 )
@@ -274,7 +271,7 @@ def _identify_entries(
         said,
         _summary_of(searched.evidence, f"it declares {'another' if declares else 'no other'} fault"),
         shown=joint,
-        notes=(*physics.notes, *_checked_onsets(said)),
+        notes=physics.notes,
     )
 
 
@@ -371,16 +368,6 @@ def _sized_by(
         replace(one, **{key: getattr(sized[one.name], key) for key in keys}) if one.name in sized else one
         for one in faults
     )
-
-
-def _checked_onsets(said: Conclusion) -> tuple[Note, ...]:
-    """Return a note on the onsets of the entries that count, where others begin too near an end."""
-    untested = sum(one.state is None and one.note == UNTESTED for one in said.candidates)
-    counted = [one.onset_s for one in said.candidates if one.state is not None and one.onset_s is not None]
-    if not untested or not counted:
-        return ()
-    begin = f"{untested} others start" if untested > 1 else "another one starts"
-    return (onsets_checked("for entries", min(counted), max(counted), f"{begin} {UNTESTED}"),)
 
 
 def _corrected(part: FlightLog, found: Identification, config: Config) -> FlightLog:

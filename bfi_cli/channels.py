@@ -11,6 +11,7 @@ import re
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
+from .printable import shortened
 from .units import si_unit
 
 
@@ -28,6 +29,7 @@ class StandardChannel:
     aliases: tuple[str, ...]
 
 
+NAME_LETTERS = 40  # of a channel that is not standard, in a sentence
 # The largest possible error of a reading, in the standard unit: for an airspeed the speed of sound at sea level (ISO
 # 2533), for an angle half a turn, for a height and a pressure the whole atmosphere that is flown in. An analysis whose
 # limit exceeds it says nothing about the channel.
@@ -176,6 +178,11 @@ for _name in REPEATED:
 def unit_of(name: str, other: str = "") -> str:
     """Return the SI unit of a standard channel, `other` of any other channel."""
     return STANDARD[name].unit if name in STANDARD else other
+
+
+def channel_in_words(name: str) -> str:
+    """Return the full name of a channel, "true airspeed" for tas; of one that is not standard the name."""
+    return STANDARD[name].description if name in STANDARD else shortened(name, NAME_LETTERS)
 
 
 def quantity_of(name: str) -> str:

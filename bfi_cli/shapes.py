@@ -126,6 +126,9 @@ class FaultShape:
         name; or a channel, to which a course is added that nobody knows and an analysis estimates: the signal is where
         it acts.
     has_magnitude : whether it has one; without, it is whole.
+    says : what it does in a sentence behind its channel, with its {size}, the {side} ("high") or {way} ("up") of its
+        sign, its {frequency} and {seconds}; a fault of a line needs no subject.
+    plainly : the same where its size is not known, "" for its label.
     lines : from static and total pressure (n_samples,), the same at the onset, the cabin's pressure, Pa, and
         magnitude x signal (n_samples,), the static and total pressure that the instruments get.
     loss : of a line that still follows the pressure outside, 1 or -1: loss x magnitude x signal is the share of it that
@@ -144,6 +147,8 @@ class FaultShape:
     physical: Callable[..., tuple[float, str]] = lambda magnitude, channel_unit, **_: (magnitude, channel_unit)
     acts_on: Literal["channel", "reading", "held", "p_static", "p_total", "course"] = "channel"
     has_magnitude: bool = True
+    says: str = ""
+    plainly: str = ""
     lines: Callable[..., tuple[FloatArray, FloatArray]] | None = None
     loss: float | None = None
 
@@ -213,6 +218,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="1 from the onset.",
         kind="abrupt",
         label="bias",
+        says="reads {size} too {side}",
         tail=lambda: Tail(level=1.0),
         is_scanned=True,
     ),
@@ -221,6 +227,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="slope x (t - onset).",
         **GROWING,
         label="drift",
+        says="drifts {way} by {size}",
         tail=lambda *, slope: Tail(rate=1.0 if slope is None else slope),
         keys=(
             Key(
@@ -241,6 +248,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="sin(2 pi f (t - t0) + phase).",
         kind="oscillating",
         label="sine",
+        says="oscillates by {size}{frequency}",
         tail=lambda *, frequency_hz, phase_rad: _oscillation_tail(phase_rad - 0.5 * np.pi, frequency_hz),
         keys=OSCILLATION_KEYS,
         is_scanned=True,
@@ -250,6 +258,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="cos(2 pi f (t - t0) + phase).",
         kind="oscillating",
         label="cosine",
+        says="oscillates by {size}{frequency}",
         tail=lambda *, frequency_hz, phase_rad: _oscillation_tail(phase_rad, frequency_hz),
         keys=OSCILLATION_KEYS,
     ),
@@ -260,6 +269,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="The sign of sin(2 pi f (t - t0) + phase), 1 where that is 0.",
         kind="oscillating",
         label="square wave",
+        says="jumps to and fro by {size}{frequency}",
         keys=OSCILLATION_KEYS,
     ),
     "lagged_bias": FaultShape(
@@ -267,6 +277,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="1 - exp(-(t - onset) / time constant).",
         kind="abrupt",
         label="lagged bias",
+        says="reads {size} too {side} after a lag of {seconds}",
         build_up_s=lambda *, time_constant_s: LN_10 * time_constant_s,
         tail=lambda *, time_constant_s: Tail(level=1.0, amplitude=-1.0, exponent=-1.0 / time_constant_s),
         keys=(TIME_CONSTANT,),
@@ -279,6 +290,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="slope x min(t - onset, duration).",
         kind="abrupt",
         label="ramp and hold",
+        says="reads {size} too {side} after a ramp of {seconds}",
         build_up_s=lambda *, slope, duration_s: 0.9 * duration_s,
         tail=lambda *, slope, duration_s: Tail(from_s=duration_s, level=1.0 if slope is None else slope * duration_s),
         keys=(
@@ -296,6 +308,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="exp(-(t - onset) / time constant).",
         kind="abrupt",
         label="decaying bias",
+        says="jumps {size} too {side} and returns within about {seconds}",
         tail=lambda *, time_constant_s: Tail(amplitude=1.0, exponent=-1.0 / time_constant_s),
         keys=(TIME_CONSTANT,),
     ),
@@ -304,6 +317,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="The values of a CSV file.",
         **GROWING,  # it may be, and nothing says it is not
         label="sampled shape",
+        says="errs by {size} times the stated course",
         tail=_samples_tail,
         keys=(
             Key(
@@ -320,6 +334,8 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="Any smooth course from the onset, which bfi identify estimates.",
         **GROWING,  # of an abrupt one there is nothing smooth to estimate but its step
         label="fault of unknown shape",
+        says="errs by up to {size}",
+        plainly="errs by an unknown course",
         acts_on="course",
         has_magnitude=False,
     ),
@@ -328,6 +344,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="The channel's own reading.",
         **SHARE,  # slow, since it shows as the reading changes
         label="scale error",
+        says="reads {size} too {side}",
         acts_on="reading",
     ),
     "frozen": FaultShape(
@@ -336,6 +353,7 @@ SHAPES: Mapping[str, FaultShape] = {
         kind="slow",  # its error grows as the reading should have changed
         build_up_s=lambda **_: None,
         label="frozen sensor",
+        plainly="stays still",
         acts_on="held",
         has_magnitude=False,
     ),
@@ -343,6 +361,7 @@ SHAPES: Mapping[str, FaultShape] = {
         signal=_ones,
         formula="p_total keeps its value at the onset (tube and drain blocked).",
         label="blocked pitot tube",
+        plainly="pitot tube blocked",
         **PITOT,
         lines=lambda static, total, *, first, cabin, amount: (static, _towards(total, first[1], amount)),
     ),
@@ -350,6 +369,7 @@ SHAPES: Mapping[str, FaultShape] = {
         signal=_relaxing,
         formula="p_total goes to p_static as 1 - exp(-(t - onset) / time constant) (tube blocked, drain open).",
         label="leaking pitot line",
+        plainly="pitot line leaks",
         keys=(TIME_CONSTANT,),
         **PITOT,
         lines=lambda static, total, *, first, cabin, amount: (static, _towards(total, static, amount)),
@@ -360,6 +380,8 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="q_impact loses its part magnitude x (t - onset), at most all of it.",
         kind="slow",
         label="icing pitot tube",
+        says="pitot tube ices and loses {size} of its impact pressure",
+        plainly="pitot tube ices",
         magnitude_unit=lambda channel_unit, **_: "1/s",
         physical=lambda magnitude, channel_unit, **_: (magnitude, "1/s"),
         acts_on="p_total",
@@ -373,6 +395,8 @@ SHAPES: Mapping[str, FaultShape] = {
         signal=lambda since_s, *, frequency_hz: np.sin(_angle(since_s, frequency_hz, 0.0)),
         formula="q_impact gains its part magnitude x sin(2 pi f (t - onset)).",
         label="water in the pitot line",
+        says="water in the pitot line moves the impact pressure by {size}{frequency}",
+        plainly="water in the pitot line",
         keys=(FREQUENCY,),
         **{**PITOT, "kind": "oscillating", "has_magnitude": True},
         lines=lambda static, total, *, first, cabin, amount: (static, _towards(total, static, -amount)),
@@ -382,6 +406,7 @@ SHAPES: Mapping[str, FaultShape] = {
         signal=_ones,
         formula="p_static keeps its value at the onset.",
         label="blocked static port",
+        plainly="static port blocked",
         **STATIC,
         lines=lambda static, total, *, first, cabin, amount: (_towards(static, first[0], amount), total),
     ),
@@ -391,6 +416,7 @@ SHAPES: Mapping[str, FaultShape] = {
         ),
         formula="p_static goes to the cabin's pressure as 1 - exp(-(t - onset) / time constant).",
         label="leaking static line",
+        plainly="static line leaks",
         keys=(
             TIME_CONSTANT,
             Key(

@@ -47,7 +47,7 @@ def test_main_job_finds_the_injected_bias(bfi: Callable[..., object], checkout: 
     assert words.pop(0) == "bfi"
     outcome = bfi(*words)
     assert outcome.code == 0, outcome.stderr
-    assert outcome.stdout.startswith("Fault: a bias of 4.00")
+    assert outcome.stdout.startswith("FAULT  true airspeed reads 4.00")
     (fault,) = json.loads((checkout / "result" / "result.json").read_text())["faults"]
     assert fault["name"] == "bias_13.8"
     assert fault["ci95"][0] <= 4.0 <= fault["ci95"][1]

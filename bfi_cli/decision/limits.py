@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from ..notes import Note
-from ..report.text import instant
 from .candidate import Candidate, with_limit
 from .verdict import verdicts_of
 
 # The note of an entry of a dictionary that counts for no verdict, since no analysis of the window could tell.
 UNTESTED = "too near an end of the window"
-STANDS_FOR = "excluded only if the declared fault is right, which may itself be of this kind"
+STANDS_FOR = "possible if the declared fault is of another kind"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,11 +27,6 @@ class ScanLimit:
     excluded_above: float | None = None
     effect: float | None = None
     covered: bool = True
-
-
-def onsets_checked(kind: str, first_s: float, last_s: float, beside: str) -> Note:
-    """Return the note on the onsets that an answer is about, and what is said of those beside them."""
-    return Note.limit(f"checked {kind} that start at {instant(first_s)} to {instant(last_s)} s; {beside}")
 
 
 def untested(candidate: Candidate) -> Candidate:

@@ -9,7 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..config import Config
-from ..decision import Candidate, Evidence, candidate_of, conclude, finite, onsets_checked, shown_limit
+from ..decision import Candidate, Evidence, candidate_of, conclude, finite, shown_limit
 from ..faults import Fault
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
@@ -106,8 +106,9 @@ def _candidates(
     candidates = []
     for i, (channel, unit) in enumerate(zip(prepared.outputs, prepared.units, strict=True)):
         bounded = limits is not None and len(limits.onset_s) > 0 and channel not in declared
-        size, sd, detectable, hidden = declared.get(channel), None, None, None
+        size, sd, detectable, hidden, checked = declared.get(channel), None, None, None, None
         if limits is not None and bounded:
+            checked = ((float(limits.onset_s[0]), float(limits.onset_s[-1])),)
             detectable, hidden = finite(np.median(limits.detectable[:, i])), finite(limits.hidden[:, i].max())
             clearest = int(np.argmax(np.abs(limits.size[:, i]) / np.maximum(limits.sd[:, i], np.finfo(float).tiny)))
             if limits.sd[clearest, i] > 0.0:
@@ -123,6 +124,7 @@ def _candidates(
             excluded_above=hidden,
             effect=hidden,
             tolerance=tolerances[channel],
+            onsets_checked=checked,
         )
         if limits is not None and candidate.state == "not_seen" and hidden is not None:
             worst = instant(limits.onset_s[limits.hidden[:, i].argmax()])
@@ -134,11 +136,8 @@ def _candidates(
 
 
 def _notes(prepared: PreparedRecord, config: Config, detection: Detection, unseen: list[str]) -> tuple[Note, ...]:
-    """Return which onsets the claims cover, what would help where steps are not seen, and what is not looked for."""
-    limits, notes = detection.limits, []
-    if limits is not None and len(limits.onset_s):
-        first_s, last_s = (float(limits.onset_s[k]) for k in (0, -1))
-        notes.append(onsets_checked("for steps", first_s, last_s, "earlier ones pass for normal"))
+    """Return what would help where steps are not seen, and what is not looked for."""
+    limits, notes = detection.limits, list[Note]()
     if unseen:
         used = (*prepared.inputs, *prepared.outputs)
         idle = [name for name in FELT if name in prepared.part.channels and name not in used]
@@ -151,7 +150,7 @@ def _notes(prepared: PreparedRecord, config: Config, detection: Detection, unsee
             if idle:
                 more = " ".join(f"--input {name}" for name in (*prepared.inputs, *idle))
                 helps.insert(1, f"more inputs ({more})")
-        notes.append(Note.advice(f"what would help with steps of {', '.join(unseen)}: {'; '.join(helps)}"))
+        notes.append(Note.advice(f"for steps of {', '.join(unseen)}: {'; '.join(helps)}"))
     others = [kind for kind in config.require if kind != "abrupt"]
     if others:
         notes.append(

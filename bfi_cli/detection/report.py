@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..channels import LARGEST_ERROR
+from ..channels import LARGEST_ERROR, channel_in_words
 from ..display_units import SI, Units
 from ..notes import Note
 from ..printable import shortened
@@ -16,18 +16,26 @@ from ..report.claims import (
     candidate_columns,
     candidate_tables,
     hidden_drawing,
-    screen_of,
-    shown_summary,
-    verdict_sentence,
 )
 from ..report.clock import with_clock
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve, shown_notes
+from ..report.first_screen import (
+    Headline,
+    Screen,
+    candidate_lines,
+    contradiction,
+    error_in_words,
+    intervals,
+    lines_of,
+    note_lines,
+    suspect_in_words,
+    undeclared,
+)
 from ..report.text import change, instant, interval, number, with_unit
 from ..serialization import document_of, from_plain, member, to_plain
 from .result import Alarm, ChannelSeries, DetectResult
 
 UNKNOWN = "size not determined"
-HEADINGS = {"fault": "A channel fails", "no_fault": "No channel fails", "inconclusive": "Inconclusive"}
 METHODS = {"exact": "right null space of the last samples", "parity": "parity residuals (left null space)"}
 # Round-off: what is drawn of a criterion of 0 on a logarithmic axis.
 LEAST = 1e-16
@@ -40,9 +48,47 @@ CAPTION = (
 
 def detect_document(result: DetectResult, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi detect --json`; numbers that are not finite are None."""
-    body = to_plain(result)
+    body = to_plain(result) | {"headline": to_plain(detect_screen(result).headline)}
     body["series"] = {"time_s": body.pop("time_s"), "channels": body["series"]}
     return document_of("detect", body, result.notes, provenance)
+
+
+def detect_screen(result: DetectResult, units: Units = SI) -> Screen:
+    """Return the first screen of a detection, in `units`."""
+    contradicted = contradiction(result.plausibility, result.notes, units)
+    if contradicted is not None:
+        return contradicted
+    failing = [_alarm_in_words(one, units) for one in result.alarms]
+    suspects = [suspect_in_words(one) for one in result.candidates if one.state == "suspected"]
+    claims = candidate_lines(result.candidates, units)
+    if failing:
+        headline = Headline(state="fault", channel=result.alarms[0].channel, text=failing[0])
+    else:
+        headline = undeclared(result.decision, result.candidates, suspects, claims, units)
+    notes = note_lines(result.notes, units)
+    return Screen(
+        headline=headline,
+        name="",
+        lines=lines_of(
+            {
+                "Also": [*failing[1:], *(f"suspected: {one}" for one in suspects[0 if failing else 1 :])],
+                **claims,
+                **notes,
+                "To decide": [*result.commands, *notes["To decide"]],
+            }
+        ),
+    )
+
+
+def _alarm_in_words(alarm: Alarm, units: Units) -> str:
+    """Return what a channel does that fails, from when, and the interval of the step where it is determined."""
+    low, high = alarm.ci95 or (np.nan, np.nan)
+    known = alarm.size is not None and not low <= 0.0 <= high
+    shown = units.of(alarm.unit, channel=alarm.channel)
+    said, size = error_in_words("bias", alarm.channel, alarm.size if known else None, alarm.ci95, shown)
+    if not known:
+        said = f"{channel_in_words(alarm.channel)} fails, {UNKNOWN},"
+    return f"{said} from {instant(alarm.onset_s)} s{intervals(size, '')}"
 
 
 def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
@@ -55,12 +101,7 @@ def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str
     time_s, channels = (member(document, f"series.{key}", where=where) for key in ("time_s", "channels"))
     result = from_plain(DetectResult, {**document, "time_s": time_s, "series": channels}, where=where)
     candidates, exact = result.candidates, result.method == "exact"
-    failing = []
-    for alarm in result.alarms:
-        size = _step(alarm, units)
-        what = f"a failure ({size})" if size.startswith(UNKNOWN) else f"a step of {size}"
-        failing.append(f"{what} on {shortened(alarm.channel, 40)} from {instant(alarm.onset_s)} s")
-    summary = shown_summary(result.summary, result.verdicts, candidates, units)
+    screen = detect_screen(result, units)
     tables = [*_alarms(result, units), *candidate_tables(candidates, units), _channels(result, units)]
     hidden = hidden_drawing(candidates, units)
     spans = [] if result.train is None else [Span(label="healthy time", low=result.train[0], high=result.train[1])]
@@ -81,10 +122,10 @@ def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str
     content = ReportContent(
         category="Detection of a failing channel",
         title=result.log.path,
-        heading=HEADINGS[result.decision],
-        verdict=verdict_sentence(result.decision, failing, summary),
+        heading=screen.headline.head,
+        verdict=screen.headline.text,
         tone=result.decision,
-        screen=screen_of(result.decision, failing, summary, candidates, units),
+        screen=screen,
         lead=len(hidden),
         facts=_facts(result),
         tables=tuple(tables),

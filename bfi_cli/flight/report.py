@@ -14,18 +14,14 @@ from ..files import EVENTS
 from ..flightlog.report import lane_panel
 from ..flightlog.timeline import Happening, bands_of, lanes_of, lines_at, phase_table
 from ..kernels.normal import TWO_SIDED_95
-from ..kernels.runs import within
 from ..notes import Note
 from ..provenance import Provenance
-from ..report.claims import beside_tolerance, fault_head, hidden_table
 from ..report.clock import with_clock
-from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Screen, Table, curve, shown_notes
-from ..report.text import HEADINGS, capital, change, instant, number, with_unit
+from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, shown_notes
+from ..report.text import capital, change, instant, number, with_unit
 from ..serialization import csv_lines, document_of, from_plain, mapping, member, to_plain
-from .limits import AIRSPEEDS
+from .first_screen import TEXT_OF_CAUSE, diagnose_screen, event_in_words, second
 from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse, OrdinaryEvent
-from .tables import ON_GROUND
-from .tables import ORDINARY as CAUSES
 
 # Shapes that are named behind a channel; the others are faults by themselves.
 OF_A_CHANNEL = ("bias", "drift", "sine", "offset", "frozen", "pitot_blocked", "static_blocked")
@@ -41,8 +37,6 @@ EVENT_COLUMNS = (
     *("onset_s", "onset_ci95", "offset_s", "seen_until_s", "statistic", "threshold", "p_value", "note", "repeat"),
     *("count", "times_s", "duration_s", "margin", "refuted_by"),
 )
-NOTHING_FOUND = "No fault found"
-TEXT_OF_CAUSE = {name: cause.text for name, cause in CAUSES.items()} | {ON_GROUND: "the aircraft is on the ground"}
 LIMIT_COLUMNS = tuple(field.name for field in fields(FlightLimit))
 TIMELINE = (
     "The flight: its phases, channels as measured (blue) and without the declared faults (red), and how near each "
@@ -59,7 +53,7 @@ LIMITS = (
 
 def diagnose_document(result: DiagnoseResult, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi diagnose --json`; numbers that are not finite are None."""
-    body = to_plain(result)
+    body = to_plain(result) | {"headline": to_plain(diagnose_screen(result).headline)}
     series = {key: body.pop(key) for key in SERIES}
     return document_of("diagnose", {**body, "series": series}, result.notes, provenance)
 
@@ -100,7 +94,7 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
     ]
     if angle is not None:
         facts.append(("Zero lift", f"{np.degrees(angle):.2f} deg, from {result.zero_lift_from}"))
-    verdict, screen = _screen(result, units)
+    screen = diagnose_screen(result, units)
     drawings = [_timeline(result, units)] if result.time_s.size else []
     drawings += [_limits_figure(result, units)] if result.limit_courses else []
     pages = (_page(result, k, units) for k in range(min(len(events), MOST_PAGES)))
@@ -108,8 +102,8 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
     content = ReportContent(
         category="Diagnosis of a flight",
         title=log.path,
-        heading=NOTHING_FOUND if _is_quiet(result) else HEADINGS[result.decision],
-        verdict=verdict,
+        heading=screen.headline.head,
+        verdict=screen.headline.text,
         tone=result.decision,
         screen=screen,
         lead=1 if drawings else 0,
@@ -168,102 +162,14 @@ def _cell(value: Any) -> Any:
     return value
 
 
-def _screen(result: DiagnoseResult, units: Units) -> tuple[str, Screen]:
-    """Return the answer in sentences, and what is printed first: each event, and the worst stretch of each fault."""
-    events, deviations = result.events, result.deviations
-    declared, suspected = (
-        [_sentence(one, units) for one in events if one.state == state] for state in ("declared", "suspected")
-    )
-    small = [_sentence(one, units) for one in deviations]
-    if any(one.is_open for one in result.plausibility):
-        suspected, small = [], []  # which may be of what the summary says
-    head = NOTHING_FOUND if _is_quiet(result) else fault_head(result.decision, len(declared))
-    summary = units.sentence(result.summary)
-    several = "s" if len(small) > 1 else ""
-    sentences = (
-        f"{head}: {'; '.join(declared)}" if declared else head,
-        f"suspected: {'; '.join(suspected)}" if suspected else "",
-        f"small deviation{several}, within the tolerance: {'; '.join(small)}" if small else "",
-        summary,
-    )
-    return ". ".join(map(capital, filter(None, sentences))) + ".", Screen(
-        head=head,
-        faults=(
-            *declared,
-            *(f"suspected: {one}" for one in suspected),
-            *(f"within the tolerance: {one}" for one in small),
-        ),
-        summary=summary,
-        hidden=hidden_table(_hidden_rows(result.limits, units)),
-    )
-
-
-def _is_quiet(result: DiagnoseResult) -> bool:
-    """Return whether nothing is declared, suspected or in doubt, and most of the flight was watched for every fault."""
-    is_open = any(one.is_open for one in result.plausibility)
-    seconds = np.arange(result.log.start_s, result.log.stop_s)
-    watched = ~within(seconds, [(from_s, to_s) for from_s, to_s, _ in result.unwatched])
-    quiet = result.decision == "inconclusive" and not result.events and not is_open
-    return quiet and bool(2 * np.count_nonzero(watched) > seconds.size)
-
-
-def _hidden_rows(limits: Sequence[FlightLimit], units: Units) -> list[tuple[str, ...]]:
-    """Return what each fault could hide in its worst stretch, the largest beside its tolerance first."""
-    worst = [one for one in limits if one.bounds == "error" and one.holds_in == 1.0 and not one.grows_on]
-    rows: list[tuple[str, ...]] = []
-    for one in sorted(worst, key=lambda one: -beside_tolerance(one.effect, one.tolerance)):
-        shown = units.of(one.effect_unit, channel=one.channel)
-        rows.append(
-            (
-                f"{_name(one)} {one.shape}",
-                one.channel,
-                "any" if one.effect is None else change(one.effect, shown),
-                change(one.tolerance, shown),
-                "excluded" if one.within_tolerance else "not seen",
-            )
-        )
-    return rows
-
-
 def _name(event: Event | FlightLimit | LimitCourse) -> str:
     return event.fault.replace("_", " ")
-
-
-def _sentence(event: Event, units: Units) -> str:
-    """Return an event in words: "pitot icing from 1432 s, 0.0025 1/s, tas -19 m/s"."""
-    if event.count:
-        return f"{_name(event)} {_short(event)}, {_error(event.fault, event.effect[event.fault], units)}"
-    others = [name.replace("_", " ") for name in event.among[1:]]
-    name = _name(event) + (f" (or {', '.join(others)})" if others else "")
-    if event.shape == "frozen" or (event.shape in OF_A_CHANNEL and event.fault in event.effect):
-        name += f" {event.shape.replace('_', ' ')}"
-    size = "" if event.magnitude is None else f", {_magnitude(event, units)}"
-    if event.frequency_hz is not None:
-        size += f" at {number(event.frequency_hz)} Hz"
-    until = "" if event.offset_s is None else f" to {_time(event.offset_s)}"
-    airspeed = next((one for one in AIRSPEEDS if one in event.effect), None)
-    if airspeed is not None and event.fault not in event.effect:
-        size += f", {_error(airspeed, event.effect[airspeed], units)}"
-    return f"{name} from {_time(event.onset_s)}{until} s{size}"
-
-
-def _short(event: Event) -> str:
-    """Return short defects in words: "drops out 5 times from 812 to 3021 s, 9.3 s in all"."""
-    what = SHORT[event.shape]
-    lasts = f"{number(event.duration_s, digits=2)} s"
-    if event.count == 1:
-        return f"{what} at {_time(event.onset_s)} s for {lasts}"
-    return f"{what} {event.count} times from {_time(event.onset_s)} to {_time(event.offset_s)} s, {lasts} in all"
 
 
 def _error(channel: str, value: float, units: Units) -> str:
     """Return the largest error of a channel in words: "tas -19 m/s"."""
     unit = STANDARD[channel].unit if channel in STANDARD else ""
     return f"{channel} {change(value, units.of(unit, channel=channel))}"
-
-
-def _time(time_s: float | None) -> str:
-    return "-" if time_s is None else instant(round(time_s, 1))
 
 
 def _magnitude(event: Event, units: Units) -> str:
@@ -304,8 +210,8 @@ def _event_tables(name: str, title: str, events: Sequence[Event], units: Units) 
             (
                 among,
                 one.state,
-                f"{_time(one.onset_s)} ({_time(low)} to {_time(high)})",
-                "may last" if one.offset_s is None else _time(one.offset_s),
+                f"{second(one.onset_s)} ({second(low)} to {second(high)})",
+                "may last" if one.offset_s is None else second(one.offset_s),
                 f"{one.shape} {_magnitude(one, units)}{_interval(one, units)}{_lasts(one)}"
                 if one.magnitude is not None
                 else f"{one.shape}, {one.count} in all"
@@ -329,7 +235,7 @@ def _ordinary_table(ordinary: Sequence[OrdinaryEvent], units: Units) -> tuple[Ta
         shown = units.of(one.unit, channel=_channel(one.looks_like))
         size = "-" if one.magnitude is None else with_unit(number(shown.change(one.magnitude)), shown.unit)
         evidence = ", ".join(f"{name} {value:+.3g}" for name, value in one.evidence.items())
-        times = _time(one.from_s), "-" if one.to_s is None else _time(one.to_s)
+        times = second(one.from_s), "-" if one.to_s is None else second(one.to_s)
         rows.append(
             (TEXT_OF_CAUSE.get(one.cause, one.cause), *times, one.looks_like.replace("_", " "), size, evidence or "-")
         )
@@ -551,7 +457,7 @@ def _page(result: DiagnoseResult, k: int, units: Units) -> Drawing:
                 height=0.25 + 0.15 * len(sizes),
             )
         )
-    caption = f"{capital(_sentence(event, units))}; {event.state}."
+    caption = f"{capital(event_in_words(event, units))}; {event.state}."
     if told:
         caption += (
             " Evidence for the fault by residual: twice its log-likelihood ratio; of other analyses their statistic."

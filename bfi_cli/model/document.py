@@ -12,6 +12,7 @@ from ..errors import ConfigError
 from ..notes import Note
 from ..provenance import Provenance
 from ..report.faults import fault_entry, plain_estimate
+from ..report.first_screen import window_screen
 from ..serialization import document_of, document_of_kind, from_plain, mapping, member, to_plain
 from .result import IdentifyResult
 
@@ -41,6 +42,7 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
     body = {
         "log": whole["log"],
         "decision": whole["decision"],
+        "headline": to_plain(window_screen(result, own={one.channel: one.unit for one in result.outputs}).headline),
         "verdicts": whole["verdicts"],
         "summary": whole["summary"],
         "plausibility": whole["plausibility"],

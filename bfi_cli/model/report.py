@@ -19,10 +19,7 @@ from ..report.claims import (
     candidate_columns,
     candidate_tables,
     hidden_drawing,
-    screen_of,
     shown_meaning,
-    shown_summary,
-    verdict_sentence,
 )
 from ..report.clock import with_clock
 from ..report.content import (
@@ -38,8 +35,9 @@ from ..report.content import (
     shown_notes,
     thinned,
 )
-from ..report.faults import describe, fault_columns, meaning
-from ..report.text import HEADINGS, axis_label, change, counted, instant, interval, number, quantity, with_unit
+from ..report.faults import fault_columns, meaning
+from ..report.first_screen import Screen, window_screen
+from ..report.text import axis_label, change, counted, instant, interval, number, quantity, with_unit
 from .document import DERIVED, identify_from_document
 from .methods import METHODS
 from .result import IdentifyResult, OutputSeries, ResidualSummary
@@ -78,17 +76,14 @@ RESIDUAL_CAPTION = (
 def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent:
     """Return what the report of an identification holds, in `units`; its CSV files are in SI."""
     hidden, drawn = hidden_drawing(result.candidates, units), _in_units(result, units)
-    own = {series.channel: series.unit for series in result.outputs}
-    said = [describe(one, units, own=own.get(one.fault.channel, "")) for one in result.faults]
-    named = [f"{one}, '{shortened(fault.name, NAMED_LETTERS)}'" for one, fault in zip(said, result.faults, strict=True)]
-    summary = shown_summary(result.summary, result.verdicts, result.candidates, units)
+    screen = identify_screen(result, units)
     content = ReportContent(
         category="Fault identification",
         title=result.log.path,
-        heading=HEADINGS[result.decision],
-        verdict=verdict_sentence(result.decision, said, summary),
+        heading=screen.headline.head,
+        verdict=screen.headline.text,
         tone=result.decision,
-        screen=screen_of(result.decision, named, summary, result.candidates, units),
+        screen=screen,
         lead=len(hidden),
         facts=_facts(result, units),
         tables=tuple(_tables(result, units)),
@@ -105,6 +100,12 @@ def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent
         data=_data(result),
     )
     return with_clock(content, result.log.clock, start_s=result.log.start_s, stop_s=result.log.stop_s)
+
+
+def identify_screen(result: IdentifyResult, units: Units = SI) -> Screen:
+    """Return the first screen of an identification, in `units`."""
+    own = {series.channel: series.unit for series in result.outputs}
+    return window_screen(result, units, own=own, named=True)
 
 
 def content_of_document(document: object, units: Units = SI, *, where: str = "result") -> ReportContent:

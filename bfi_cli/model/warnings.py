@@ -100,8 +100,7 @@ def warnings_of(
             "move, or the rate is far above the dynamics"
         )
     limits += [
-        f"the prediction error of '{each.channel}' is not white (Ljung-Box p = {each.ljung_box_p:.1e}): the intervals "
-        "may be too narrow"
+        f"the model's prediction errors of '{each.channel}' are not white: intervals may be too narrow"
         for each in residuals
         if each.ljung_box_p < WHITE_P and np.isfinite(outcome.magnitudes.degrees)
     ]

@@ -218,12 +218,12 @@ def _nearest_rule(
     differ = differences(table, record.settings)
     if not differ:
         return _rule(table, source, config, *map(Note.method, filter(None, [why])))
-    note = Note.limit(
-        f"no calibration table fits{f' ({why})' if why else ''}: the thresholds are those of the nearest with a wider "
-        f"tail, and neither p-value nor false-alarm rate is known; its {table.n_windows} windows have "
-        f"{', '.join(differ)}"
+    unknown = Note.limit("false-alarm rate unknown: no comparable healthy flights (bfi calibrate)")
+    how = Note.method(
+        f"the thresholds are those of the nearest calibration table, with a wider tail{f' ({why})' if why else ''}; "
+        f"its {table.n_windows} windows have {', '.join(differ)}"
     )
-    return _rule(table, source, config, note, matches=False)
+    return _rule(table, source, config, unknown, how, matches=False)
 
 
 def shipped_rule(record: ScanRecord, config: Config) -> Rule:

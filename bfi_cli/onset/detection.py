@@ -10,7 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..config import Config, merge
-from ..decision import KINDS, Evidence, conclude, onsets_checked
+from ..decision import KINDS, Evidence, conclude
 from ..errors import ConfigError
 from ..faults import Fault, FaultEstimate
 from ..filters import of_recorder
@@ -160,7 +160,6 @@ def search_onsets(
     notes = [*(Note.limit(why) for _, why in doubted), *rule.notes, *_notes(record, faults, rule, verdict)]
     if not estimates and not rule.use.matches:
         notes.insert(0, _strongest_suspect(record, first.of(verdict.shape), verdict))
-    notes.append(onsets_checked("at 95 % for faults", *covered, "earlier ones cannot be excluded"))
     return OnsetSearch(
         method="scan",
         record=record,

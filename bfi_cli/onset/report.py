@@ -16,14 +16,12 @@ from ..report.claims import (
     candidate_columns,
     candidate_tables,
     hidden_drawing,
-    screen_of,
-    shown_summary,
-    verdict_sentence,
 )
 from ..report.clock import with_clock
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve, shown_notes
-from ..report.faults import describe, fault_columns, fault_entry, half, kind_in_words, meaning, plain_estimate, until
-from ..report.text import HEADINGS, instant, interval, noise_levels, number, quantity, with_unit
+from ..report.faults import fault_columns, fault_entry, half, kind_in_words, meaning, plain_estimate, until
+from ..report.first_screen import Screen, window_screen
+from ..report.text import instant, interval, noise_levels, number, quantity, with_unit
 from ..serialization import document_of, from_plain, member, to_plain
 from ..shapes import SHAPES
 from .result import OnsetResult, ShapeProfile
@@ -74,6 +72,7 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
     body = to_plain(
         {
             **{key: getattr(result, key) for key in DECISION_KEYS},
+            "headline": onset_screen(result).headline,
             "faults": [fault_entry(fault, KEYS) for fault in result.faults],
             "candidates": result.candidates,
             "model": result.model,
@@ -128,11 +127,7 @@ def onset_content(document: Plain, units: Units = SI, *, where: str = "result") 
     """
     result = onset_from_document(document, where=where)
     candidates, own = result.candidates, {one.channel: one.unit for one in result.series}
-    said = [describe(one, units, own=own.get(one.fault.channel, "")) for one in result.faults]
-    summary, hidden = (
-        shown_summary(result.summary, result.verdicts, candidates, units),
-        hidden_drawing(candidates, units),
-    )
+    screen, hidden = onset_screen(result, units), hidden_drawing(candidates, units)
     drawn = []
     for one in result.profiles:
         shown = units.of(one.unit, channel=one.channel, own=own.get(one.channel, ""))
@@ -141,10 +136,10 @@ def onset_content(document: Plain, units: Units = SI, *, where: str = "result") 
     content = ReportContent(
         category="Onset of a fault",
         title=result.log.path,
-        heading=HEADINGS[result.decision],
-        verdict=verdict_sentence(result.decision, said, summary),
+        heading=screen.headline.head,
+        verdict=screen.headline.text,
         tone=result.decision,
-        screen=screen_of(result.decision, said, summary, candidates, units),
+        screen=screen,
         lead=len(hidden),
         facts=tuple(_facts(result, units, own)),
         tables=(*_fault_tables(result, units, own), *candidate_tables(candidates, units), _shape_table(drawn)),
@@ -153,6 +148,11 @@ def onset_content(document: Plain, units: Units = SI, *, where: str = "result") 
         data=_data(result),
     )
     return with_clock(content, result.log.clock, start_s=result.log.start_s, stop_s=result.log.stop_s)
+
+
+def onset_screen(result: OnsetResult, units: Units = SI) -> Screen:
+    """Return the first screen of a scan over all onsets, in `units`."""
+    return window_screen(result, units, own={one.channel: one.unit for one in result.series})
 
 
 def _data(result: OnsetResult) -> dict[str, dict[str, Any]]:

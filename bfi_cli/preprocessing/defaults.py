@@ -13,7 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import INPUTS
+from ..channels import INPUTS, channel_in_words
 from ..config import Config, merge
 from ..errors import LogError
 from ..faults import Decision, Fault
@@ -244,16 +244,17 @@ def what_would_help(log: FlightLog, config: Config, verdicts: Mapping[Kind, Deci
     missing = [name for name in FIRST if name in unused and name not in log.channels]
     helps = []
     if any(name in here for name in FIRST):
-        helps.append("add " + " ".join(f"--input {name}" for name in FIRST if name in here))
+        added = (name for name in FIRST if name in here)
+        helps.append("add " + " ".join(f"--input {name}" for name in (*config.inputs, *added)))
     elif here:
         helps.append("try --input auto, which adds " + ", ".join(here))
     if missing:
-        helps.append(f"record {' and '.join(missing)}")
+        helps.append(f"record {' and '.join(channel_in_words(name) for name in missing)}")
     if "oscillating" in left:
-        helps.append("choose a longer window")
+        helps.append("a longer window")
     if "abrupt" in left and not here and not missing:
-        helps.append("choose a window with less turbulence and a manoeuvre")
+        helps.append("a window with less turbulence and a manoeuvre")
     decided = [kind for kind in verdicts if kind not in left]
     if left == ["slow"] and decided:
-        helps.append(f"or ask only for what the log can tell (--require {','.join(decided)})")
-    return Note.advice(f"what would help with {', '.join(left)} faults: {'; '.join(helps)}") if helps else None
+        helps.append(f"or ask only for what the log can tell: --require {','.join(decided)}")
+    return Note.advice(f"for {', '.join(left)} faults: {', '.join(helps)}") if helps else None

@@ -1,4 +1,4 @@
-"""Claims about faults in a report: the verdict as a sentence, the table of candidates, the figure of limits."""
+"""Claims about faults in a report: the table of candidates, and the figure of limits."""
 
 from __future__ import annotations
 
@@ -6,14 +6,12 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from ..decision import Candidate, shown_limit, summarise
+from ..decision import Candidate, shown_limit
 from ..display_units import SI, Shown, Units
-from ..faults import Decision
 from ..kernels.normal import TWO_SIDED_95
 from ..printable import shortened
-from ..shapes import Kind
-from .content import Curve, Drawing, Panel, Screen, Span, Style, Table, curve
-from .text import capital, change, number, quantity, with_unit
+from .content import Curve, Drawing, Panel, Span, Style, Table, curve
+from .text import change, number, quantity, with_unit
 
 CANDIDATE_HEADS = ("fault", "state", "magnitude", "min. detectable", "could hide", "channel", "note")
 CANDIDATE_COLUMNS = (
@@ -35,59 +33,6 @@ HIDDEN_CAPTION = (
     "ends before the grey area is excluded: a larger fault would be declared (90 % power), and the log contradicts it. "
     "A bar that reaches into the grey area is not seen: an error beyond the tolerance could be there."
 )
-
-
-def fault_head(decision: str, n_faults: int) -> str:
-    """Return "Fault", "2 faults", or the decision where none is declared."""
-    if n_faults:
-        return "Fault" if n_faults == 1 else f"{n_faults} faults"
-    return {"no_fault": "No fault", "fault": "Fault"}.get(decision, "Inconclusive")
-
-
-def verdict_sentence(decision: str, faults: Sequence[str], summary: str) -> str:
-    """Return the answer in one line: the declared faults, then the summary on the other kinds of fault."""
-    head = fault_head(decision, len(faults))
-    if faults:
-        besides = f" {capital(summary)}." if summary else ""
-        return f"{head}: {'; '.join(faults)}.{besides}"
-    return f"{head}: {summary}." if summary else f"{head}."
-
-
-def screen_of(
-    decision: str, faults: Sequence[str], summary: str, candidates: Sequence[Candidate], units: Units
-) -> Screen:
-    """Return the first screen of an answer about candidates."""
-    looked_for = [one for one in candidates if one.state in ("suspected", "not_seen", "excluded")]
-    rows = []
-    for one in sorted(looked_for, key=lambda one: -beside_tolerance(one.limit, one.tolerance)):
-        tolerance = change(one.tolerance, units.of(one.channel_unit, channel=one.channel))
-        state = WORDS.get(one.state, str(one.state))
-        name = shortened(one.name, NAME_LETTERS)
-        rows.append((name, one.channel, shown_limit(one, units) or "any", tolerance, state))
-    return Screen(
-        head=fault_head(decision, len(faults)), faults=tuple(faults), summary=summary, hidden=hidden_table(rows)
-    )
-
-
-def hidden_table(rows: Sequence[tuple[str, ...]]) -> Table | None:
-    """Return the table of errors that could hide, None without rows: fault, channel, error, tolerance, state."""
-    heads = ("could hide", "channel", "up to", "tolerance", "state")
-    return Table(name="hidden", title="What could hide", heads=heads, rows=tuple(rows)) if rows else None
-
-
-def beside_tolerance(error: float | None, tolerance: float | None) -> float:
-    """Return the largest error that could hide over the tolerance; infinite without a limit or a tolerance."""
-    return math.inf if error is None or not tolerance else error / tolerance
-
-
-def shown_summary(
-    summary: str, verdicts: Mapping[Kind, Decision], candidates: Sequence[Candidate], units: Units
-) -> str:
-    """Return the stored summary of an answer in other units, composed anew if it was composed from the candidates."""
-    if units.name == "si":
-        return summary
-    made = summary == summarise(verdicts, candidates)
-    return summarise(verdicts, candidates, units) if made else units.sentence(summary)
 
 
 def shown_meaning(one: Candidate, units: Units) -> tuple[float, Shown]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from ..display_units import SI, Units
 from ..notes import Note
 from ..serialization import from_plain
+from .first_screen import Screen
 
 FloatArray = NDArray[np.float64]
 # Lists or arrays of a CSV file by column.
@@ -196,24 +197,6 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Screen:
-    """The first screen of an answer.
-
-    Attributes
-    ----------
-    head : "Fault", "2 faults", or the decision where none is declared.
-    faults : a line for each fault, suspicion and small deviation.
-    summary : the verdict on the other kinds of fault, a sentence without its full stop; "" for nothing.
-    hidden : errors that could hide, the largest over its tolerance first; None where nothing was looked for.
-    """
-
-    head: str
-    faults: tuple[str, ...]
-    summary: str
-    hidden: Table | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ReportContent:
     """The report of an answer.
 
@@ -221,7 +204,7 @@ class ReportContent:
     ----------
     category : kind of document, "Onset of a fault".
     title : the log, or the name of the figure.
-    heading, verdict : the answer in two or three words, and in a sentence.
+    heading, verdict : the answer in two or three words, and in a sentence; those of its `screen` where it has one.
     tone : decides the colour of the verdict, None where nothing is decided.
     lead : number of drawings, 0 or 1, that a page shows beside the verdict.
     facts : (name, value) rows.

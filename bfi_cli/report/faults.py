@@ -7,12 +7,11 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
-from ..display_units import SI, Shown, Units
+from ..display_units import Shown, Units
 from ..faults import Fault, FaultEstimate
-from ..printable import shortened
 from ..serialization import mapping, member, to_plain
 from ..shapes import SHAPES
-from .text import instant, interval, number
+from .text import instant, number
 
 # Keys of an entry from the fault; name and magnitude are those of the estimate.
 FAULT_KEYS = tuple(
@@ -72,29 +71,6 @@ def until(fault: Fault) -> str:
 def half(ends: tuple[float, float] | None) -> float:
     """Return half the width of an interval, NaN for None."""
     return math.nan if ends is None else 0.5 * (ends[1] - ends[0])
-
-
-def describe(estimate: FaultEstimate, units: Units = SI, *, own: str = "") -> str:
-    """Return "a bias of 4.00 m/s (95 % interval 3.99 to 4.02) on tas from 13.80 s (13.79 to 13.81 s)".
-
-    Parameters
-    ----------
-    own : unit of its channel, where that is no standard one.
-    """
-    fault, when = estimate.fault, estimate.onset_ci95
-    kind = kind_in_words(fault.shape, fault.frequency_hz)
-    article = "an" if kind[0] in "aeiou" else "a"
-    scale, shown = meaning(estimate, units, own)
-    low, high = sorted(scale * bound for bound in estimate.ci95)
-    unit = "" if shown.unit == "1" else f" {shown.unit}".rstrip()
-    value = number(shown.change(estimate.physical_value), spread=half((low, high)))
-    within = f" (95 % interval {interval((low, high))})" if math.isfinite(high - low) else " (interval unknown)"
-    is_whole = not SHAPES[fault.shape].has_magnitude and SHAPES[fault.shape].acts_on != "course"
-    size = "" if is_whole and not math.isfinite(high - low) else f" of {value}{unit}{within}"
-    onset, between = instant(fault.onset_s), ""
-    if when is not None and math.isfinite(half(when)):
-        onset, between = number(fault.onset_s, spread=half(when)), f" ({interval(when)} s)"
-    return f"{article} {kind}{size} on {shortened(fault.channel, 40)} from {onset} s{between}{until(fault)}"
 
 
 def fault_columns(faults: Sequence[FaultEstimate], names: Sequence[str]) -> dict[str, list[Any]]:

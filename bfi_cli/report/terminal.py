@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from ..printable import printable, shortened
 from .content import ReportContent
-from .text import capital, counted
+from .first_screen import MOST_ROWS, Line
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -21,11 +20,8 @@ FRAME, GAP = 2, 3
 NAME_LETTERS, CELL_LETTERS = 32, 240
 # Longest word of a table that is not broken.
 WORD_LETTERS = 60
-# Lines of the first screen on a terminal of 24 lines and its prompt, most and fewest rows and most notes of them, and
-# the lines around the rows: heads, an empty line on either side, and the line that says where the rest is.
-SCREEN_LINES, SCREEN_ROWS, FEWEST_ROWS, SCREEN_NOTES, AROUND_TABLE = 25, 8, 3, 3, 4
-KEPT_WHOLE = 2  # first column that is not folded, after fault and channel
-FAULT_LETTERS = 93  # with its head or indent at most 100 columns
+# Columns from which a first screen keeps to its rows.
+LEAST_WIDTH = 100
 COLOURS = {"fault": "bold red", "no_fault": "bold green", "inconclusive": "bold yellow", None: "bold"}
 
 
@@ -37,7 +33,10 @@ def print_content(content: ReportContent, console: Console) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    console.print(Text(printable(content.verdict), style=COLOURS[content.tone]))
+    if content.screen is not None:
+        print_screen(content, console)
+    else:
+        console.print(Text(printable(content.verdict), style=COLOURS[content.tone]))
     max_rows, max_notes = (MAX_ROWS, MAX_NOTES) if console.is_terminal else (None, None)
     for one in content.tables:
         console.print(Text(f"\n{printable(one.title)}", style="dim"))
@@ -55,57 +54,35 @@ def print_content(content: ReportContent, console: Console) -> None:
 
 
 def print_screen(content: ReportContent, console: Console) -> None:
-    """Print the first screen of an answer: verdict, faults, errors that could hide, notes, and where the rest is.
+    """Print the first screen of an answer: the headline, and a line for each kind of what else a reader needs.
 
-    A fault takes one line. The errors that could hide take the lines that are left.
+    Of a line with many parts those are printed that fit in a row, and how many more there are. A part that is wider is
+    folded; the last lines are left out where that takes more rows than a screen has.
     """
-    from rich.table import Table
     from rich.text import Text
 
     screen = content.screen
     assert screen is not None
-    lines = [Text(_in_one_line(printable(one))) for one in screen.faults]
-    if len(lines) == 1:
-        lines = [Text(f"{screen.head}: ").append_text(lines[0])]
-    elif lines:
-        lines = [Text(f"{screen.head}:"), *(Text("  ").append_text(one) for one in lines)]
-    for line in lines:
-        line.stylize(COLOURS[content.tone])
-    rest = f"{capital(screen.summary)}." if screen.summary else ""
-    verdict = Text(printable(rest)) if lines else Text(printable(content.verdict), style=COLOURS[content.tone])
-    limits, advice = ([one for one in content.notes if one.kind == kind] for kind in ("limit", "advice"))
-    notes = [*limits[: SCREEN_NOTES - bool(advice)], *advice][:SCREEN_NOTES]
-    grid = Table.grid(padding=(0, 2))
-    for one in notes:
-        grid.add_row(Text(one.kind.capitalize(), style="dim"), Text(printable(one.text), overflow="fold"))
-    above: list[Text] = [*lines, *([verdict] if rest or not lines else [])]
-    wrapped = [len(one.wrap(console, console.width)) for one in above]
-    taken = sum(wrapped) + len(console.render_lines(grid, pad=False)) + AROUND_TABLE
-    for line in above:
+    first = Text(printable(screen.first), style=COLOURS[content.tone])
+    console.print(first)
+    rows = len(first.wrap(console, console.width))
+    for one in screen.lines:
+        line = Text(one.label, style="dim").append_text(Text(f"  {_fitting(one, console.width)}", style="not dim"))
+        rows += len(line.wrap(console, console.width))
+        if rows > MOST_ROWS and console.width >= LEAST_WIDTH:
+            break
         console.print(line)
-    every = screen.hidden.rows if screen.hidden else ()
-    rows = every[: max(FEWEST_ROWS, min(SCREEN_ROWS, SCREEN_LINES - taken))]
-    if screen.hidden is not None:
-        table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0), header_style="dim")
-        for k, head in enumerate(screen.hidden.heads):
-            table.add_column(head, no_wrap=k >= KEPT_WHOLE, overflow="fold")
-        for row in rows:
-            table.add_row(*(Text(printable(cell)) for cell in row))
-        console.print(Text())
-        console.print(table)
-    if notes:
-        console.print(Text())
-        console.print(grid)
-    left_out = {"row": len(every) - len(rows), "note": len(content.notes) - len(notes)}
-    more = " and ".join(counted(n, f"more {what}") for what, n in left_out.items() if n)
-    console.print(Text(f"{more or 'Tables and facts'}: --verbose, or a report with --out DIR", style="dim"))
 
 
-def _in_one_line(fault: str) -> str:
-    """Return a fault in one line; of a long one the brackets are left out, the last first."""
-    while len(fault) > FAULT_LETTERS and (shorter := re.sub(r" \([^()]*\)(?!.*\()", "", fault)) != fault:
-        fault = shorter
-    return shortened(fault, FAULT_LETTERS)
+def _fitting(line: Line, width: int) -> str:
+    """Return the parts of a line that fit in a row, the first always, and how many more there are."""
+    parts = [printable(part) for part in line.parts]
+    room = width - len(line.label) - 2
+    for n in range(len(parts), 1, -1):
+        more = f"; {len(parts) - n} more: --verbose" if n < len(parts) else ""
+        if len(text := "; ".join(parts[:n]) + more) <= room:
+            return text
+    return parts[0] + (f"; {len(parts) - 1} more: --verbose" if parts[1:] else "")
 
 
 def _print_table(console: Console, heads: Sequence[str], body: Sequence[Sequence[str]]) -> None:

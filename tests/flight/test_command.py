@@ -26,7 +26,7 @@ AIRSPEEDS = {"tas", "cas", "mach", "sat"}
 # The contract of `bfi diagnose --json`, and what was added to it.
 KEYS = {"kind", "schema", "decision", "events", "limits", "phases", "windows", "missing", "notes", "provenance"}
 MORE = {"log", "verdicts", "summary", "false_alarm", "zero_lift_rad", "zero_lift_from", "deviations", "unwatched"}
-MORE |= {"plausibility", "ordinary"}
+MORE |= {"plausibility", "ordinary", "headline"}
 EVENT_KEYS = {"fault", "among", "channels", "state", "shape", "magnitude", "unit", "ci95", "effect", "onset_s"}
 EVENT_KEYS |= {"onset_ci95", "offset_s", "p_value", "evidence"}
 EVENT_MORE = {"kind", "stages", "constant_s", "frequency_hz", "sd", "seen_until_s", "window_s", "statistic"}
@@ -146,7 +146,7 @@ def test_the_files(diagnoses: Diagnoses, tmp_path: Path):
     part = ("--from", 300, "--to", 600, "--workers", 1)
     outcome = diagnoses.bfi("diagnose", diagnoses.log(ICING), *part, "--out", tmp_path / "a", "--progress")
     assert outcome.code == 0
-    assert "Fault: pitot icing from 4" in outcome.stdout
+    assert "FAULT  pitot tube ices and loses " in outcome.stdout
     names = {path.name for path in (tmp_path / "a").iterdir()}
     tables = {f"{name}.csv" for name in ("events", "limits", "agreement", "unwatched", "phases")}
     assert names == {"result.json", "report.html", "zoom.html"} | tables | {

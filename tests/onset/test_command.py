@@ -137,7 +137,7 @@ def test_the_terminal(bfi, calibrated: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("COLUMNS", "80")
     monkeypatch.setenv("TERM", "dumb")
     lines = bfi("start-time", BIAS, *QUICK, "--calibration", calibrated).stdout.splitlines()
-    assert lines[0].startswith("Fault: a bias of 4.0")
+    assert lines[0].startswith("FAULT  true airspeed reads 4.0")
     assert max(map(len, lines)) <= 80
 
 

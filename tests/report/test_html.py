@@ -76,7 +76,8 @@ def test_size_does_not_grow_with_the_log(provenance):
 
 def test_says_what_was_found_and_how_sure(provenance):
     text = Page(report(fault_result(), provenance)).text
-    assert "Fault: a bias of 4.00 m/s (95 % interval 3.99 to 4.02) on tas from 13.8 s." in text
+    assert "true airspeed reads 4.00 m/s too high from 13.8 s (size, 95 %: 3.99 to 4.02)" in text
+    assert "Still possible a slow error of up to 4.4 m/s" in text
     for part in ("3.989 to 4.017", "0.033 m/s", "99.998 %", "left out: it starts at 40 s", "4, first at 13.8 s"):
         assert part in text
 

@@ -35,7 +35,8 @@ def test_draws_all_files_and_prints_the_document(stored, tmp_path, capsys):
     assert json.loads(out) == json.loads(stored.read_text("utf-8"))
     assert err == ""
     assert (tmp_path / "again" / "result.json").read_bytes() == stored.read_bytes()
-    assert "4.00 m/s (95 % interval 3.99 to 4.02)" in (tmp_path / "again" / "report.html").read_text("utf-8")
+    page = (tmp_path / "again" / "report.html").read_text("utf-8")
+    assert "4.00 m/s too high from 13.8 s (size, 95 %: 3.99 to 4.02)" in page
 
 
 def test_json_alone_writes_nothing(stored, tmp_path, capsys):
@@ -58,7 +59,7 @@ def test_reads_standard_input_and_writes_to_the_working_folder(stored, tmp_path,
 def test_a_terminal_gets_the_tables(stored, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     assert run_command(["report", str(stored), "--out", str(tmp_path)]) == 0
-    assert "Fault: a bias of 4.00 m/s" in capsys.readouterr().out
+    assert "FAULT  true airspeed reads 4.00 m/s too high" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

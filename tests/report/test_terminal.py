@@ -27,7 +27,7 @@ def test_no_line_is_wider_than_the_terminal(result, width):
 
 def test_the_verdict_comes_first_and_the_notes_are_there(result):
     text = " ".join(printed(result, 400).split())
-    assert text.startswith(identify_content(result).verdict)
+    assert text.startswith(" ".join(identify_content(result).screen.first.split()))
     assert all(note in text for note in texts(result.notes))
 
 

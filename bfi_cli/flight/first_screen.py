@@ -1,0 +1,215 @@
+"""The first screen of a diagnosis: what is wrong with the flight, and what could not have been seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..channels import STANDARD, channel_in_words
+from ..display_units import SI, Units
+from ..kernels.runs import within
+from ..report.first_screen import (
+    Headline,
+    Label,
+    Screen,
+    State,
+    beside_tolerance,
+    contradiction,
+    error_in_words,
+    intervals,
+    lines_of,
+    note_lines,
+)
+from ..report.text import change, instant, interval, number
+from ..shapes import SHAPES
+from .limits import AIRSPEEDS
+from .result import DiagnoseResult, Event, FlightLimit, OrdinaryEvent
+from .tables import ON_GROUND
+from .tables import ORDINARY as CAUSES
+
+# What a channel does that has short defects of a shape.
+SHORT = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}
+TEXT_OF_CAUSE = {name: cause.text for name, cause in CAUSES.items()} | {ON_GROUND: "the aircraft is on the ground"}
+PITOT = ("pitot_blocked", "pitot_leak", "pitot_icing", "pitot_water")
+STATIC = ("static_blocked", "static_leak")
+# By fault what a mechanic looks at first.
+LOOK_AT = {
+    **dict.fromkeys(PITOT, "pitot tube, drain, heater, line"),
+    **dict.fromkeys(STATIC, "static ports, static line, drain"),
+    **dict.fromkeys(("aoa", "sideslip"), "vane, its bearing and its wiring"),
+    **dict.fromkeys(("sat", "tat"), "temperature probe and its heater"),
+    **dict.fromkeys(("pitch", "roll", "yaw"), "attitude sensor and its mounting"),
+}
+
+
+def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
+    """Return the first screen of a diagnosis, in `units`."""
+    contradicted = contradiction(result.plausibility, result.notes, units)
+    if contradicted is not None:
+        return contradicted
+    declared = [one for one in result.events if one.state == "declared"]
+    suspected = [one for one in result.events if one.state == "suspected"]
+    small = [*result.deviations]
+    listed = [
+        *(event_in_words(one, units) for one in declared),
+        *(f"suspected: {event_in_words(one, units)}" for one in suspected),
+        *(f"within its tolerance: {event_in_words(one, units)}" for one in small),
+    ]
+    first = next(iter([*declared, *suspected, *small]), None)
+    if first is None:
+        headline = _of_quiet_flight(result, units)
+    else:
+        state: State = "fault" if declared else "suspected" if suspected else "deviation"
+        text, doubt = event_in_words(first, units), ""
+        if state == "suspected" and first.note:
+            doubt = f": {units.sentence(first.note)}"
+        if state == "deviation":
+            doubt = f", within its tolerance{_tolerance_of(first, result.limits, units)}"
+        headline = Headline(state=state, channel=_channel(first.fault), text=f"{text}{doubt}")
+    bounds = _bounds_in_words(result.limits, units, headline.state)
+    notes = note_lines(result.notes, units)
+    wrong = first.channels if first is not None and headline.state == "fault" else ()
+    return Screen(
+        headline=headline,
+        name="",
+        lines=lines_of(
+            {
+                "Wrong from then on": [", ".join(map(channel_in_words, wrong))] if len(wrong) > 1 else [],
+                "Also": listed[1:],
+                "Ordinary": map(_ordinary_in_words, result.ordinary),
+                **bounds,
+                "Not checked": [*_unwatched_in_words(result.unwatched), *map(units.sentence, result.missing)],
+                "Caution": [
+                    *(units.sentence(one.note) for one in declared if one.note),
+                    *notes["Caution"],
+                ],
+                "To decide": [*(one.repeat for one in result.events if one.repeat), *notes["To decide"]],
+                "Look at": [LOOK_AT.get(one.fault, "") for one in declared],
+            }
+        ),
+    )
+
+
+def is_quiet(result: DiagnoseResult) -> bool:
+    """Return whether nothing is declared, suspected or in doubt, and most of the flight was watched for every fault."""
+    is_open = any(one.is_open for one in result.plausibility)
+    seconds = np.arange(result.log.start_s, result.log.stop_s)
+    watched = ~within(seconds, [(from_s, to_s) for from_s, to_s, _ in result.unwatched])
+    quiet = result.decision != "fault" and not result.events and not result.deviations and not is_open
+    return quiet and bool(2 * np.count_nonzero(watched) > seconds.size)
+
+
+def _of_quiet_flight(result: DiagnoseResult, units: Units) -> Headline:
+    """Return the headline of a flight in which nothing is found."""
+    phases = {one.phase for one in result.phases}
+    span = f"{instant(round(result.log.start_s))} to {instant(round(result.log.stop_s))} s"
+    if is_quiet(result):
+        part = "from take-off to landing" if {"take-off", "landing"} <= phases else f"from {span}"
+        return Headline(state="no_fault_found", channel="", text=part)
+    worst = _worst(result.limits)
+    if worst is None:
+        return Headline(state="cannot_tell", channel="", text=f"nothing in the log bounds an airspeed from {span}")
+    return Headline(state="cannot_tell", channel=worst.channel, text=f"most of {span} could not be checked")
+
+
+def _worst(limits: Sequence[FlightLimit]) -> FlightLimit | None:
+    """Return what bounds slow faults of an airspeed least, in most of the flight."""
+    mostly = [
+        one
+        for one in limits
+        if one.bounds == "error" and one.shape == "drift" and one.holds_in < 1.0 and one.channel in AIRSPEEDS[:3]
+    ]
+    return max(mostly, key=lambda one: beside_tolerance(one.effect, one.tolerance), default=None)
+
+
+def _bounds_in_words(limits: Sequence[FlightLimit], units: Units, state: State) -> dict[Label, list[str]]:
+    """Return what would have been found of slow faults, or could still be there."""
+    worst = _worst(limits)
+    if worst is None:
+        return {}
+    most = f"in {worst.holds_in:.0%} of the checked flight".replace("%", " %")
+    if worst.effect is None:
+        return {"Still possible": [f"a slow error of {channel_in_words(worst.channel)} of any size"]}
+    size = change(worst.effect, units.of(worst.effect_unit, channel=worst.channel))
+    length = f"within {worst.to_s - worst.from_s:.0f} s"
+    if state == "no_fault_found" or worst.within_tolerance:
+        label: Label = "Would have been found" if state == "no_fault_found" else "Ruled out"
+        return {label: [f"slow errors of {channel_in_words(worst.channel)} above {size} {length} ({most})"]}
+    return {"Still possible": [f"a slow error of {channel_in_words(worst.channel)} of up to {size} {length} ({most})"]}
+
+
+def event_in_words(event: Event, units: Units) -> str:
+    """Return an event: what is wrong, how far, from when, with 95 % intervals."""
+    subject = channel_in_words(event.fault)
+    if event.count:
+        return f"{subject} {_short_defects(event)}{_reach(event, event.fault, units)}"
+    shown = units.of(event.unit, channel=_channel(event.fault))
+    shape = event.fault if event.fault in SHAPES else event.shape
+    said, size = error_in_words(
+        shape if shape in SHAPES else "bias",
+        _channel(event.fault),
+        event.magnitude,
+        event.ci95,
+        shown,
+        frequency_hz=event.frequency_hz,
+        seconds=event.constant_s,
+    )
+    others = ", ".join(
+        channel_in_words(name) if name in STANDARD else name.replace("_", " ") for name in event.among[1:]
+    )
+    until = "" if event.offset_s is None else f" to {second(event.offset_s)}"
+    low, high = event.onset_ci95
+    spread = 0.5 * (high - low)
+    onset = number(event.onset_s, spread=spread) if spread > 0.0 else second(event.onset_s)
+    between = interval((low, high)) if spread > 0.0 else ""
+    airspeed = next((one for one in AIRSPEEDS if one in event.effect and one != event.fault), "")
+    reach = _reach(event, airspeed, units) if airspeed and event.fault not in event.effect else ""
+    rivals = f" (or {others})" if others else ""
+    return f"{said} from {onset}{until} s{intervals(size, between)}{rivals}{reach}"
+
+
+def _short_defects(event: Event) -> str:
+    """Return short defects in words: "drops out 5 times from 812 to 3021 s, 9.3 s in all"."""
+    what, lasts = SHORT[event.shape], f"{number(event.duration_s, digits=2)} s"
+    if event.count == 1:
+        return f"{what} at {second(event.onset_s)} s for {lasts}"
+    return f"{what} {event.count} times from {second(event.onset_s)} to {second(event.offset_s)} s, {lasts} in all"
+
+
+def _reach(event: Event, channel: str, units: Units) -> str:
+    """Return how large the error of a channel becomes, "" where that is not known."""
+    if channel not in event.effect:
+        return ""
+    unit = STANDARD[channel].unit if channel in STANDARD else ""
+    error = change(event.effect[channel], units.of(unit, channel=channel))
+    return f"; error of {channel_in_words(channel)} reaches {error}"
+
+
+def second(time_s: float | None) -> str:
+    """Return a time in s to a tenth, "-" for None."""
+    return "-" if time_s is None else instant(round(time_s, 1))
+
+
+def _channel(fault: str) -> str:
+    """Return the channel that a fault is named after, "" for a fault of a pressure line."""
+    return fault if fault in STANDARD else ""
+
+
+def _tolerance_of(event: Event, limits: Sequence[FlightLimit], units: Units) -> str:
+    """Return " of 3.1 m/s", "" where no limit states the tolerance of the channel."""
+    known = next((one for one in limits if one.channel == event.fault and one.tolerance is not None), None)
+    return "" if known is None else f" of {change(known.tolerance, units.of(known.effect_unit, channel=known.channel))}"
+
+
+def _ordinary_in_words(one: OrdinaryEvent) -> str:
+    """Return what happens in any flight, and when: "flaps or gear move at 4780 s"."""
+    text = TEXT_OF_CAUSE.get(one.cause, one.cause.replace("_", " "))
+    at = f"at {one.from_s:.0f} s" if one.to_s is None else f"{one.from_s:.0f}-{one.to_s:.0f} s"
+    return f"{text} {at}"
+
+
+def _unwatched_in_words(unwatched: Sequence[tuple[float, float, str]]) -> list[str]:
+    """Return the stretches that were not checked and why, the longest first."""
+    longest = sorted(unwatched, key=lambda one: one[0] - one[1])
+    return [f"{from_s:.0f}-{to_s:.0f} s {why}" for from_s, to_s, why in longest]

@@ -1,0 +1,350 @@
+"""The first screen of an answer: its headline, and at most one line of each kind of what else a reader needs.
+
+Every line is composed from the data of the answer, in the units that are shown; none is made from another sentence.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+from ..channels import STANDARD, channel_in_words
+from ..decision import KINDS, UNTESTED, Candidate, shown_limit
+from ..display_units import SI, Shown, Units
+from ..faults import Decision, FaultEstimate
+from ..notes import Note
+from ..plausibility.finding import Implausible
+from ..printable import shortened
+from ..shapes import SHAPES, Kind
+from .text import capital, change, instant, interval, number, with_unit
+
+State = Literal["fault", "deviation", "suspected", "no_fault_found", "cannot_tell"]
+Label = Literal[
+    "Wrong from then on",
+    "Also",
+    "Ordinary",
+    "Ruled out",
+    "Still possible",
+    "Would have been found",
+    "Not checked",
+    "Caution",
+    "To decide",
+    "Look at",
+]
+# Rows of a terminal of 100 columns that a first screen takes at most.
+MOST_ROWS = 12
+NAME_LETTERS = 24
+NOUNS: Mapping[Kind, tuple[str, str]] = {
+    "abrupt": ("step", "steps"),
+    "oscillating": ("oscillation", "oscillations"),
+    "slow": ("slow error", "slow errors"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Headline:
+    """The first line of an answer.
+
+    Attributes
+    ----------
+    state : "deviation" is an error that surely lies within its tolerance.
+    channel : that is wrong, "" where it is none, or not one.
+    text : what is wrong, how far, from when, and 95 % intervals; without a full stop.
+    """
+
+    state: State
+    channel: str
+    text: str
+
+    @property
+    def head(self) -> str:
+        """The state in words, "No fault found"."""
+        return capital(self.state.replace("_", " "))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """A line of the first screen; of its parts those are shown that fit, the first of them always."""
+
+    label: Label
+    parts: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Screen:
+    """The first screen of an answer.
+
+    Attributes
+    ----------
+    name : of the entry of a dictionary that the headline is about, "" for none.
+    lines : in their order, none without parts.
+    """
+
+    headline: Headline
+    name: str
+    lines: tuple[Line, ...]
+
+    @property
+    def first(self) -> str:
+        """The first line, "FAULT  true airspeed reads 4.00 m/s too high from 13.8 s"."""
+        name = f"     {shortened(self.name, NAME_LETTERS)}" if self.name else ""
+        return f"{self.headline.head.upper()}  {self.headline.text}{name}"
+
+
+def lines_of(parts: Mapping[Label, Iterable[str]]) -> tuple[Line, ...]:
+    """Return the lines of a screen, each sentence once, without those that have nothing to say."""
+    lines = (Line(label=label, parts=tuple(dict.fromkeys(filter(None, said)))) for label, said in parts.items())
+    return tuple(one for one in lines if one.parts)
+
+
+def error_in_words(
+    shape: str,
+    channel: str,
+    value: float | None,
+    ends: tuple[float, float] | None,
+    shown: Shown,
+    *,
+    frequency_hz: float | None = None,
+    seconds: float | None = None,
+) -> tuple[str, str]:
+    """Return what a fault does, "true airspeed reads 4.00 m/s too high", and the interval of its size, "" for none.
+
+    Parameters
+    ----------
+    value, ends : physical value and its 95 % interval, in SI; None where unknown.
+    shown : unit of the value.
+    seconds : time constant or duration of the shape, None where it has none.
+    """
+    entry = SHAPES[shape]
+    subject = f"{channel_in_words(channel)} " if channel and entry.lines is None else ""
+    if value is None or not math.isfinite(value):
+        return (f"{subject}{entry.plainly}" if entry.plainly else f"{subject}shows a {entry.label}"), ""
+    factor, unit = shown.factor, shown.unit
+    if unit in ("1", "1/s"):  # of a share
+        factor, unit = 0.01, unit.replace("1", "%", 1)
+    size, sign = abs(value) / factor, math.copysign(1.0, value)
+    between = None
+    if ends is not None and all(map(math.isfinite, ends)):
+        low, high = sorted(sign * end / factor for end in ends)
+        between = (low, high)
+    spread = None if between is None else 0.5 * (between[1] - between[0])
+    said = entry.says.format(
+        size=with_unit(number(size, spread=spread), unit),
+        side="high" if sign > 0.0 else "low",
+        way="up" if sign > 0.0 else "down",
+        frequency="" if frequency_hz is None else f" at {number(frequency_hz)} Hz",
+        seconds="" if seconds is None else f"{number(seconds, digits=2)} s",
+    )
+    return f"{subject}{said}", "" if between is None else interval(between)
+
+
+def intervals(size: str, onset: str) -> str:
+    """Return " (95 %: size 3.99 to 4.02, onset 13.79 to 13.81 s)", "" where neither is known."""
+    if size and onset:
+        return f" (95 %: size {size}, onset {onset} s)"
+    if size:
+        return f" (size, 95 %: {size})"
+    return f" (onset, 95 %: {onset} s)" if onset else ""
+
+
+def estimate_in_words(one: FaultEstimate, units: Units, own: str, tolerance: float | None) -> str:
+    """Return a declared fault: what it does, from when, its intervals, and that it is within its tolerance.
+
+    Parameters
+    ----------
+    own : unit of its channel, where that is not standard; tolerance : of it, in SI.
+    """
+    fault, entry = one.fault, SHAPES[one.fault.shape]
+    shown = units.of(one.physical_unit, channel=fault.channel, own=own)
+    sized = entry.has_magnitude or entry.acts_on == "course"
+    scale = one.physical_value / one.magnitude if one.magnitude else 1.0
+    low, high = (scale * end for end in one.ci95)
+    said, size = error_in_words(
+        fault.shape,
+        fault.channel,
+        one.physical_value if sized else None,
+        (low, high),
+        shown,
+        frequency_hz=fault.frequency_hz,
+        seconds=fault.time_constant_s if fault.duration_s is None else fault.duration_s,
+    )
+    onset, between = instant(fault.onset_s), ""
+    if one.onset_ci95 is not None and all(map(math.isfinite, one.onset_ci95)):
+        spread = 0.5 * (one.onset_ci95[1] - one.onset_ci95[0])
+        onset, between = number(fault.onset_s, spread=spread), interval(one.onset_ci95)
+    until = "" if fault.offset_s is None else f" to {instant(fault.offset_s)}"
+    small = ""
+    if one.beyond_tolerance is False and tolerance is not None:
+        small = f", within its tolerance of {change(tolerance, units.of(unit_of_channel(fault.channel, own)))}"
+    return f"{said} from {onset}{until} s{intervals(size, between)}{small}"
+
+
+def unit_of_channel(name: str, own: str) -> str:
+    """Return the SI unit of a channel, `own` of one that is not standard."""
+    return STANDARD[name].unit if name in STANDARD else own
+
+
+def candidate_lines(candidates: Sequence[Candidate], units: Units) -> dict[Label, list[str]]:
+    """Return what is ruled out, still possible and not checked, the kinds of fault one after the other."""
+    ruled: list[str] = []
+    possible: list[str] = []
+    unchecked: list[str] = []
+    for kind in KINDS:
+        noun, nouns = NOUNS[kind]
+        of_kind = [one for one in candidates if one.kind == kind and one.state is not None]
+        declared = any(one.state == "declared" for one in of_kind)
+        asked = [one for one in of_kind if one.state in ("excluded", "not_seen")]
+        if not of_kind:
+            unchecked.append(nouns)
+        if not asked:
+            continue
+        worst = max(asked, key=lambda one: beside_tolerance(one.limit, one.tolerance))
+        on = f" of {channel_in_words(worst.channel)}" if len({one.channel for one in of_kind}) > 1 else ""
+        limit = shown_limit(worst, units)
+        if all(one.state == "excluded" for one in asked):
+            ruled.append(f"{'other ' if declared else ''}{nouns}{on} above {limit}")
+        else:
+            article = "another" if declared else "an" if noun[0] in "aeiou" else "a"
+            possible.append(f"{article} {noun}{on} of {'any size' if limit is None else f'up to {limit}'}")
+    spans = [one.onsets_checked for one in candidates if one.onsets_checked and one.state in ("excluded", "not_seen")]
+    if spans:
+        first_s, last_s = max(span[0][0] for span in spans), min(span[-1][1] for span in spans)
+        unchecked.append(f"faults that start before {instant(first_s)} or after {instant(last_s)} s")
+    near_an_end = [one.name for one in candidates if one.state is None and one.note == UNTESTED]
+    if near_an_end:
+        start = f"'{near_an_end[0]}' starts" if len(near_an_end) == 1 else f"{len(near_an_end)} entries start"
+        unchecked.append(f"{start} {UNTESTED}")
+    return {"Ruled out": ruled, "Still possible": possible, "Not checked": unchecked}
+
+
+def beside_tolerance(error: float | None, tolerance: float | None) -> float:
+    """Return the largest error that could hide over the tolerance; infinite without a limit or a tolerance."""
+    return math.inf if error is None or not tolerance else error / tolerance
+
+
+def suspect_in_words(one: Candidate) -> str:
+    """Return a suspected candidate, "a step of true airspeed from 431 s: why"."""
+    label = SHAPES[one.shape].label if one.shape in SHAPES else one.shape
+    since = "" if one.onset_s is None else f" from {instant(one.onset_s)} s"
+    return f"a {label} of {channel_in_words(one.channel)}{since}" + (f": {one.note}" if one.note else "")
+
+
+class OfWindow(Protocol):
+    """The answer of an analysis of a window, as `identify` and `start-time` give it."""
+
+    @property
+    def decision(self) -> Decision:
+        """Of the kinds of fault that are required."""
+
+    @property
+    def faults(self) -> tuple[FaultEstimate, ...]:
+        """Declared."""
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Looked for."""
+
+    @property
+    def notes(self) -> tuple[Note, ...]:
+        """For its reader."""
+
+    @property
+    def plausibility(self) -> tuple[Implausible, ...]:
+        """What is wrong with channels throughout."""
+
+
+def window_screen(answer: OfWindow, units: Units = SI, *, own: Mapping[str, str], named: bool = False) -> Screen:
+    """Return the first screen of an analysis of a window: what is declared in it, and what could be there.
+
+    Parameters
+    ----------
+    own : units of the outputs by channel.
+    named : whether faults have names of a dictionary.
+    """
+    faults, candidates = answer.faults, answer.candidates
+    if contradicted := contradiction(answer.plausibility, answer.notes, units):
+        return contradicted
+    tolerances = {one.channel: one.tolerance for one in candidates if one.tolerance is not None}
+    said = [
+        estimate_in_words(one, units, own.get(one.fault.channel, ""), tolerances.get(one.fault.channel))
+        for one in faults
+    ]
+    suspects = [suspect_in_words(one) for one in candidates if one.state == "suspected"]
+    claims = candidate_lines(candidates, units)
+    name = faults[0].name if faults and named else ""
+    others = [f"{text} [{one.name}]" if named else text for text, one in zip(said[1:], faults[1:], strict=True)]
+    if said:
+        headline = Headline(state="fault", channel=faults[0].fault.channel, text=said[0])
+    else:
+        headline = undeclared(answer.decision, candidates, suspects, claims, units)
+    return Screen(
+        headline=headline,
+        name=name,
+        lines=lines_of(
+            {
+                "Also": [*others, *(f"suspected: {one}" for one in suspects[0 if said else 1 :])],
+                **claims,
+                **note_lines(answer.notes, units),
+            }
+        ),
+    )
+
+
+def contradiction(findings: Sequence[Implausible], notes: Sequence[Note], units: Units) -> Screen | None:
+    """Return the first screen while channels contradict each other and nothing is concluded, None where they do not."""
+    to_state = [one for one in findings if one.is_open]
+    if not to_state:
+        return None
+    first, *others = to_state
+    said = note_lines(notes, units)
+    return Screen(
+        headline=Headline(state="cannot_tell", channel=next(iter(first.channels), ""), text=first.text),
+        name="",
+        lines=lines_of(
+            {
+                "Also": [one.text for one in others],
+                "Caution": said["Caution"],
+                "To decide": [*(one.advice for one in to_state), *said["To decide"]],
+            }
+        ),
+    )
+
+
+def undeclared(
+    decision: str,
+    candidates: Sequence[Candidate],
+    suspects: Sequence[str],
+    claims: dict[Label, list[str]],
+    units: Units,
+) -> Headline:
+    """Return the headline of a window in which nothing is declared, and take what it says out of the claims."""
+    if decision == "fault":  # of a method that says that there is one, and no more
+        return Headline(state="fault", channel="", text="the method raises an alarm and names no fault")
+    if suspects:
+        first = next(one for one in candidates if one.state == "suspected")
+        return Headline(state="suspected", channel=first.channel, text=suspects[0])
+    if decision == "no_fault":
+        return Headline(state="no_fault_found", channel="", text="in this window")
+    open_ones = [one for one in candidates if one.state == "not_seen"]
+    if not open_ones:
+        return Headline(state="cannot_tell", channel="", text="not every kind of fault could be checked")
+    worst = max(open_ones, key=lambda one: beside_tolerance(one.limit, one.tolerance))
+    nouns = NOUNS[worst.kind][1]
+    limit = shown_limit(worst, units)
+    size = "any size" if limit is None else f"up to {limit}"
+    shown = units.of(worst.channel_unit, channel=worst.channel)
+    allowed = "" if worst.tolerance is None else f" (allowed {change(worst.tolerance, shown)})"
+    kinds = [kind for kind in KINDS if any(one.kind == kind for one in open_ones)]
+    rest = [text for kind, text in zip(kinds, claims["Still possible"], strict=True) if kind != worst.kind]
+    claims["Still possible"] = rest
+    return Headline(state="cannot_tell", channel=worst.channel, text=f"{nouns} of {size} could hide{allowed}")
+
+
+def note_lines(notes: Sequence[Note], units: Units) -> dict[Label, list[str]]:
+    """Return what narrows an answer, and what its reader can do."""
+    return {
+        "Caution": [units.sentence(one.text) for one in notes if one.kind == "limit"],
+        "To decide": [units.sentence(one.text) for one in notes if one.kind == "advice"],
+    }

@@ -58,9 +58,8 @@ def answer_of_diagnosis(document: Mapping[str, Any], content: ReportContent) -> 
     deviations = [{"state": "deviation", **_event(one)} for one in document["deviations"]]
     states = [one["state"] for one in events]
     decision = document["decision"]
-    screen = content.screen
-    hidden = screen.hidden.rows[0] if screen is not None and screen.hidden is not None else ()
-    first = screen.faults[0] if screen is not None and screen.faults else document["summary"]
+    lines = () if content.screen is None else content.screen.lines
+    hidden = next((one.parts[0] for one in lines if one.label == "Still possible"), "")
     rank = (
         FAULT
         if decision == "fault"
@@ -76,8 +75,8 @@ def answer_of_diagnosis(document: Mapping[str, Any], content: ReportContent) -> 
     return {
         "rank": rank,
         "decision": decision,
-        "summary": first,
-        "hidden": f"{hidden[0]} {hidden[2]}" if hidden else "",
+        "summary": content.verdict,
+        "hidden": hidden,
         "flight": {
             **_span(document),
             "decision": decision,
@@ -88,7 +87,7 @@ def answer_of_diagnosis(document: Mapping[str, Any], content: ReportContent) -> 
             "ordinary": len(document.get("ordinary", ())),
             "contradictions": len(document.get("plausibility", ())),
             **{key: named.get(key) for key in ("fault", "shape", "onset_s", "magnitude", "unit", "low", "high")},
-            "could_hide": f"{hidden[0]} {hidden[2]}" if hidden else None,
+            "could_hide": hidden or None,
         },
         "rows": (*events, *deviations),
     }

@@ -205,11 +205,11 @@ def _tolerance_of(event: Event, limits: Sequence[FlightLimit], units: Units) -> 
 def _ordinary_in_words(one: OrdinaryEvent) -> str:
     """Return what happens in any flight, and when: "flaps or gear move at 4780 s"."""
     text = TEXT_OF_CAUSE.get(one.cause, one.cause.replace("_", " "))
-    at = f"at {one.from_s:.0f} s" if one.to_s is None else f"{one.from_s:.0f}-{one.to_s:.0f} s"
+    at = f"at {one.from_s:.0f} s" if one.to_s is None else f"from {one.from_s:.0f} to {one.to_s:.0f} s"
     return f"{text} {at}"
 
 
 def _unwatched_in_words(unwatched: Sequence[tuple[float, float, str]]) -> list[str]:
     """Return the stretches that were not checked and why, the longest first."""
     longest = sorted(unwatched, key=lambda one: one[0] - one[1])
-    return [f"{from_s:.0f}-{to_s:.0f} s {why}" for from_s, to_s, why in longest]
+    return [f"{from_s:.0f} to {to_s:.0f} s: {why}" for from_s, to_s, why in longest]

@@ -106,13 +106,12 @@ def _drawing(drawing: Drawing) -> Drawing:
 
 def _in_sentences(content: ReportContent, change: Callable[[str], str]) -> ReportContent:
     """Return a report with its sentences changed."""
-    screen = content.screen
     return replace(
         content,
         verdict=change(content.verdict),
         notes=tuple(replace(note, text=change(note.text)) for note in content.notes),
         drawings=tuple(replace(drawing, caption=change(drawing.caption)) for drawing in content.drawings),
-        screen=screen and replace(screen, faults=tuple(map(change, screen.faults)), summary=change(screen.summary)),
+        screen=content.screen and content.screen.with_sentences(change),
     )
 
 

@@ -6,8 +6,8 @@ Every line is composed from the data of the answer, in the units that are shown;
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
 from ..channels import STANDARD, channel_in_words
@@ -91,6 +91,12 @@ class Screen:
         """The first line, "FAULT  true airspeed reads 4.00 m/s too high from 13.8 s"."""
         name = f"     {shortened(self.name, NAME_LETTERS)}" if self.name else ""
         return f"{self.headline.head.upper()}  {self.headline.text}{name}"
+
+    def with_sentences(self, change: Callable[[str], str]) -> Screen:
+        """Return the screen with its sentences changed."""
+        lines = (replace(line, parts=tuple(map(change, line.parts))) for line in self.lines)
+        headline = replace(self.headline, text=change(self.headline.text))
+        return replace(self, headline=headline, lines=tuple(lines))
 
 
 def lines_of(parts: Mapping[Label, Iterable[str]]) -> tuple[Line, ...]:
@@ -211,7 +217,7 @@ def candidate_lines(candidates: Sequence[Candidate], units: Units) -> dict[Label
     spans = [one.onsets_checked for one in candidates if one.onsets_checked and one.state in ("excluded", "not_seen")]
     if spans:
         first_s, last_s = max(span[0][0] for span in spans), min(span[-1][1] for span in spans)
-        unchecked.append(f"faults that start before {instant(first_s)} or after {instant(last_s)} s")
+        unchecked.append(f"faults that start before {instant(first_s)} s or after {instant(last_s)} s")
     near_an_end = [one.name for one in candidates if one.state is None and one.note == UNTESTED]
     if near_an_end:
         start = f"'{near_an_end[0]}' starts" if len(near_an_end) == 1 else f"{len(near_an_end)} entries start"

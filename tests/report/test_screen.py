@@ -84,7 +84,7 @@ def test_what_is_ruled_out_possible_and_not_checked():
     ]
     assert candidate_lines(open_ones, SI)["Still possible"] == ["a step of up to 2 m/s", "a slow error of any size"]
     searched = replace(sized, onsets_checked=((4.0, 29.4),))
-    assert "faults that start before 4 or after 29.4 s" in candidate_lines([searched], SI)["Not checked"]
+    assert "faults that start before 4 s or after 29.4 s" in candidate_lines([searched], SI)["Not checked"]
 
 
 @pytest.mark.parametrize("shape", SHAPES)

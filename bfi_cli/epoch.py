@@ -13,7 +13,7 @@ DAY_S: Final = 86_400.0  # without leap seconds, which clocks of recorders do no
 # [s since 1970]: an axis within it counts from 1970. It covers 1990 to 2055; seconds of a flight and of a week are
 # below it, and those since 1904 (LabVIEW) of these years beyond.
 SINCE_1970: Final = (6.3e8, 2.7e9)
-ISO = re.compile(r"(?:(?P<day>[+-]?\d{4,}-\d\d-\d\d)T)?00:00:00(?P<utc>Z?)")
+ISO = re.compile(r"(?:(?P<day>[+-]?\d{4,6}-\d\d-\d\d)T)?00:00:00(?P<utc>Z?)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

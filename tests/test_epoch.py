@@ -32,7 +32,15 @@ def test_an_epoch_is_written_and_read_in_iso_8601(since_1970_s: float | None, is
 
 
 @pytest.mark.parametrize(
-    "text", ["", "2011-07-01", "2011-07-01T12:00:00Z", "2011-07-01T00:00:00+02:00", "2011-13-41T00:00:00"]
+    "text",
+    [
+        "",
+        "2011-07-01",
+        "9999999-01-01T00:00:00",
+        "2011-07-01T12:00:00Z",
+        "2011-07-01T00:00:00+02:00",
+        "2011-13-41T00:00:00",
+    ],
 )
 def test_what_is_no_midnight_is_refused(text: str):
     with pytest.raises(ValueError, match=r"midnight|out of range|datetime"):

@@ -159,7 +159,7 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
     has_truth = isinstance(truth, h5py.Group)
     faults = _text(_attribute(truth, "faults")) or "[]" if has_truth else ""
     return RawLog(
-        columns=columns,
+        columns=raw.with_stated_clock(columns, _text(stated("clock"))),
         sample_rate_hz=rate,
         first_sample=rows.start,
         segments=segments,

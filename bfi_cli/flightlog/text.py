@@ -21,12 +21,13 @@ from ..notes import Note
 from .axis import made_regular, without_jumps
 from .cells import Kind, Lines, Table
 from .layouts import Heading, heading_of, with_channels
-from .raw import BESIDE_TIME, Asked, RawLog, Track
+from .raw import BESIDE_TIME, Asked, RawLog, Track, with_stated_clock
 from .record import CLEAN, faults_from_json, segments_from_json
 
 FAULTS = "# faults: "
 SEGMENTS = "# segments: "
 FILTERS = "# filters: "
+CLOCK = "# clock: "
 # Limit of a text, bytes: a cell of two characters becomes a number of eight bytes, and assembling holds a log twice.
 LARGEST_TEXT = 10**9
 DECIMAL_POINT = re.compile(r"(?<![\d.])\d+\.\d+(?![\d.])")
@@ -98,7 +99,7 @@ def _log_of(path: str, table: Table, heading: Heading, comments: Mapping[str, st
     if heading.recorder is not None:
         tracks = with_channels(tracks, heading.recorder)
     made = in_seconds(tracks, kinds)
-    columns = list(made.columns)
+    columns = with_stated_clock(made.columns, comments.get(CLOCK, "").strip())
     if min((column.values.size for column in columns), default=2) < 2:
         raise LogError(f"{path}: less than 2 samples with a time, at least 2 are needed; give a recorded log")
     segments = segments_from_json(comments.get(SEGMENTS, "[]"), where=f"{path}: segments")
@@ -121,10 +122,10 @@ def _log_of(path: str, table: Table, heading: Heading, comments: Mapping[str, st
 
 
 def _comments(lines: Sequence[str]) -> dict[str, str]:
-    """Return the comments on faults, segments and filters."""
+    """Return the comments on faults, segments, filters and clock."""
     comments: dict[str, str] = {}
     for text in lines:
-        for key in (FAULTS, SEGMENTS, FILTERS):
+        for key in (FAULTS, SEGMENTS, FILTERS, CLOCK):
             if text.startswith(key):
                 comments.setdefault(key, text.removeprefix(key))
     return comments

@@ -19,7 +19,7 @@ from ..files import ATTRIBUTE, MARK, MCAP, OWNER, aside
 from ..filters import filters_to_json
 from ..printable import SHOWN, printable
 from .record import CLEAN, FlightLog, FloatArray, Truth, faults_to_json, segments_to_json
-from .text import FAULTS, FILTERS, SEGMENTS
+from .text import CLOCK, FAULTS, FILTERS, SEGMENTS
 
 if TYPE_CHECKING:
     import h5py
@@ -28,8 +28,8 @@ if TYPE_CHECKING:
 def write_log(log: FlightLog, path: str | Path) -> None:
     """Write a log; the suffix tells the format, and reading it back gives the same numbers.
 
-    Channels are written under their names in `log`, with units, segments and the truth of injected faults; MCAP, for
-    Foxglove and PlotJuggler, has the channels and their units alone.
+    Channels are written under their names in `log`, with units, segments, clock and the truth of injected faults; MCAP,
+    for Foxglove and PlotJuggler, has the channels and their units alone.
 
     Parameters
     ----------
@@ -79,6 +79,8 @@ def _write_hdf5(log: FlightLog, path: Path) -> None:
             add(file, names[name], channel.values, channel.unit)
         if log.filters is not None:
             file.attrs["filters"] = filters_to_json(log.filters)
+        if log.epoch is not None:
+            file.attrs["clock"] = log.epoch.iso
         if log.segments:
             file.attrs["segments"] = segments_to_json(log.segments)
         if log.truth is not None:
@@ -103,6 +105,8 @@ def _write_csv(log: FlightLog, path: Path) -> None:
         file.write(f"{MARK}\n")
         if log.filters is not None:
             file.write(f"{FILTERS}{filters_to_json(log.filters)}\n")
+        if log.epoch is not None:
+            file.write(f"{CLOCK}{log.epoch.iso}\n")
         if log.segments:
             file.write(f"{SEGMENTS}{segments_to_json(log.segments)}\n")
         if log.truth is not None:

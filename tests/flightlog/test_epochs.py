@@ -144,3 +144,11 @@ def test_a_message_has_every_digit_of_an_axis_since_1970(tmp_path: Path):
         LogError, match=r"between 7 s and 8 s, the log runs from 1714564800 s to 1714564809.75 s; change"
     ):
         read_log(path).window(7.0, 8.0)
+
+
+def test_a_clock_that_another_program_states_is_no_midnight(tmp_path: Path):
+    path = tmp_path / "log.h5"
+    hdf5_from(0.0)(path)
+    with h5py.File(path, "r+") as file:
+        file.attrs["clock"] = "internal, 10 MHz"
+    assert read_log(path).epoch is None

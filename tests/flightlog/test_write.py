@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_logs import made_log, write_text
 
+from bfi_cli.epoch import DAY_S, Epoch
 from bfi_cli.errors import ConfigError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, inspect_log, read_log, write_log
@@ -33,6 +34,9 @@ def logs(draw: st.DrawFn) -> FlightLog:
         log = replace(
             log, segments=(Segment(label='rough; "air"', start_s=0.5, stop_s=draw(st.floats(1, 9)), note="µ"),)
         )
+    days = st.none() | st.integers(-1000, 90_000).map(lambda day: DAY_S * day)
+    epochs = st.builds(Epoch, since_1970_s=days, is_utc=st.booleans())
+    log = replace(log, epoch=draw(st.none() | epochs))
     channel = log.channels[names[0]]
     if draw(st.booleans()) and np.isfinite(channel.values[-1]):
         log = inject(log, [Fault(shape="bias", channel=names[0], magnitude=draw(st.floats(0.1, 9.0)), onset_s=-99.0)])
@@ -47,6 +51,7 @@ def test_round_trip_is_exact(log: FlightLog, suffix: str, tmp_path_factory: pyte
     back = read_log(path)
     np.testing.assert_array_equal(back.time_s, log.time_s)
     assert back.segments == log.segments
+    assert back.epoch == log.epoch
     written = {name.replace("/", "_") if suffix == ".h5" else name: c for name, c in log.channels.items()}
     assert set(back.channels) == set(written)
     for name, channel in written.items():

@@ -46,6 +46,27 @@ class _Format:
     fields: Mapping[str, tuple[str, int]]
 
 
+def is_dataflash(head: bytes) -> bool:
+    """Say whether the first bytes of a file are those of a DataFlash log."""
+    return head.startswith(b"\xa3\x95\x80")
+
+
+def read_dataflash_parameters(path: str) -> dict[str, float]:
+    """Return the parameters of a DataFlash log by name, each as it was last."""
+    parameters = {}
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        formats, messages, _ = _messages(data, {"PARM"})
+        for kind, places in messages.items():
+            letter, at = formats[kind].fields.get("Value", ("", 0))
+            if letter != "f":
+                continue
+            for start in places.starts:
+                # The name stands before the value.
+                name = data[start + at - OTHERS["N"] : start + at].split(b"\0")[0].decode("latin-1")
+                parameters[name] = float(struct.unpack_from("<f", data, start + at)[0])
+    return parameters
+
+
 def read_dataflash_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
     """Return the messages of a DataFlash log that have channels, or are named in `more`, and notes on the file.
 

@@ -38,7 +38,7 @@ TYPES |= {"bool": "<u1", "char": "<u1", "float": "<f4", "double": "<f8"}
 # "float[3] xyz": type, count where it is an array, and name.
 FIELD = re.compile(r"\s*(\w+)(?:\[(\d{1,5})\])? (\w+)\s*", re.ASCII)
 KNOWN = frozenset(b"BFIMPQARDLCSO")
-DATA, FORMAT, ADDED, FLAGS, DROPOUT = b"DFABO"
+DATA, FORMAT, ADDED, FLAGS, DROPOUT, PARAMETER = b"DFABOP"
 LONGEST = 0xFFFF  # bytes of a message
 DEEPEST = 8  # formats inside each other; PX4 nests one
 APPENDED = 1  # the only incompatible flag that is known: data after the end, at the offsets of the flags
@@ -64,6 +64,7 @@ class _Stream:
     formats : by the name of the format, type, count (0 for no array) and name of each field.
     topics, layouts, messages : by the number of a topic, its name and instance, its layout, where its messages are.
     dropouts, dropped_ms, damaged : number and duration of dropouts that the log states, and of damaged bytes.
+    parameters : of the autopilot by name, as they were last.
     """
 
     formats: dict[str, list[tuple[str, int, str]]] = field(default_factory=dict)
@@ -73,6 +74,26 @@ class _Stream:
     dropouts: int = 0
     dropped_ms: int = 0
     damaged: int = 0
+    parameters: dict[str, float] = field(default_factory=dict)
+
+
+def is_ulog(head: bytes) -> bool:
+    """Say whether the first bytes of a file are those of a ULog."""
+    return head.startswith(b"ULog\x01\x12\x35")
+
+
+def read_ulog_parameters(path: str) -> dict[str, float]:
+    """Return the parameters of a ULog by name, each as it was last.
+
+    Raises
+    ------
+    LogError : its flags are those of a later kind of ULog.
+    """
+    stream = _Stream()
+    with open(path, "rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+        for begin, end in _parts(path, data):
+            _read_messages(data, begin, end, stream, set())
+    return stream.parameters
 
 
 def read_ulog_topics(path: str, more: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
@@ -174,6 +195,12 @@ def _read_one(data: mmap.mmap, at: int, size: int, kind: int, stream: _Stream, n
         stream.topics[number], stream.layouts[number] = (name, instance), layout
         if name in names and layout is not None:
             stream.messages.setdefault(number, Places())
+    elif kind == PARAMETER and size > 5 and size == 1 + data[at] + 4:
+        # The length of "float NAME" or "int32_t NAME", that text, and the value in four bytes.
+        form, _, name = data[at + 1 : at + size - 4].decode("latin-1").partition(" ")
+        if form in ("float", "int32_t"):
+            (value,) = struct.unpack_from("<f" if form == "float" else "<i", data, at + size - 4)
+            stream.parameters[name] = float(value)
     elif kind == DROPOUT and size >= 2:
         stream.dropouts += 1
         stream.dropped_ms += data[at] + 256 * data[at + 1]

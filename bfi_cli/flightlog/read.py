@@ -23,14 +23,14 @@ from ..units import si_unit, to_si
 from .axis import FEWEST_TIMES, LATEST, axis_of
 from .clocks import on_one_clock
 from .conventions import NORMAL, Convention, sentence_of, with_conventions
-from .dataflash import read_dataflash_topics
+from .dataflash import is_dataflash, read_dataflash_topics
 from .hdf5 import read_hdf5
 from .igc import is_igc, read_igc
 from .matlab import read_matlab
 from .mcap import is_mcap, read_mcap
 from .phases import airborne_stretches
 from .plausible import RIGHT, assumed_units, time_scale
-from .px4 import folder_digest, read_folder, read_topic_file, read_ulog_topics
+from .px4 import folder_digest, is_ulog, read_folder, read_topic_file, read_ulog_topics
 from .quantities import with_quantities
 from .rates import boot_starts
 from .raw import (
@@ -68,8 +68,8 @@ WITH_GROUPS: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
 # By the first bytes of a file with messages, its recorder, and the function that reads the topics of given names.
 Topics = Callable[[str, Collection[str]], tuple[list[Topic], list[Note]]]
 OF_MESSAGES: tuple[tuple[Callable[[bytes], bool], Recorder, Topics], ...] = (
-    (lambda head: head.startswith(b"ULog\x01\x12\x35"), "px4", read_ulog_topics),
-    (lambda head: head.startswith(b"\xa3\x95\x80"), "ardupilot", read_dataflash_topics),
+    (is_ulog, "px4", read_ulog_topics),
+    (is_dataflash, "ardupilot", read_dataflash_topics),
     (is_tlog, "mavlink", lambda path, _: read_tlog_topics(path)),
 )
 FOREIGN = {b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data", b"TDSh": "the index of a TDMS file"}

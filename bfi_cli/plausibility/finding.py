@@ -24,6 +24,22 @@ INSTALLATION: Mapping[str, float] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """A parameter of the autopilot that mends a channel.
+
+    Attributes
+    ----------
+    name : of the parameter; present : its value as the log lists it.
+    value, ci95 : to set, and its 95 % interval, None where that of the finding is not known.
+    """
+
+    name: str
+    present: float
+    value: float
+    ci95: tuple[float, float] | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Implausible:
     """Channels that others contradict throughout a flight.
 
@@ -39,6 +55,7 @@ class Implausible:
     factor_ci95, offset_ci95 : 95 % intervals, None where they are not estimated.
     fixed : whether it was applied when the log was read (--fix-units), or is left out of a diagnosis.
     is_stated : whether it doubts a unit that the file or the user states: that is kept, and nothing depends on it.
+    setting : of the autopilot that wrote the log, which would mend it; None where none is known.
     """
 
     channels: tuple[str, ...]
@@ -55,6 +72,7 @@ class Implausible:
     offset_ci95: tuple[float, float] | None = None
     fixed: bool = False
     is_stated: bool = False
+    setting: Setting | None = None
 
     @property
     def is_constant(self) -> bool:

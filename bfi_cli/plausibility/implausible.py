@@ -22,6 +22,7 @@ from .finding import Implausible
 from .relations import NAMES, RELATIONS, State
 from .search import Blame, blames, known_relations
 from .seconds import seconds_of
+from .settings import with_settings
 
 TINY = 1e-12  # a tolerance of nothing, of a channel that rests
 FEWEST_WITNESSES = 2  # other channels that contradict one which is to blame; of two alone either may be wrong
@@ -49,7 +50,7 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
         *(_finding(_beyond_tolerance(one, log, seconds), stated, sources) for one in to_blame),
     )
     turned = None if any("tas" in one.channels or one.what == "clock" for one in findings) else scale_by_circles(log)
-    return findings if turned is None else (*findings, turned)
+    return with_settings(log, findings if turned is None else (*findings, turned))
 
 
 def with_fixed_units(

@@ -72,6 +72,9 @@ MOST_PASSES = 25
 ROUNDING = 1e-6  # of the largest value, some digits above single precision
 TINY = float(np.finfo(np.float64).tiny)
 FEWEST_TICKS, MOST_TICKS = 32, 10**7
+# Ticks per reading [1]: bounds what a wrong time far beyond the others costs, for a tick of a gap takes as much memory
+# as one with a reading. A sensor of 1 Hz among ticks of FASTEST_HZ has 20.
+SPARSEST = 100
 # Sensors that may fail to 0, which they never read in flight.
 POSITIVE = ("tas", "cas", "ias", "mach", "q_impact", "p_total", "p_static", "tat", "sat")
 # An excursion returns: it swings back by less than the first share of its height, and falls below the second share
@@ -274,7 +277,7 @@ def _replaced(log: FlightLog, defects: Sequence[Defect], *, with_lines: bool) ->
 
 
 def _track(log: FlightLog, channel: Channel) -> _Track | None:
-    """Return a channel at its ticks, None where it is constant, unknown, or has too few or too many ticks."""
+    """Return a channel at its ticks, None where it is constant, unknown, or has too few, too many or empty ones."""
     finite = np.abs(channel.values) < LARGEST_VALUE
     if not finite.any() or float(np.ptp(channel.values[finite])) == 0.0:
         return None
@@ -288,7 +291,7 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
         period, is_averaged = log.rate_hz / FASTEST_HZ, True
     tick = np.maximum(np.floor((position - phase + 0.5) / period), 0.0).astype(np.intp)[finite]
     n = int(tick[-1]) + 1
-    if not FEWEST_TICKS <= n <= MOST_TICKS:
+    if not FEWEST_TICKS <= n <= min(MOST_TICKS, SPARSEST * tick.size):
         return None
     readings = np.unwrap(channel.values[finite]) if channel.name in ANGLES else channel.values[finite]
     values, known = np.full(n, np.nan), np.zeros(n, dtype=bool)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tracemalloc
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -174,3 +175,16 @@ def test_a_log_of_a_few_samples_or_without_numbers_has_none(n: int):
     t = np.arange(n) / 10.0
     log = made_log(t, tas=np.full(n, np.nan), cas=np.linspace(0.0, 1e200, n), mach=np.arange(n) % 2)
     assert find_defects(log) == ()
+
+
+def test_one_sample_days_after_the_others_takes_no_memory():
+    """A tick for each tenth of a second of the gap, of each channel, would take 100 MB and more."""
+    time_s = np.append(np.arange(600) / 10.0, 90_000.0)
+    names = ("tas", "altitude", "pitch")
+    log = made_log(time_s, {"tas": "m/s", "altitude": "m", "pitch": "rad"}, **{n: np.sin(time_s**1.1) for n in names})
+    tracemalloc.start()
+    try:
+        assert find_defects(log) == ()
+        assert tracemalloc.get_traced_memory()[1] < 10e6
+    finally:
+        tracemalloc.stop()

@@ -125,6 +125,8 @@ def test_the_index_names_every_page_and_example() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_examples_run_and_write_into_the_folder_given_only(example: Path, tmp_path: Path) -> None:
+    for package in re.findall(r"pip install (\w+)", example.read_text("utf-8")):
+        pytest.importorskip(package)
     here, given = tmp_path / "here", tmp_path / "given"
     here.mkdir()
     given.mkdir()

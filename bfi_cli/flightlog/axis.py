@@ -9,11 +9,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..epoch import DAY_S
 from ..errors import LogError
 from ..kernels.regular_clock import quantum_of, regular_times
+from ..kernels.runs import BoolArray, runs
 from ..notes import Note
 from ..report.text import instant
 from .rates import MENDED, longest_in_order
@@ -23,6 +23,11 @@ from .record import FloatArray, frozen_array
 LATEST = 1e12
 # A clock is set so often in a flight, at most, and has so many rows at least.
 MOST_SET, FEWEST_TIMES = 5, 20
+# [typical steps]: how far a row of a regular clock is written before the row that precedes it, at most: a second early
+# after one that is late.
+BACK = 1.5
+# [rows]: single wrong times, which the medians of five rows that confirm a restart do not show.
+MOST_SINGLE, BESIDE_MIDNIGHT = 2, 5
 # Zones of time differ by whole quarters of an hour, s, and by 26 hours at most.
 ZONE_S, FARTHEST_ZONE_S = 900.0, 26 * 3600.0
 
@@ -37,7 +42,7 @@ class Axis(NamedTuple):
     """
 
     time_s: FloatArray
-    rows: NDArray[np.bool_] | None
+    rows: BoolArray | None
     notes: tuple[Note, ...]
 
 
@@ -65,6 +70,10 @@ def axis_of(path: str, source: str, written_s: FloatArray) -> Axis:
         notes.append(Note.limit(f"rows without a time are left out: {n_bad}"))
     time_s, more = without_jumps(source, written_s[rows])
     notes += more
+    if (single := out_of_order(time_s)).any():
+        rows[rows] = ~single
+        time_s = time_s[~single]
+        notes.append(note_on_order(int(np.count_nonzero(single))))
     time_s, more = made_regular(source, time_s)
     notes += more
     back = np.flatnonzero(np.diff(time_s) <= 0.0)
@@ -77,10 +86,45 @@ def axis_of(path: str, source: str, written_s: FloatArray) -> Axis:
                 f"{path}: '{source}' does not increase at sample {k} ({instant(time_s[k])} s after "
                 f"{instant(time_s[k - 1])} s, {back.size} such steps); {mend}"
             )
-        notes.append(Note.limit(f"rows whose time is out of order are left out: {time_s.size - kept.size}"))
+        notes.append(note_on_order(time_s.size - kept.size))
         rows = np.isin(np.arange(n), np.flatnonzero(rows)[kept])
         time_s = time_s[kept]
     return Axis(time_s=frozen_array(time_s), rows=None if rows.all() else rows, notes=tuple(notes))
+
+
+def note_on_order(n: int) -> Note:
+    """Return the note on rows that are left out."""
+    return Note.limit(f"rows whose time is out of order are left out: {n}")
+
+
+def out_of_order(time_s: FloatArray) -> BoolArray:
+    """Return which times (n,) are single wrong ones, without which the others are in order; none where many are.
+
+    A time that repeats another, or is a step early, is none: it may be that of a regular clock.
+    """
+    single, step = np.zeros(time_s.size, dtype=bool), np.diff(time_s)
+    forward = step[step > 0.0]
+    typical = float(np.median(forward)) if forward.size else 0.0
+    if time_s.size < FEWEST_TIMES or not np.any(step < -BACK * typical):
+        return single
+    out = np.ones(time_s.size, dtype=bool)
+    out[longest_in_order(time_s + BACK * typical * np.arange(time_s.size))] = False
+    for first, end in runs(out):
+        single[first:end] = end - first <= MOST_SINGLE
+    return single if np.count_nonzero(single) <= MENDED * time_s.size else np.zeros_like(single)
+
+
+def with_midnights(time_s: FloatArray) -> FloatArray:
+    """Return times of day (n,), s, that go on through later days.
+
+    Midnight has passed where the clock falls by more than half a day, in the median of some rows as well: a single
+    wrong time is no midnight.
+    """
+    midnights = np.zeros(time_s.size)
+    for k in (np.flatnonzero(np.diff(time_s) < -0.5 * DAY_S) + 1).tolist():
+        before = np.median(time_s[max(0, k - BESIDE_MIDNIGHT) : k])
+        midnights[k] = np.median(time_s[k : k + BESIDE_MIDNIGHT]) - before < -0.5 * DAY_S
+    return np.asarray(time_s + DAY_S * np.cumsum(midnights))
 
 
 def made_regular(source: str, time_s: FloatArray) -> tuple[FloatArray, list[Note]]:

@@ -17,6 +17,7 @@ import numpy as np
 from ..epoch import DAY_S, Epoch
 from ..errors import LogError
 from ..notes import Note
+from .axis import with_midnights
 from .layouts import with_channels
 from .rates import in_order
 from .raw import Asked, RawLog, Track
@@ -68,10 +69,12 @@ def read_igc(path: str, _: Asked) -> RawLog:
     if len(fixes) < 2:
         raise LogError(f"{path}: {len(fixes)} fixes, at least 2 are needed; give a file with B records")
     time_s, *values = np.array(fixes).T
-    time_s = time_s + DAY_S * np.cumsum(np.diff(time_s, prepend=time_s[0]) < -0.5 * DAY_S)
+    time_s = with_midnights(time_s)
     # A microsecond more for each fix: one that repeats the second before is in order.
     ordered, why = in_order(
-        Track(source="B", values=np.arange(time_s.size), time_s=time_s + 1e-6 * np.arange(time_s.size))
+        Track(
+            source="B", values=np.arange(time_s.size, dtype=np.float64), time_s=time_s + 1e-6 * np.arange(time_s.size)
+        )
     )
     if ordered is not None and why is not None:
         kept = ordered.values.astype(np.intp)

@@ -18,7 +18,7 @@ from ..epoch import DAY_S, Epoch
 from ..errors import LogError
 from ..filters import filters_from_json
 from ..notes import Note
-from .axis import made_regular, without_jumps
+from .axis import made_regular, note_on_order, out_of_order, with_midnights, without_jumps
 from .cells import Kind, Lines, Table
 from .layouts import Heading, heading_of, with_channels
 from .raw import BESIDE_TIME, Asked, RawLog, Track, with_stated_clock
@@ -160,17 +160,19 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
         time_s += dates[0].values
     rows = np.isfinite(time_s)
     if chosen in clocks and not dates:
-        known = time_s[rows]
-        time_s[rows] = known + DAY_S * np.cumsum(np.diff(known, prepend=known[:1]) < -0.5 * DAY_S)
+        time_s[rows] = with_midnights(time_s[rows])
     time_s[rows], jumps = without_jumps(chosen.source, time_s[rows], zones=True)
     notes += jumps
+    if not rows.all():
+        notes.append(Note.method(f"{np.count_nonzero(~rows)} rows without a time are left out"))
+    if (single := out_of_order(time_s[rows])).any():
+        rows[rows] = ~single
+        notes.append(note_on_order(int(np.count_nonzero(single))))
     epoch = Epoch(since_1970_s=None, is_utc=chosen in in_utc)
     if rows.any() and time_s[rows][0] >= DAY_S:
         first = float(np.floor(time_s[rows][0] / DAY_S) * DAY_S)
         time_s -= first
         epoch = replace(epoch, since_1970_s=first)
-    if not rows.all():
-        notes.append(Note.method(f"{np.count_nonzero(~rows)} rows without a time are left out"))
     time_s[rows], regular = made_regular(chosen.source, time_s[rows])
     notes += regular
     steps = np.diff(time_s[rows])

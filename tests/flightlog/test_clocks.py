@@ -177,6 +177,37 @@ def test_single_wrong_times_and_a_clock_that_is_set(change, n: int, note: str, t
     assert log.n_samples in (n, N)  # a single missing sample is interpolated
 
 
+DAY = 86_400
+
+
+def stamped(seconds: np.ndarray, *, dated: bool) -> str:
+    """Return a CSV log whose rows have a clock, or date and clock, and their number as airspeed."""
+    stamps = (f"{clock(s % DAY)}" if not dated else f"2024-05-{1 + s // DAY:02d},{clock(s % DAY)}" for s in seconds)
+    head = "date,time of day,tas [m/s]" if dated else "clock,tas [m/s]"
+    return "\n".join([head, *(f"{stamp},{100 + k}" for k, stamp in enumerate(stamps))]) + "\n"
+
+
+@pytest.mark.parametrize("kind", ["clock", "date and clock", "seconds", "tenths"])
+@pytest.mark.parametrize("first", [43_200, DAY - 200], ids=["noon", "over midnight"])
+def test_wrong_times_of_single_rows_move_no_other_row(kind: str, first: int, tmp_path: Path) -> None:
+    """One to four rows of 400 have any time of the day; all others keep theirs."""
+    rng, true = np.random.default_rng(first), first + np.arange(N) * (0.1 if kind == "tenths" else 1.0)
+    for trial in range(6):
+        wrong = 20 + 40 * rng.permutation(9)[: 1 + trial % 4]
+        written = true.copy()
+        written[wrong] = rng.integers(0, DAY, wrong.size)
+        path = tmp_path / f"{trial}.csv"
+        if kind in ("seconds", "tenths"):
+            csv(path, written, {"tas": 100.0 + np.arange(N)})
+        else:
+            path.write_text(stamped(written.astype(int), dated=kind != "clock"))
+        log = read_log(path)
+        row = np.round(log.channels["tas"].values - 100.0).astype(int)  # a row between two is interpolated
+        assert set(range(N)) - set(row) <= set(wrong)
+        np.testing.assert_allclose(log.time_s, true[row], atol=1e-6)
+        assert f"rows whose time is out of order are left out: {wrong.size}" in texts(log.notes)
+
+
 @pytest.mark.parametrize("step_s", [1e-10, 2e-8])
 def test_a_clock_that_no_recorder_has_is_refused_in_a_line(step_s: float, tmp_path: Path) -> None:
     path = csv(tmp_path / "a.csv", step_s * np.arange(N), {"tas": 60.0 + 0.1 * np.arange(N)})

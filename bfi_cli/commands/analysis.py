@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Protocol
@@ -18,11 +18,13 @@ if TYPE_CHECKING:
     from ..config import Config
     from ..dictionary import Dictionary
     from ..display_units import Units
+    from ..faults import Decision
     from ..flightlog import FlightLog
     from ..kernels.progress import Progress
     from ..library import ReadyLog
     from ..provenance import Provenance
     from ..report.content import ReportContent
+    from ..shapes import Kind
 
 # Exit codes of --strict without a trustworthy answer, and of --fail-on with a declared fault.
 NO_ANSWER, FAULT_DECLARED = 4, 10
@@ -34,6 +36,10 @@ ANSWERS: dict[str, Callable[[Asked], Answer]] = {}
 
 class Decided(Protocol):
     """A result from which the exit code follows."""
+
+    @property
+    def verdicts(self) -> Mapping[Kind, Decision]:
+        """On each kind of fault."""
 
     @property
     def decision(self) -> str:
@@ -54,6 +60,7 @@ class Answer:
     log_sha256 : of the log, "" without one.
     dictionary : that was used.
     decided : the result of a command with `--strict` and `--fail-on`.
+    deviates : whether an error is declared that surely lies within its tolerance, and is no fault.
     """
 
     document: Callable[[Provenance], Mapping[str, Any]]
@@ -61,6 +68,7 @@ class Answer:
     log_sha256: str
     dictionary: Dictionary | None = None
     decided: Decided | None = None
+    deviates: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -151,10 +159,13 @@ def analysis(
                 seed=config.seed,
             )
             document = answer.document(origin)
-            shown = partial(answer.content, document)
+            shown, code, decided = partial(answer.content, document), 0, answer.decided
+            if decided is not None:
+                code = exit_code_of(decided.decision, config, is_trusted=decided.is_trusted, deviates=answer.deviates)
+                if code == NO_ANSWER:
+                    shown = partial(_with_reason, shown, _why_not_trusted(decided, config))
             emit(shown, document, given, units=config.shown_units, origin=origin, inputs=inputs)
-            if (decided := answer.decided) is not None:
-                code = exit_code_of(decided.decision, config, is_trusted=decided.is_trusted)
+            if code:
                 click.get_current_context().exit(code)
 
         ANSWERS[name] = answer_to
@@ -172,11 +183,32 @@ def _only_log(logs: Sequence[str]) -> str:
     return logs[0]
 
 
-def exit_code_of(decision: str, config: Config, *, is_trusted: bool) -> int:
-    """Return the exit code: 4 for --strict and an answer that is not trusted, 10 for --fail-on and a fault, else 0."""
+def exit_code_of(decision: str, config: Config, *, is_trusted: bool, deviates: bool = False) -> int:
+    """Return the exit code: 4 for --strict and an answer that is not trusted, 10 for what --fail-on names, else 0."""
     if config.strict and not is_trusted:
         return NO_ANSWER
-    return FAULT_DECLARED if config.fail_on == "fault" and decision == "fault" else 0
+    is_named = (config.fail_on is not None and decision == "fault") or (config.fail_on == "deviation" and deviates)
+    return FAULT_DECLARED if is_named else 0
+
+
+def _why_not_trusted(decided: Decided, config: Config) -> str:
+    """Return why `--strict` does not accept an answer."""
+    from ..report.first_screen import NOUNS
+
+    nouns = [NOUNS[kind][1] for kind in config.require if decided.verdicts[kind] == "inconclusive"]
+    if decided.decision == "inconclusive" and nouns:
+        return f"{', '.join(nouns)} not excluded"
+    return "false-alarm rate unknown"
+
+
+def _with_reason(content_in: Callable[[Units], ReportContent], why: str, units: Units) -> ReportContent:
+    """Return a report whose first line says why its exit code is 4."""
+    content = content_in(units)
+    if content.screen is None:
+        return content
+    headline = content.screen.headline
+    headline = replace(headline, text=f"{headline.text}; --strict: {why}")
+    return replace(content, verdict=headline.text, screen=replace(content.screen, headline=headline))
 
 
 def log_of(path: str, config: Config) -> FlightLog:

@@ -29,7 +29,7 @@ from .output import note
     from_s="Start of the part that is diagnosed.  [default: take-off]",
     to_s="End of it, in the log's seconds.  [default: landing]",
     strict="Exit 4 where the log cannot tell.",
-    fail_on="Exit 10 where a fault is declared.",
+    fail_on="Exit 10 where a fault is declared; deviation: also where an error within its tolerance is.",
 )
 def command(asked: Asked) -> Answer:
     """Say which air-data fault hit the flight of each LOG, when, how large and how sure: every analysis that it allows.
@@ -61,4 +61,5 @@ def command(asked: Asked) -> Answer:
         content=diagnose_content,
         log_sha256=flight.sha256,
         decided=result,
+        deviates=bool(result.deviations),
     )

@@ -321,5 +321,8 @@ def _exit_code(answers: Sequence[LogAnswer], config: Config) -> int:
     read = [one for one in answers if not one.error]
     if not read:
         return max(codes, default=0)
-    by_log = {exit_code_of(one.decision, config, is_trusted=one.is_trusted) for one in read}
+    by_log = {
+        exit_code_of(one.decision, config, is_trusted=one.is_trusted, deviates=bool(one.flight.get("deviations")))
+        for one in read
+    }
     return min(by_log - {0}, default=0)

@@ -277,8 +277,8 @@ force  --force  -  -  flag
     Replace files that bfi did not write; never an input.
 strict  --strict  strict  -  request
     Exit 4 where there is no trustworthy answer.
-fail_on  --fail-on  fail_on  fault  text
-    Exit 10 where a fault is declared.
+fail_on  --fail-on  fail_on  fault|deviation  text
+    Exit 10 where a fault is declared; deviation: an error within its tolerance too.
 progress  --progress/--no-progress  -  -  choice
     Show progress on stderr.  [default: on a terminal]
 verbose  --verbose,-v  -  -  flag

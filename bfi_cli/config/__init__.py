@@ -389,8 +389,8 @@ class Config(Rules):
     seed: Annotated[Whole, Field(ge=0)] = 0
     strict: StrictBool = False
     """Whether an answer that cannot be trusted is exit code 4."""
-    fail_on: Literal["fault"] | None = None
-    """Exit code 10 when a fault is declared."""
+    fail_on: Literal["fault", "deviation"] | None = None
+    """Exit code 10 when a fault is declared; deviation: also when an error within its tolerance is."""
 
     _path: str | None = PrivateAttr(default=None)
     _sha256: str | None = PrivateAttr(default=None)

@@ -67,7 +67,7 @@ def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
         if state == "deviation":
             doubt = f", within its tolerance{_tolerance_of(first, result.limits, units)}"
         headline = Headline(state=state, channel=_channel(first.fault), text=f"{text}{doubt}")
-    bounds = _bounds_in_words(result.limits, units, headline.state)
+    bounds = _bounds_in_words(result, units, headline.state)
     notes = note_lines(result.notes, units)
     wrong = first.channels if first is not None and headline.state == "fault" else ()
     return Screen(
@@ -123,11 +123,12 @@ def _worst(limits: Sequence[FlightLimit]) -> FlightLimit | None:
     return max(mostly, key=lambda one: beside_tolerance(one.effect, one.tolerance), default=None)
 
 
-def _bounds_in_words(limits: Sequence[FlightLimit], units: Units, state: State) -> dict[Label, list[str]]:
+def _bounds_in_words(result: DiagnoseResult, units: Units, state: State) -> dict[Label, list[str]]:
     """Return what would have been found of slow faults, or could still be there."""
-    worst = _worst(limits)
+    worst = _worst(result.limits)
     if worst is None:
-        return {}
+        other = "another" if result.verdicts["slow"] == "fault" else "a"
+        return {"Still possible": [f"{other} slow error of any size"]}
     most = f"in {worst.holds_in:.0%} of the checked flight".replace("%", " %")
     if worst.effect is None:
         return {"Still possible": [f"a slow error of {channel_in_words(worst.channel)} of any size"]}

@@ -99,7 +99,7 @@ def _reasons(flight: Flight, declared: Sequence[Window]) -> list[tuple[Window, s
     """Return the stretches in which slow faults are not looked for, and why, the first that holds first."""
     return [
         *(((one.from_s, one.to_s), NO_SPEED) for one in flight.part_phases if one.phase == NO_AIRSPEED),
-        *((window, "a declared fault hides others") for window in declared),
+        *((window, "the fault there masks others") for window in declared),
         *(
             ((one.from_s, one.to_s), f"{one.phase}: no slow fault is looked for")
             for one in flight.part_phases

@@ -66,10 +66,8 @@ def sentence_of(
         sentences.append(_of_slow_faults(limits, excluded=verdicts["slow"] == "no_fault") + _except(unwatched))
     kinds = [noun for kind, noun in STEPS.items() if verdicts[kind] == "inconclusive"]
     if kinds and looked_for_steps:
-        beside = " beside these events" if events else ""
-        none = " and ".join(f"no {noun}" for noun, _ in kinds)
-        where = _except(unwatched_by_steps)
-        sentences.append(f"{none} is declared{beside}{where}; bfi start-time says how large one could be unseen")
+        other = "no other" if events else "no"
+        sentences.append(f"{other} {' or '.join(noun for noun, _ in kinds)} found{_except(unwatched_by_steps)}")
     elif kinds:
         sentences.append(f"{' or '.join(noun for _, noun in kinds)} was not looked for")
     return "; ".join(sentences)
@@ -112,4 +110,4 @@ def _except(unwatched: Sequence[Unwatched]) -> str:
     said = ", ".join(f"{one.from_s:.0f} to {one.to_s:.0f} s ({one.why})" for one in longest)
     rest = unwatched[SHOWN:] and sum(one.seconds for one in unwatched) - sum(one.seconds for one in longest)
     more = f", and {rest:.0f} s elsewhere" if rest else ""
-    return f"; not watched for that: {said}{more}"
+    return f"; not checked {said}{more}"

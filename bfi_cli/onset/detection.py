@@ -159,7 +159,7 @@ def search_onsets(
     faults, covered = declared_faults(record, estimates, tolerances), covered_s(record, order)
     notes = [*(Note.limit(why) for _, why in doubted), *rule.notes, *_notes(record, faults, rule, verdict)]
     if not estimates and not rule.use.matches:
-        notes.insert(0, _strongest_suspect(record, first.of(verdict.shape), verdict))
+        notes.append(_strongest_suspect(record, first.of(verdict.shape), verdict))
     return OnsetSearch(
         method="scan",
         record=record,

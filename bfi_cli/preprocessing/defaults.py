@@ -256,5 +256,5 @@ def what_would_help(log: FlightLog, config: Config, verdicts: Mapping[Kind, Deci
         helps.append("a window with less turbulence and a manoeuvre")
     decided = [kind for kind in verdicts if kind not in left]
     if left == ["slow"] and decided:
-        helps.append(f"or ask only for what the log can tell: --require {','.join(decided)}")
+        helps.append(f"{'or ' if helps else ''}ask only for what the log can tell: --require {','.join(decided)}")
     return Note.advice(f"for {', '.join(left)} faults: {', '.join(helps)}") if helps else None

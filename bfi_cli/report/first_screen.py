@@ -269,7 +269,8 @@ def window_screen(answer: OfWindow, units: Units = SI, *, own: Mapping[str, str]
     own : units of the outputs by channel.
     named : whether faults have names of a dictionary.
     """
-    faults, candidates = answer.faults, answer.candidates
+    # What surely lies within its tolerance comes last.
+    faults, candidates = sorted(answer.faults, key=lambda one: one.beyond_tolerance is False), answer.candidates
     if contradicted := contradiction(answer.plausibility, answer.notes, units):
         return contradicted
     tolerances = {one.channel: one.tolerance for one in candidates if one.tolerance is not None}

@@ -22,6 +22,7 @@ NAME_LETTERS, CELL_LETTERS = 32, 240
 WORD_LETTERS = 60
 # Columns from which a first screen keeps to its rows.
 LEAST_WIDTH = 100
+FEW = 3  # parts of a line, one for each kind of fault
 COLOURS = {"fault": "bold red", "no_fault": "bold green", "inconclusive": "bold yellow", None: "bold"}
 
 
@@ -75,9 +76,12 @@ def print_screen(content: ReportContent, console: Console) -> None:
 
 
 def _fitting(line: Line, width: int) -> str:
-    """Return the parts of a line that fit in a row, the first always, and how many more there are."""
+    """Return the parts of a line that fit in a row, the first always, and how many more there are.
+
+    A line of few parts may take two rows.
+    """
     parts = [printable(part) for part in line.parts]
-    room = width - len(line.label) - 2
+    room = (2 if len(parts) <= FEW else 1) * width - len(line.label) - 2
     for n in range(len(parts), 1, -1):
         more = f"; {len(parts) - n} more: --verbose" if n < len(parts) else ""
         if len(text := "; ".join(parts[:n]) + more) <= room:

@@ -14,7 +14,7 @@ from .decision import (
     KINDS,
     Evidence,
     decide,
-    not_excluded_by,
+    not_excluded,
     verdicts_of,
     with_limit_of_scan,
 )
@@ -38,7 +38,7 @@ from .preprocessing.defaults import require_one_trim
 from .preprocessing.sampling_rate import require_one_model, slowest_rate_hz
 from .preprocessing.window import must_resample, with_inputs_of
 from .report.text import instant, quantity
-from .shapes import OF_LINES, SHAPES, Kind
+from .shapes import OF_LINES, SHAPES, Kind, Shape
 from .truth import Comparison, compare_by_onset
 
 # Samples by which an estimated onset may miss the injected one: one for the estimate, half a one for the resampling.
@@ -248,7 +248,7 @@ def _identify_entries(
             progress,
             kinds=kinds,
             claims=[kind for kind in KINDS if kind not in looked_for or kinds or found.faults],
-            as_measured=part if found.faults else None,
+            known=found.faults,
         )
     if isinstance(searched, str):
         found = found if exact else _within_tolerance(found, None, config)
@@ -256,8 +256,11 @@ def _identify_entries(
         notes = (*physics.notes, Note.limit(searched))
         return result_of(log, config, found, said, _not_scanned(searched), notes=notes)
     found = _within_tolerance(found, searched, config)
-    if found.faults:
-        found = replace(found, candidates=not_excluded_by(found.candidates, searched.evidence.candidates))
+    found = replace(
+        found,
+        candidates=not_excluded(found.candidates, searched.rivals),
+        faults=tuple(_with_rivals(one, searched.rivals) for one in found.faults),
+    )
     said = conclusion_of(log, config, [found.evidence, _beside_entries(searched.evidence, looked_for), physics])
     joint = None
     if any(one.source != "dictionary" for one in said.faults):
@@ -275,6 +278,13 @@ def _identify_entries(
     )
 
 
+def _with_rivals(fault: FaultEstimate, rivals: Collection[tuple[Shape, str]]) -> FaultEstimate:
+    """Return a fault that is told from no fault of another kind which may stand in its place."""
+    kind, channel = SHAPES[fault.fault.shape].kind, fault.fault.channel
+    others = [shape for shape, on in sorted(rivals) if on == channel and SHAPES[shape].kind != kind]
+    return replace(fault, among=tuple(dict.fromkeys((*fault.among, *others))))
+
+
 def _scan_beside(
     window: FlightLog,
     config: Config,
@@ -283,7 +293,7 @@ def _scan_beside(
     *,
     kinds: Sequence[Fault],
     claims: Collection[Kind],
-    as_measured: FlightLog | None,
+    known: Sequence[FaultEstimate],
 ) -> OnsetSearch | str:
     """Search all onsets of a window beside entries of a dictionary that state theirs, or return why not.
 
@@ -292,21 +302,19 @@ def _scan_beside(
 
     Parameters
     ----------
-    window : of the log, less the faults that are known; as_measured : the same with them, None where none is known.
+    window : of the log, less the faults that are known; known : these.
     entries : of the dictionary, on the axis of the window.
     kinds : entries whose onsets are searched; without them every kind is.
     claims : the kinds of fault of which limits are sought, as the dictionary has none of them.
     """
     try:
-        known = [name for name in (*config.inputs, *config.outputs) if name in window.channels]
-        must_resample(window, known, config.conditioning.rate_hz)
+        channels = [name for name in (*config.inputs, *config.outputs) if name in window.channels]
+        must_resample(window, channels, config.conditioning.rate_hz)
         scanning = merge(config, {"method": "ml", "model.feedthrough": config.feedthrough})
         if config.start_time.calibration == "self":
             scan = scanning.start_time.model_copy(update={"calibration": None})
             scanning = scanning.model_copy(update={"start_time": scan})
-        return search_onsets(
-            window, scanning, progress, kinds=kinds, entries=entries, claims=claims, as_measured=as_measured
-        )
+        return search_onsets(window, scanning, progress, kinds=kinds, entries=entries, claims=claims, known=known)
     except (ConfigError, LogError) as problem:
         return f"not scanned for other onsets: {problem}"
 

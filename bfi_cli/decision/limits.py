@@ -1,16 +1,15 @@
-"""What a limit holds for: onsets that could be tested, and the record with and without what is declared."""
+"""What a limit holds for: onsets that could be tested, and only what may not stand in place of a declared fault."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from .candidate import Candidate, with_limit
-from .verdict import verdicts_of
 
 # The note of an entry of a dictionary that counts for no verdict, since no analysis of the window could tell.
 UNTESTED = "too near an end of the window"
-STANDS_FOR = "possible if the declared fault is of another kind"
+IN_PLACE = "in place of what is declared it would explain the log nearly as well"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,30 +63,16 @@ def with_limit_of_scan(
     return replace(bounded, note=candidate.note) if candidate.magnitude is None else bounded
 
 
-def worst_view(views: Sequence[Candidate]) -> Candidate:
-    """Return what the first view of a record says of a fault, with the largest limits of all views.
+def not_excluded(candidates: Sequence[Candidate], rivals: Collection[tuple[str, str]]) -> tuple[Candidate, ...]:
+    """Return candidates with none excluded that may stand in place of a declared fault.
 
-    The first is the record less the declared faults. These may stand for another fault, as a lag does for a slow
-    oscillation, which the record less them does not show any more: nothing is excluded that another view admits.
+    Parameters
+    ----------
+    rivals : shape and channel of what may.
     """
-    worst, *others = views
-    for other in others:
-        if worst.effect is not None and (other.effect is None or other.effect > worst.effect):
-            bounded = with_limit(worst, other.effect, other.excluded_above)
-            worst = bounded if bounded.state == worst.state else replace(bounded, note=STANDS_FOR)
-    return worst
-
-
-def not_excluded_by(candidates: Sequence[Candidate], searched: Sequence[Candidate]) -> tuple[Candidate, ...]:
-    """Return candidates with no claim on a kind of which a search of the record as it was measured makes none.
-
-    As in `worst_view`, what is declared may stand for another fault of that kind.
-    """
-    verdicts = verdicts_of(candidates)
-    open_kinds = {one.kind for one in searched if one.state == "not_seen" and verdicts[one.kind] == "no_fault"}
     return tuple(
-        replace(one, state="not_seen", excluded_above=None, effect=None, note=STANDS_FOR)
-        if one.kind in open_kinds and one.state == "excluded"
+        replace(one, state="not_seen", excluded_above=None, effect=None, note=IN_PLACE)
+        if one.state == "excluded" and (one.shape, one.channel) in rivals
         else one
         for one in candidates
     )

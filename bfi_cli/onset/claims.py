@@ -14,11 +14,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from operator import itemgetter
 
 import numpy as np
 
-from ..decision import KINDS, UNTESTED, Candidate, ScanLimit, candidate_of, finite, kind_of, with_limit, worst_view
+from ..decision import KINDS, UNTESTED, Candidate, ScanLimit, candidate_of, finite, kind_of, with_limit
 from ..faults import Fault
 from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.normal import ONE_SIDED_90, ONE_SIDED_95
@@ -38,8 +37,8 @@ from ..preprocessing.tolerance import is_any
 from ..report.text import instant
 from ..shapes import SHAPES, Kind, Shape
 from .decision import Rule
-from .estimate import Estimate, subtract_faults
-from .scan import HypothesisScan, Peak, fault_free_bic, scan_of
+from .estimate import Estimate
+from .scan import HypothesisScan, Peak
 from .scan_record import ScanRecord
 from .shapes import LARGEST_SHARE, ShapeHypothesis, fault_of, waveform
 
@@ -141,9 +140,10 @@ def claims_of(
     estimates: Sequence[Estimate],
     rule: Rule,
     tolerances: Mapping[str, float],
-    views: Sequence[Sequence[Scan]],
+    scans: Sequence[Scan],
     *,
     order: int,
+    rivals: Collection[tuple[Shape, int]] = (),
     doubted: Mapping[tuple[Shape, int], str],
     claims: Collection[Kind] = KINDS,
     report: Report = silent,
@@ -154,8 +154,9 @@ def claims_of(
     ----------
     first : scan of the outputs as measured.
     estimates : the declared faults; rule : by which they were.
-    tolerances : by output; views : see `views_of`.
+    tolerances : by output; scans : of each, see `rivals.scans_beside`.
     order : of the model that is left without the faults.
+    rivals : shape and output of what may stand in place of a declared fault: it is suspected.
     claims : kinds of fault of which limits are sought; of others there is a candidate where it stands out.
     doubted : why a shape on an output that stands out is not declared.
     report : called with the fraction that is done.
@@ -196,10 +197,11 @@ def claims_of(
         suspicion = doubted.get((shape, output))
         if suspicion is None and peak is not None:
             suspicion = _suspicion(rule, first, estimates, peak, order)
+        if suspicion is None and (shape, output) in rivals:
+            suspicion = f"a {shape} in place of what is declared would explain the log nearly as well"
         if kind in claims:
-            view = _weighed if shape in WEIGHED else _sized
-            of_views = parts(of_shape, views[output])
-            candidate = worst_view([view(record, scan, rule, candidate, form, peak, part) for scan, part in of_views])
+            bounded = _weighed if shape in WEIGHED else _sized
+            candidate = bounded(record, scans[output], rule, candidate, form, peak, of_shape)
         elif suspicion is None:
             continue
         if suspicion is not None:
@@ -227,40 +229,6 @@ def _checked(record: ScanRecord, shape: Shape, output: int, order: int) -> tuple
     first_s, last_s = record.kinds.onsets_of(shape, output)
     span = (max(earliest_s, first_s), min(latest_s, last_s))
     return (span,) if span[0] <= span[1] else ()
-
-
-def views_of(
-    record: ScanRecord, estimates: Sequence[Estimate], *, order: int, order_as_measured: int
-) -> list[tuple[Scan, ...]]:
-    """Return, for every output, the record less the declared faults and, where some are on it, as it was measured.
-
-    A declared fault may stand for another, as a lag does for a slow oscillation, and the record less the lag does not
-    show the oscillation any more. So nothing is excluded that the record as measured does not exclude, too.
-    """
-    y = subtract_faults(record.y, *estimates)
-    views: list[tuple[Scan, ...]] = []
-    for i in range(y.shape[1]):
-        corrected = scan_of(record, y, order, output=i)
-        if any(fault.form.output == i for fault in estimates):
-            views.append((corrected, scan_of(record, record.y, order_as_measured, output=i)))
-        else:
-            views.append((corrected,))
-    return views
-
-
-def with_views_of(
-    measured: ScanRecord, record: ScanRecord, views: Sequence[tuple[Scan, ...]]
-) -> list[tuple[Scan, ...]]:
-    """Return views and, of every output, the record before known faults were subtracted, at the order of least BIC."""
-    if measured.y.shape != record.y.shape:
-        return list(views)
-    y, more = measured.y * (measured.unit / record.unit), []  # scaled alike
-    for i, of_output in enumerate(views):
-        first = max(measured.orders)
-        scans = {order: scan_of(measured, y, order, output=i, first=first) for order in measured.orders}
-        suits = min(scans, key=lambda order: fault_free_bic(measured, scans[order]))
-        more.append((*of_output, scan_of(measured, y, suits, output=i)))
-    return more
 
 
 def _sized(
@@ -417,7 +385,7 @@ def limits_near_onsets(
     faults: Sequence[Fault],
     tolerance_s: float,
     tolerances: Mapping[str, float],
-    views: Sequence[Sequence[Scan]],
+    scans: Sequence[Scan],
     *,
     report: Report = silent,
 ) -> tuple[ScanLimit | None, ...]:
@@ -427,11 +395,11 @@ def limits_near_onsets(
 
     Parameters
     ----------
-    faults : of the dictionary; `tolerances` and `views` as in `claims_of`.
+    faults : of the dictionary; `tolerances` and `scans` as in `claims_of`.
     tolerance_s : how far the onset of a fault may be from that of the dictionary.
     report : called with the fraction that is done.
     """
-    of_forms = dict[ShapeHypothesis, list[Limits | Likeliness | None]]()
+    of_forms = dict[ShapeHypothesis, Limits | Likeliness | None]()
     # An onset lies between two samples of the analysis.
     near_s = tolerance_s + 1.0 / record.settings.rate_hz
     limits: list[ScanLimit | None] = []
@@ -446,18 +414,17 @@ def limits_near_onsets(
         form = ShapeHypothesis(shape=shape, output=output, parameter=parameter, file=fault.file)
         scale, slope = float(record.unit[output]), abs(fault.slope or 1.0)  # a slope is so many times the hypothesis's
         if form not in of_forms:
-            of_forms[form] = [
+            scan = scans[output]
+            of_forms[form] = (
                 _likeliness(record, scan, form, tolerances[fault.channel] / scale)
                 if shape in WEIGHED
                 else _limits(record, scan, form, rule.threshold(shape))
-                for scan in views[output]
-            ]
-        of_views = [_near(of_view, fault.onset_s, near_s) for of_view in of_forms[form]]
-        covered = [hidden for hidden in of_views if hidden is not None]
-        if len(covered) < len(of_views):
+            )
+        hidden = _near(of_forms[form], fault.onset_s, near_s)
+        if hidden is None:
             limits.append(ScanLimit(covered=False))
             continue
-        excluded, effect = max(covered, key=itemgetter(1))
+        excluded, effect = hidden
         known_size = not is_any(scale * effect, record.window.log, fault.channel)
         limits.append(
             ScanLimit(
@@ -494,18 +461,30 @@ def _claimed(
         return _built_up(record, shape, output)
     if shape != "sine":
         return [scanned for scanned in record.forms if (scanned.shape, scanned.output) == (shape, output)]
-    low, high = record.band_hz
-    low = max(low, CLAIMED_CYCLES / record.settings.duration_s)
+    low, high = _claimed_band_hz(record)
     if low >= high:
         return []
-    rate_hz = record.sampling.rate_hz
-    grid = frequency_grid(scan, (record.band_hz[0] / rate_hz, high / rate_hz))
-    stands_out = peaks(np.where(rate_hz * grid < low, 0.0, screen_grid(scan, grid, report)), PEAKS)
-    stands_out = stands_out[rate_hz * grid[stands_out] >= low]
-    values = {*np.geomspace(low, high, FREQUENCIES).tolist(), *(rate_hz * grid[stands_out]).tolist()}
+    values = {*np.geomspace(low, high, FREQUENCIES).tolist(), *standing_out_hz(record, scan, report)}
     likeliest = None if peak is None else peak.form.parameter
     values |= set() if likeliest is None or not low <= likeliest <= high else {likeliest}
     return [ShapeHypothesis(shape=shape, output=output, parameter=f) for f in sorted(values)]
+
+
+def _claimed_band_hz(record: ScanRecord) -> tuple[float, float]:
+    """Return the lowest and the highest frequency of a claim about oscillations; none where they are not in order."""
+    low, high = record.band_hz
+    return max(low, CLAIMED_CYCLES / record.settings.duration_s), high
+
+
+def standing_out_hz(record: ScanRecord, scan: Scan, report: Report = silent) -> list[float]:
+    """Return the frequencies of a claim about oscillations that stand out on the grid of the scan, the most first."""
+    (low, high), rate_hz = _claimed_band_hz(record), record.sampling.rate_hz
+    if low >= high:
+        return []
+    grid = frequency_grid(scan, (record.band_hz[0] / rate_hz, high / rate_hz))
+    claimed = rate_hz * grid >= low
+    stands_out = peaks(np.where(claimed, screen_grid(scan, grid, report), 0.0), PEAKS)
+    return [float(rate_hz * grid[k]) for k in stands_out if claimed[k]]
 
 
 def _built_up(record: ScanRecord, shape: Shape, output: int) -> list[ShapeHypothesis]:

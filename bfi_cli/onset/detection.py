@@ -25,12 +25,13 @@ from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
 from ..report.text import instant, quantity
 from ..shapes import Kind
-from .claims import claims_of, covered_s, limits_near_onsets, views_of, with_views_of
+from .claims import claims_of, covered_s, limits_near_onsets
 from .confirmation import unconfirmed
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, subtract_faults, unit_signals
 from .magnitudes import measure
 from .result import OnsetResult
+from .rivals import known_faults, rivals_of, scans_beside, with_rivals
 from .scan import HypothesisScan, Peak, bic_change, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import ScanRecord, prepare_record
 from .search import OnsetSearch, declared_faults, result_of
@@ -97,7 +98,7 @@ def search_onsets(
     kinds: Sequence[Fault] = (),
     entries: Sequence[Fault] = (),
     claims: Collection[Kind] = KINDS,
-    as_measured: FlightLog | None = None,
+    known: Sequence[FaultEstimate] = (),
 ) -> OnsetSearch:
     """Search a window for faults by a scan over all onsets, and return the evidence without a conclusion.
 
@@ -118,7 +119,7 @@ def search_onsets(
     kinds : entries of a dictionary whose onsets are searched, on the axis of the log; without them every kind is.
     entries : with stated onsets, for each of which the result says how large it would have to be for the scan.
     claims : the kinds of fault of which limits are sought.
-    as_measured : the log before known faults were subtracted from it; nothing is excluded that it does not exclude too.
+    known : faults that were subtracted from the log; limits leave their magnitudes free.
     """
     config = with_inputs_of(log, config)
     with threadpool_limits(1):
@@ -135,19 +136,21 @@ def search_onsets(
         tolerances = tolerances_of(log, record.window.log, config.outputs, config)
         of_limits = partial(progress, "what could not have been seen")
         of_entries, limiting = shares(of_limits, len(entries) / 8, 2)
-        views = views_of(record, estimates, order=order, order_as_measured=first.order)
+        y, declared = subtract_faults(record.y, *estimates), [*known_faults(record, known), *estimates]
+        scans = scans_beside(record, y, declared, order)
         of_dictionary = limits_near_onsets(
-            record, rule, entries, config.onset_tolerance_s, tolerances, views, report=of_entries
+            record, rule, entries, config.onset_tolerance_s, tolerances, scans, report=of_entries
         )
-        if as_measured is not None:
-            views = with_views_of(prepare_record(as_measured, config, entries=kinds), record, views)
+        declared = with_rivals(record, y, declared, tolerances, order=order)
+        estimates = declared[len(declared) - len(estimates) :]
         candidates = claims_of(
             record,
             first,
             estimates,
             rule,
             tolerances,
-            views,
+            scans,
+            rivals=rivals_of(declared),
             doubted={(fault.form.shape, fault.form.output): why for fault, why in doubted},
             claims=claims,
             order=order,
@@ -172,6 +175,7 @@ def search_onsets(
         verdict=verdict,
         covered_s=covered,
         of_dictionary=of_dictionary,
+        rivals=frozenset((shape, config.outputs[output]) for shape, output in rivals_of(declared)),
     )
 
 

@@ -180,14 +180,23 @@ def _scan_at_order(record: ScanRecord, y: FloatArray, order: int, report: Report
     return tuple(scan_hypothesis(record, scans[form.output], form, own) for form, own in of_forms)
 
 
-def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first: int | None = None) -> Scan:
+def scan_of(
+    record: ScanRecord,
+    y: FloatArray,
+    order: int,
+    *,
+    output: int,
+    first: int | None = None,
+    nuisances: FloatArray | None = None,
+) -> Scan:
     """Return the factorised record for faults of one output, kept from an earlier call where y is the same.
 
     Parameters
     ----------
     first : the first row of the regression is this sample; `order` if None. The same for all orders to be compared.
+    nuisances : (n_rows, n) further regressors, None for none.
     """
-    key = hash(y.tobytes()), order, output, first or order
+    key = hash(y.tobytes()), order, output, first or order, None if nuisances is None else hash(nuisances.tobytes())
     if key not in record.scans:
         rows = slice((first or order) - order, None)
         while len(record.scans) >= REMEMBERED:
@@ -200,6 +209,7 @@ def scan_of(record: ScanRecord, y: FloatArray, order: int, *, output: int, first
             channel=output,
             weights=None if record.layout.weights is None else record.layout.weights[rows],
             floor=record.floor,
+            nuisances=nuisances,
         )
     return record.scans[key]
 

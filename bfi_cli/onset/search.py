@@ -15,6 +15,7 @@ from ..kernels.whiteness import exceedances, robust_sd
 from ..notes import Note
 from ..preprocessing.summary import ModelSummary, noise_of
 from ..report.text import instant
+from ..shapes import Shape
 from .decision import Rule, Verdict
 from .estimate import Estimate, subtract_faults
 from .result import OnsetResult, OnsetSeries, ShapeProfile
@@ -35,6 +36,7 @@ class OnsetSearch:
     rule, verdict : what decided; None where the method has no test.
     covered_s : first and last onset for which the claims hold, None where the method makes no claim.
     of_dictionary : limits of the faults that were asked for, in their order.
+    rivals : shape and channel of what may stand in place of a declared fault.
     """
 
     method: str
@@ -48,6 +50,7 @@ class OnsetSearch:
     verdict: Verdict | None = None
     covered_s: tuple[float, float] | None = None
     of_dictionary: tuple[ScanLimit | None, ...] = ()
+    rivals: frozenset[tuple[Shape, str]] = frozenset()
 
     @cached_property
     def peaks(self) -> tuple[Peak, ...]:

@@ -125,6 +125,7 @@ def prepare_scan(
     channel: int = 0,
     weights: FloatArray | None = None,
     floor: float | None = None,
+    nuisances: FloatArray | None = None,
 ) -> Scan:
     """Factorise a record for scanning faults in one of its outputs.
 
@@ -137,6 +138,7 @@ def prepare_scan(
     weights : (n_samples,) by which rows are multiplied, None for 1.
     floor : standard deviation of a white noise the outputs are taken to carry besides their own, in the units of y;
         by default 1e-9 of each output's rms off the base. Without any, noise-free data divide zero by zero.
+    nuisances : (n_samples - order, n) further regressors of the rows, None for none.
 
     Raises
     ------
@@ -158,6 +160,8 @@ def prepare_scan(
     base = np.hstack(
         [lagged(u, range(0 if feedthrough else 1, order + 1)), lagged(others, range(1, order + 1), first=order)]
     )
+    if nuisances is not None:
+        base = np.hstack([base, nuisances])
     base = np.hstack([np.ones((len(base), 1)), base - base.mean(axis=0)])
     rows = np.ones(len(base)) if weights is None else weights[order:]
     base *= rows[:, None]

@@ -1,8 +1,8 @@
 """Make what is generated in this folder, or check that it is up to date.
 
-    python docs/generate.py            write commands.md, api.md, the tables of formats.md, the outputs of guide.md
+    python docs/generate.py            write commands.md, api.md, tables of formats.md, outputs of guide and README
     python docs/generate.py --check    write nothing; exit 1 and name what is out of date
-    python docs/generate.py --fast     leave out guide.md, whose commands take a minute
+    python docs/generate.py --fast     leave out the outputs, whose commands take a minute
 
 Pages are made from the click tree, the JSON schemas in `configs/schema` and the source's docstrings alone, and come out
 the same on any machine. Outputs of commands are numbers: one that is shown is kept where the command still agrees with
@@ -27,6 +27,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
+README = ROOT / "README.md"
 sys.path.insert(0, str(ROOT))
 
 COLUMNS = 100  # width of the terminal in the guide: what a page shows without scrolling
@@ -356,6 +357,14 @@ def guide_page(text: str, folder: Path) -> str:
     return "".join(parts) + text[end:]
 
 
+def readme_page(text: str, folder: Path) -> str:
+    """Return the README with the output of its example, the block behind `<!-- example -->`."""
+    example = re.search(r"<!-- example -->\n```sh\n.*?```\n\n```text\n.*?```\n", text, re.DOTALL)
+    if example is None:
+        raise SystemExit("README.md: no example with its output")
+    return text[: example.start()] + guide_page(example[0], folder) + text[example.end() :]
+
+
 def terminal_output(line: str, folder: Path) -> str:
     """Run one command line as on a terminal of 100 columns without colours, and return what it prints."""
     words = shlex.split(line)
@@ -419,6 +428,8 @@ def main() -> int:
         guide = DOCS / "guide.md"
         with tempfile.TemporaryDirectory() as folder:
             made[guide] = guide_page(guide.read_text("utf-8"), Path(folder))
+        with tempfile.TemporaryDirectory() as folder:
+            made[README] = readme_page(README.read_text("utf-8"), Path(folder))
     stale = [path for path, text in made.items() if not path.exists() or path.read_text("utf-8") != text]
     for path in stale:
         if not wanted.check:

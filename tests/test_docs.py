@@ -65,6 +65,12 @@ def test_the_guide_shows_what_its_commands_print(generate: ModuleType, tmp_path:
     assert shown.count("```sh\n") >= 6
 
 
+@pytest.mark.slow
+def test_the_readme_shows_what_its_example_prints(generate: ModuleType, tmp_path: Path) -> None:
+    shown = (ROOT / "README.md").read_text("utf-8")
+    assert generate.readme_page(shown, tmp_path) == shown, "run python docs/generate.py"
+
+
 @pytest.mark.parametrize(
     ("before", "after", "agree"),
     [

@@ -61,6 +61,7 @@ class Answer:
     dictionary : that was used.
     decided : the result of a command with `--strict` and `--fail-on`.
     deviates : whether an error is declared that surely lies within its tolerance, and is no fault.
+    log : of a command of which flights are compared, as it was read.
     """
 
     document: Callable[[Provenance], Mapping[str, Any]]
@@ -69,6 +70,7 @@ class Answer:
     dictionary: Dictionary | None = None
     decided: Decided | None = None
     deviates: bool = False
+    log: FlightLog | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

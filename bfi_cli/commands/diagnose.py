@@ -25,6 +25,7 @@ from .output import note
         type=click.Path(path_type=Path),
         help="Write a row for each event, for PlotJuggler or a spreadsheet.",
     ),
+    "by",
     many=answer_fleet,
     from_s="Start of the part that is diagnosed.  [default: take-off]",
     to_s="End of it, in the log's seconds.  [default: landing]",
@@ -62,4 +63,5 @@ def command(asked: Asked) -> Answer:
         log_sha256=flight.sha256,
         decided=result,
         deviates=bool(result.deviations),
+        log=flight,
     )

@@ -23,10 +23,11 @@ from .progress import progress
 if TYPE_CHECKING:
     from ..config import Config
     from ..fleet import FleetLog, LogAnswer, Outcome, Store, Task
+    from ..fleet.trends import FleetTrend
     from ..provenance import Provenance
 
 # Options that ask for an answer to many logs, whatever their number.
-OF_SEVERAL = ("recursive", "list_file", "jsonl", "scheduler")
+OF_SEVERAL = ("recursive", "list_file", "jsonl", "scheduler", "by")
 # What is about one log: refused with several, by the option's name in the table, with what serves in its place.
 OF_A_LOG = {
     "series": "result.json in the folder of each log has them; give --out DIR",
@@ -71,10 +72,11 @@ def answer_fleet(kind: str, given: Mapping[str, Any], config: Config) -> int | N
     ConfigError : an option is about one log, or a file may not be written.
     LogError : there is no log.
     """
-    from ..fleet import Store, is_fleet, logs_of, run_fleet
+    from ..files import replace_files
+    from ..fleet import Store, fleet_files, is_fleet, logs_of, remove_left_over, run_fleet, trends_of
     from ..provenance import provenance
 
-    if not is_fleet(given["logs"]) and not any(given[name] for name in OF_SEVERAL):
+    if not is_fleet(given["logs"]) and not any(given.get(name) for name in OF_SEVERAL):
         return None
     for name, instead in OF_A_LOG.items():
         if given.get(name):
@@ -83,6 +85,8 @@ def answer_fleet(kind: str, given: Mapping[str, Any], config: Config) -> int | N
         raise click.UsageError("--workers and --scheduler exclude each other; keep one")
     logs = logs_of(given["logs"], recursive=given["recursive"], listed=given["list_file"])
     out: Path | None = given["out"]
+    if given.get("by") and not any(one.aircraft for one in logs):
+        raise ConfigError("--by aircraft: no log states its aircraft; give --list FILE with columns log and aircraft")
     inputs = inputs_of(config, given["list_file"])
     _check_files(kind, given, logs, inputs)
     origin = provenance(log_sha256="", config_sha256=config.sha256, seed=config.seed)
@@ -110,10 +114,14 @@ def answer_fleet(kind: str, given: Mapping[str, Any], config: Config) -> int | N
             if request.wants_document:
                 add_document(document or _stored(answer, store, origin))
             report(len(answers), len(logs))
+    trends = trends_of(answers) if given.get("by") else None
     if out is not None:
-        _write_fleet(kind, out, answers, given, inputs, origin)
+        files = fleet_files(kind, answers, origin, trends)
+        replace_files(files, out, inputs=inputs, force=given["force"])
+        remove_left_over(kind, out, files)
+        note(f"wrote {out / 'index.html'}")
     if not given["as_json"]:
-        show_lines({}, _lines(answers), as_json=False)
+        show_lines({}, [*_lines(answers), *_trend_lines(trends)], as_json=False)
     unread = [one for one in answers if one.error]
     if unread:
         click.echo(f"bfi {kind}: {len(unread)} of {len(answers)} logs could not be read", err=True)
@@ -189,7 +197,8 @@ def _analysed(task: Task, request: Request, key: str) -> Outcome:
     BfiError : the log, or the configuration for it, cannot be used.
     """
     from ..display_units import IN_FILES, UNITS
-    from ..fleet import LogAnswer, Outcome, answer_of_diagnosis, answer_of_info
+    from ..fleet import LogAnswer, Outcome, answer_of_diagnosis, answer_of_info, rows_of_constants
+    from ..plausibility.constants import constant_errors
     from ..report.files import content_files
     from ..serialization import to_json, without_series
 
@@ -219,6 +228,7 @@ def _analysed(task: Task, request: Request, key: str) -> Outcome:
             key=key,
             sha256=answer.log_sha256,
             is_trusted=decided is None or decided.is_trusted,
+            constants=() if answer.log is None else rows_of_constants(constant_errors(answer.log)),
             **fields,
         ),
         document=to_json(without_series(document), indent=None) if request.wants_document else "",
@@ -276,23 +286,6 @@ def _jsonl(path: Path | None) -> Iterator[IO[str] | None]:
         yield file
 
 
-def _write_fleet(
-    kind: str,
-    out: Path,
-    answers: Sequence[LogAnswer],
-    given: Mapping[str, Any],
-    inputs: Sequence[str],
-    origin: Provenance,
-) -> None:
-    """Write the tables, the summary and the index."""
-    from ..files import replace_files
-    from ..fleet import fleet_files, remove_other_format
-
-    replace_files(fleet_files(kind, answers, origin), out, inputs=inputs, force=given["force"])
-    remove_other_format(kind, out)
-    note(f"wrote {out / 'index.html'}")
-
-
 def _lines(answers: Sequence[LogAnswer]) -> list[str]:
     """Return a line for each log, those that need a reader first."""
     from ..printable import printable, shortened
@@ -307,6 +300,16 @@ def _lines(answers: Sequence[LogAnswer]) -> list[str]:
         hidden = f"  could hide: {one.hidden}" if one.hidden else ""
         lines.append(f"{log:<{width}}  " + (f"{decision:<12}  " if decision else "") + f"{summary}{hidden}")
     return lines
+
+
+def _trend_lines(trends: Sequence[FleetTrend] | None) -> list[str]:
+    """Return a line for each trend that is declared, or one that none is; none where they are not asked for."""
+    from ..fleet import sentence_of_trend
+
+    if trends is None:
+        return []
+    declared = [f"{one.aircraft}: {sentence_of_trend(one)}" for one in trends if one.is_declared]
+    return declared or [f"no trend over the flights of an aircraft, of {len(trends)} constant errors"]
 
 
 def _exit_code(answers: Sequence[LogAnswer], config: Config) -> int:

@@ -131,6 +131,7 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "whole": {"type": int},
     "count": {"type": click.IntRange(min=1)},
     "flag": {"is_flag": True},
+    "fleet_key": {"type": click.Choice(["aircraft"])},
     "choice": {"default": None},  # --this/--no-this, None where neither is given
     "request": {"is_flag": True, "default": None},  # flag; unset means the configuration's value
     "path": {"type": click.Path(path_type=Path)},
@@ -289,6 +290,8 @@ recursive  --recursive  -  -  flag
     Of a folder, the logs of the folders within too.
 list_file  --list  -  FILE  text
     Logs to analyse, a path a line or CSV with a column log, and aircraft where known; - is stdin.
+by  --by  -  aircraft  fleet_key
+    Compare the flights of each aircraft: constant errors that change from flight to flight.
 jsonl  --jsonl  -  FILE  path
     Write a document a line as they come, without what has an entry per sample.
 workers  --workers  -  N  count
@@ -358,7 +361,7 @@ HELP_GROUPS: Mapping[str, tuple[str, ...]] = {
         *("detect_false_alarm", "diagnose_false_alarm", "calibration", "diagnose_calibration", "judge"),
         *("magnitudes", "at_limit", "duration_s", "length_s", "step_s", "require"),
     ),
-    "Many logs": FLEET,
+    "Many logs": (*FLEET, "by"),
     "Output": ("verbose", "series", "strict", "fail_on", "force", "progress"),
 }
 

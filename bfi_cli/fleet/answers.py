@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..epoch import Epoch
 from ..flightlog.phases import PARTS
 from ..notes import Note
+from ..plausibility.constants import ConstantError
 from ..provenance import Provenance
 from ..report.content import ReportContent
 from ..report.text import counted, instant, number
@@ -34,6 +36,7 @@ class LogAnswer:
     summary : the first fault with onset and size, or what there is to say; hidden : what could hide, "" for nothing.
     flight : the log's row of the table `flights`, by column.
     rows : its rows of the second table, by column.
+    constants : its rows of the table `constants`: the constant error of every relation.
     """
 
     log: str
@@ -50,6 +53,7 @@ class LogAnswer:
     hidden: str = ""
     flight: Mapping[str, Any]
     rows: tuple[Mapping[str, Any], ...] = ()
+    constants: tuple[Mapping[str, Any], ...] = ()
 
 
 def answer_of_diagnosis(document: Mapping[str, Any], content: ReportContent) -> dict[str, Any]:
@@ -112,6 +116,14 @@ def _event(event: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
+def rows_of_constants(errors: Iterable[ConstantError]) -> tuple[dict[str, Any], ...]:
+    """Return the rows of a log in the table `constants`."""
+    same = ("channel", "by", "value", "unit")
+    return tuple(
+        {**{key: getattr(one, key) for key in same}, "low": one.ci95[0], "high": one.ci95[1]} for one in errors
+    )
+
+
 def answer_of_info(document: Mapping[str, Any], content: ReportContent) -> dict[str, Any]:
     """Return what a document of `bfi info` says of a log: fields of `LogAnswer`."""
     span = _span(document)
@@ -142,8 +154,11 @@ def answer_of_info(document: Mapping[str, Any], content: ReportContent) -> dict[
 def _span(document: Mapping[str, Any]) -> dict[str, Any]:
     """Return the length of a log, and how much of it is flight, s."""
     phases: Sequence[Mapping[str, Any]] = document["phases"]
+    clock = document["log"].get("clock")
+    midnight = None if clock is None else Epoch.of_iso(clock).since_1970_s
     return {
         **{key: document["log"][key] for key in ("start_s", "stop_s", "n_samples", "rate_hz")},
+        "since_1970_s": None if midnight is None else midnight + document["log"]["start_s"],
         "flight_s": sum((one["to_s"] - one["from_s"] for one in phases if one["phase"] in IN_FLIGHT), 0.0),
     }
 

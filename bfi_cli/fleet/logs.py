@@ -21,6 +21,9 @@ from ..flightlog import is_log_folder
 ENDINGS = (".bin", ".csv", ".dat", ".h5", ".hdf5", ".igc", ".log", ".mat", ".mcap", ".tdms", ".tlog", ".txt", ".ulg")
 # Hexadecimal digits of the path's digest behind a name that several logs have: one in 16 million logs meets another.
 DIGITS = 6
+# The line in which a Garmin states its aircraft, and the keys that may name it, the surest first.
+HEADER, STATED = b"#airframe_info", ("aircraft_ident", "tail_number", "system_id")
+HEADER_BYTES = 4096
 # Columns of a list with a header.
 LOG, AIRCRAFT = "log", "aircraft"
 
@@ -33,7 +36,7 @@ class FleetLog:
     ----------
     path : as the log is opened.
     folder : name of the folder of its results.
-    aircraft : that the list states, "" where it states none.
+    aircraft : that the list states, or the log, "" where none does.
     """
 
     path: str
@@ -72,7 +75,21 @@ def logs_of(paths: Sequence[str], *, recursive: bool = False, listed: str | None
         further = "" if recursive else ", or --recursive to search the folders within"
         raise LogError(f"{where}: no logs are there (files that end with {', '.join(ENDINGS)}); give logs{further}")
     folders = _folders(aircraft)
-    return tuple(FleetLog(path=path, folder=folders[path], aircraft=aircraft[path]) for path in aircraft)
+    stated = {path: of_aircraft or aircraft_in(path) for path, of_aircraft in aircraft.items()}
+    return tuple(FleetLog(path=path, folder=folders[path], aircraft=stated[path]) for path in aircraft)
+
+
+def aircraft_in(path: str) -> str:
+    """Return the aircraft that the header of a log states, "" where it states none."""
+    if not os.path.isfile(path):  # a pipe would wait
+        return ""
+    try:
+        with open(path, "rb") as file:
+            head = file.readline(HEADER_BYTES) if file.read(len(HEADER)) == HEADER else b""
+    except OSError:
+        return ""
+    words = dict(re.findall(r'(\w+)="([^"]*)"', head.decode("utf-8", "replace")))
+    return next((words[key].strip() for key in STATED if words.get(key, "").strip()), "")
 
 
 def _logs_at(path: str, recursive: bool) -> Iterator[str]:

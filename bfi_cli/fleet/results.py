@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import quote
@@ -18,6 +18,7 @@ from ..serialization import document_of, to_json
 from .answers import LogAnswer
 from .store import SUMMARY
 from .tables import table_file, table_names, tables_of
+from .trends import FleetTrend, sentence_of_trend, trend_drawing
 
 INDEX = "index.html"
 # Letters of a cell of the index: with eight cells and their tags less than 500 bytes a row, 5 MB at 10 000 logs.
@@ -30,24 +31,26 @@ def fleet_names(kind: str) -> tuple[str, ...]:
     return (*table_names(kind), INDEX, SUMMARY)
 
 
-def fleet_files(kind: str, answers: Sequence[LogAnswer], origin: Provenance) -> dict[str, bytes]:
-    """Return the bytes of every file of a fleet by its name."""
-    tables = tables_of(kind, answers)
-    files = {name: table_file(table) for name, table in zip(table_names(kind), tables, strict=True)}
-    files[INDEX] = index_page(kind, answers, origin).encode("utf-8", SHOWN)
-    files[SUMMARY] = to_json(summary_of_fleet(kind, answers, origin)).encode() + b"\n"
+def fleet_files(
+    kind: str, answers: Sequence[LogAnswer], origin: Provenance, trends: Sequence[FleetTrend] | None = None
+) -> dict[str, bytes]:
+    """Return the bytes of every file of a fleet by its name; `trends` of aircraft where they are asked for."""
+    files = dict(table_file(table) for table in tables_of(kind, answers, trends))
+    files[SUMMARY] = to_json(summary_of_fleet(kind, answers, tuple(files), origin)).encode() + b"\n"
+    files[INDEX] = index_page(kind, answers, origin, trends or ()).encode("utf-8", SHOWN)
     return files
 
 
-def remove_other_format(kind: str, out: Path) -> None:
-    """Remove the tables of an earlier result in the format that is not written here."""
-    for name, other in table_names(kind).items():
-        if name != other:
-            with contextlib.suppress(OSError):
-                (out / other).unlink()
+def remove_left_over(kind: str, out: Path, files: Collection[str]) -> None:
+    """Remove the tables of an earlier result that are not among `files`, in either format."""
+    for name in {name for pair in table_names(kind).items() for name in pair} - {*files}:
+        with contextlib.suppress(OSError):
+            (out / name).unlink()
 
 
-def summary_of_fleet(kind: str, answers: Sequence[LogAnswer], origin: Provenance) -> dict[str, Any]:
+def summary_of_fleet(
+    kind: str, answers: Sequence[LogAnswer], tables: Sequence[str], origin: Provenance
+) -> dict[str, Any]:
     """Return the document of a fleet: what was done, and how many logs have which answer."""
     unread = sum(bool(one.error) for one in answers)
     body = {
@@ -55,14 +58,14 @@ def summary_of_fleet(kind: str, answers: Sequence[LogAnswer], origin: Provenance
         "n_logs": len(answers),
         "n_unread": unread,
         "decisions": dict(sorted(Counter(one.decision for one in answers if one.decision).items())),
-        "tables": list(table_names(kind)),
+        "tables": list(tables),
     }
     notes = [Note.limit(f"{counted(unread, 'log')} could not be read")] if unread else []
     return document_of("fleet", body, notes, origin)
 
 
-def index_page(kind: str, answers: Sequence[LogAnswer], origin: Provenance) -> str:
-    """Return the page of a fleet: counts, and a row for each log that leads to its report."""
+def index_page(kind: str, answers: Sequence[LogAnswer], origin: Provenance, trends: Sequence[FleetTrend] = ()) -> str:
+    """Return the page of a fleet: counts, trends that are declared, and a row for each log that leads to its report."""
     has_aircraft = any(one.aircraft for one in answers)
     columns = {
         "log": [shortened(one.log, PATH_LETTERS) for one in answers],
@@ -86,12 +89,14 @@ def index_page(kind: str, answers: Sequence[LogAnswer], origin: Provenance) -> s
             facts=(
                 ("Logs", str(len(answers))),
                 *((name.replace("_", " ").capitalize(), str(n)) for name, n in sorted(counts.items())),
+                *((f"Trend of {one.aircraft}", sentence_of_trend(one)) for one in trends if one.is_declared),
                 *((f"First fault {name.replace('_', ' ')}", str(n)) for name, n in faults.most_common()),
             ),
             heads=tuple(shown),
             rows=tuple(zip(*shown.values(), strict=True)) if answers else (),
             links=tuple("" if one.error else quote(str(PurePosixPath(one.folder, "report.html"))) for one in answers),
             tones=tuple("unread" if one.error else one.decision for one in answers),
+            drawing=trend_drawing(trends),
         ),
         origin,
     )

@@ -9,10 +9,15 @@ from typing import Any
 
 from ..serialization import to_csv
 from .answers import LogAnswer
+from .trends import FleetTrend, trend_rows
 
 # Columns of every table, and by analysis those of `flights` and of the second table with its name.
 OF_LOG: Mapping[str, type] = {"log": str, "aircraft": str}
-SPAN: Mapping[str, type] = {"start_s": float, "stop_s": float, "n_samples": int, "rate_hz": float, "flight_s": float}
+SPAN: Mapping[str, type] = {
+    **dict.fromkeys(("since_1970_s", "start_s", "stop_s"), float),
+    "n_samples": int,
+    **dict.fromkeys(("rate_hz", "flight_s"), float),
+}
 SIZE: Mapping[str, type] = {"magnitude": float, "unit": str, "low": float, "high": float}
 FLIGHTS: Mapping[str, Mapping[str, type]] = {
     "diagnose": {
@@ -48,6 +53,17 @@ SECOND: Mapping[str, tuple[str, Mapping[str, type]]] = {
     "info": ("channels", {**dict.fromkeys(("name", "unit", "source"), str), "min": float, "max": float, "n_nan": int}),
 }
 
+CONSTANTS: Mapping[str, type] = {
+    **dict.fromkeys(("channel", "by", "unit"), str),
+    **dict.fromkeys(("value", "low", "high"), float),
+}
+TRENDS: Mapping[str, type] = {
+    **dict.fromkeys(("aircraft", "channel", "by", "unit"), str),
+    "n_flights": int,
+    "declared": bool,
+    **dict.fromkeys(("slope", "low", "high", "p_value", "first", "last"), float),
+}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FleetTable:
@@ -58,32 +74,47 @@ class FleetTable:
     rows: Sequence[Mapping[str, Any]]
 
 
-def tables_of(kind: str, answers: Iterable[LogAnswer]) -> tuple[FleetTable, ...]:
-    """Return the tables of the answers of an analysis, in their order."""
-    flights, rows = [], []
+def tables_of(
+    kind: str, answers: Iterable[LogAnswer], trends: Sequence[FleetTrend] | None = None
+) -> tuple[FleetTable, ...]:
+    """Return the tables of the answers of an analysis, in their order.
+
+    Parameters
+    ----------
+    trends : of aircraft, a table too, None where they are not asked for.
+    """
+    flights, rows, constants = [], [], []
     for one in answers:
         of_log = {"log": one.log, "aircraft": one.aircraft or None}
         flights.append({**of_log, "sha256": one.sha256 or None, "error": one.error or None, **one.flight})
         rows += [{**of_log, **row} for row in one.rows]
+        constants += [{**of_log, **row} for row in one.constants]
     name, columns = SECOND[kind]
     return (
         FleetTable(name="flights", columns={**OF_LOG, "sha256": str, "error": str, **FLIGHTS[kind]}, rows=flights),
         FleetTable(name=name, columns={**OF_LOG, **columns}, rows=rows),
+        *(
+            (FleetTable(name="constants", columns={**OF_LOG, **CONSTANTS}, rows=constants),)
+            if kind == "diagnose"
+            else ()
+        ),
+        *(() if trends is None else (FleetTable(name="trends", columns=TRENDS, rows=trend_rows(trends)),)),
     )
 
 
 def table_names(kind: str) -> dict[str, str]:
-    """Return the names of the files of the tables as they are written here, each with that of the other format."""
+    """Return the names of all files of tables as they are written here, each with that of the other format."""
     ends = (".parquet", ".csv") if _pyarrow() is not None else (".csv", ".parquet")
-    return {f"{name}{ends[0]}": f"{name}{ends[1]}" for name in ("flights", SECOND[kind][0])}
+    names = ("flights", SECOND[kind][0], *(("constants", "trends") if kind == "diagnose" else ()))
+    return {f"{name}{ends[0]}": f"{name}{ends[1]}" for name in names}
 
 
-def table_file(table: FleetTable) -> bytes:
-    """Return the file of a table in the format that `table_names` says."""
+def table_file(table: FleetTable) -> tuple[str, bytes]:
+    """Return name and bytes of the file of a table, Parquet where pyarrow is installed."""
     pyarrow = _pyarrow()
     if pyarrow is None:
         rows = ([row.get(name) for name in table.columns] for row in table.rows)
-        return to_csv(tuple(table.columns), rows)
+        return f"{table.name}.csv", to_csv(tuple(table.columns), rows)
     from pyarrow import parquet
 
     kinds = {str: pyarrow.string(), int: pyarrow.int64(), float: pyarrow.float64(), bool: pyarrow.bool_()}
@@ -93,7 +124,7 @@ def table_file(table: FleetTable) -> bytes:
     }
     file = io.BytesIO()
     parquet.write_table(pyarrow.table(columns), file)
-    return file.getvalue()
+    return f"{table.name}.parquet", file.getvalue()
 
 
 def _as(kind: type, value: Any) -> Any:

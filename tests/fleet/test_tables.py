@@ -40,27 +40,29 @@ UNREAD = LogAnswer(log="b.csv", folder="b", key="", sha256="", error="b.csv: emp
 
 def test_csv_cells(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    assert table_names("diagnose") == {"flights.csv": "flights.parquet", "events.csv": "events.parquet"}
-    flights, events = tables_of("diagnose", [diagnosis(1), UNREAD])
-    rows = list(csv.DictReader(io.StringIO(table_file(flights).decode().partition("\n")[2])))
+    assert table_names("info") == {"flights.csv": "flights.parquet", "channels.csv": "channels.parquet"}
+    assert {*table_names("diagnose").values()} > {"flights.parquet", "events.parquet"}
+    flights, events, constants = tables_of("diagnose", [diagnosis(1), UNREAD])
+    assert constants.rows == []
+    rows = list(csv.DictReader(io.StringIO(table_file(flights)[1].decode().partition("\n")[2])))
     assert list(rows[0]) == ["log", "aircraft", "sha256", "error", *FLIGHTS["diagnose"]]
     assert (rows[0]["onset_s"], rows[0]["declared"], rows[1]["error"]) == ("12.5", "1", "b.csv: empty; copy it again")
-    (event,) = csv.DictReader(io.StringIO(table_file(events).decode().partition("\n")[2]))
+    (event,) = csv.DictReader(io.StringIO(table_file(events)[1].decode().partition("\n")[2]))
     assert (event["magnitude"], event["beyond_tolerance"], event["high"]) == ("-3.25", "true", "")
 
 
 def test_parquet_has_the_types_and_is_the_same_each_time():
     pyarrow = pytest.importorskip("pyarrow")
     parquet = pytest.importorskip("pyarrow.parquet")
-    assert list(table_names("diagnose")) == ["flights.parquet", "events.parquet"]
+    assert {"flights.parquet", "events.parquet"} < {*table_names("diagnose")}
     for kind in ("diagnose", "info"):
         for table in tables_of(kind, [UNREAD]):
-            types = parquet.read_table(io.BytesIO(table_file(table))).schema.types
+            types = parquet.read_table(io.BytesIO(table_file(table)[1])).schema.types
             expected = {str: pyarrow.string(), float: pyarrow.float64(), int: pyarrow.int64(), bool: pyarrow.bool_()}
             assert types == [expected[one] for one in table.columns.values()]
-    flights, events = tables_of("diagnose", [diagnosis(1), UNREAD])
+    flights, events, _ = tables_of("diagnose", [diagnosis(1), UNREAD])
     assert table_file(flights) == table_file(flights)
-    (row,) = parquet.read_table(io.BytesIO(table_file(events))).to_pylist()
+    (row,) = parquet.read_table(io.BytesIO(table_file(events)[1])).to_pylist()
     assert (row["fault"], row["magnitude"], row["high"]) == ("tas", -3.25, None)
 
 

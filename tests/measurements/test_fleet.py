@@ -21,12 +21,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from bars import FULL
-from made_fleet import flight, make_fleet
+from bars import FULL, fewest
+from made_fleet import flight, flown, make_fleet
 
-from bfi_cli.fleet import LogAnswer, fleet_files
+from bfi_cli.fleet import LogAnswer, fleet_files, rows_of_constants, trends_of
 from bfi_cli.flightlog import read_log, write_log
 from bfi_cli.flightlog.phases import airborne_stretches
+from bfi_cli.plausibility.constants import constant_errors
 from bfi_cli.provenance import provenance
 from bfi_cli.serialization import without_series
 
@@ -205,6 +206,37 @@ def test_a_cluster_of_two_workers_of_which_one_is_killed(tmp_path: Path):
         errors = process.communicate(timeout=LIMIT_S)[1]
     assert process.returncode == 0, errors
     assert results(out) == results(tmp_path / "here")
+
+
+def flights_of(seed: int, n: int, growth_m_s: float) -> list[LogAnswer]:
+    """Return the flights of an aircraft whose airspeed errs by `growth_m_s` more in each, and by what else there is.
+
+    Gusts of 0.7 m/s, a wind of each flight, a scatter between flights of 0.3 m/s, of the air and the loading, and in a
+    tenth of them another fault, of 3 m/s.
+    """
+    rng = np.random.default_rng(seed)
+    made = []
+    for k in range(n):
+        other = 0.3 * rng.normal() + 3.0 * rng.choice([-1.0, 1.0]) * (rng.uniform() < 0.1)
+        log = flown(error_m_s=growth_m_s * k + other, gust_m_s=0.7, seed=1000 * seed + k)
+        constants = rows_of_constants(constant_errors(log))
+        made.append(LogAnswer(log="", folder="", key="", sha256="", aircraft="N1", flight={}, constants=constants))
+    return made
+
+
+@pytest.mark.slow
+def test_a_position_error_that_grows_is_told_by_flight_20_and_none_where_none_does():
+    n = 100 if FULL else 8
+    told = [trends_of(flights_of(seed, 20, 0.05)) for seed in range(n)]
+    right = [next(one for one in trends if (one.channel, one.by) == ("tas", "circles")) for trends in told]
+    found = sum(one.is_declared for one in right)
+    covered = sum(one.ci95[0] <= 0.05 <= one.ci95[1] for one in right)
+    false = sum(any(one.is_declared for one in trends_of(flights_of(1000 + seed, 40, 0.0))) for seed in range(n))
+    slopes = np.quantile([one.slope for one in right], [0.25, 0.5, 0.75])
+    print(f"{n} aircraft: found {found}, intervals that hold {covered}, slopes {slopes.round(3)}; false {false} of {n}")
+    assert found >= fewest(n, 0.9)
+    assert covered >= fewest(n, 0.95)
+    assert n - false >= fewest(n, 0.95)
 
 
 def answers(n: int) -> Sequence[LogAnswer]:

@@ -309,6 +309,7 @@ csv.Vtrue_ktgs           ground_speed        kt
 csv.Mach_ratio           mach                1
 csv.VVI_fpm              altitude_rate       ft/min
 csv.p-alt_ftMSL          altitude            ft
+csv.alt_ind              baro_altitude       ft
 csv.alt_ftmsl            gps_altitude        ft
 csv.CG_ftMSL             gps_altitude        ft
 csv.alt_ftagl            radio_altitude      ft

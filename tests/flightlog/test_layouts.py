@@ -122,6 +122,15 @@ def test_repeated_and_blank_names_of_a_layout_refuse_nothing(tmp_path: Path):
     np.testing.assert_array_equal(log.channels["throttle"].values, np.full(N, 0.7))
 
 
+def test_the_altimeter_of_x_plane_stands_in_for_a_pressure_altitude(tmp_path: Path):
+    xplane(tmp_path / "Data.txt")
+    text = (tmp_path / "Data.txt").read_text().replace("p-alt,ftMSL", "other,____x")
+    (tmp_path / "Data.txt").write_text(text)
+    log = read_log(tmp_path / "Data.txt")
+    assert log.channels["altitude"].derived_from == ("baro_altitude",)
+    np.testing.assert_array_equal(log.channels["altitude"].values, log.channels["baro_altitude"].values)
+
+
 def test_a_column_in_an_unknown_unit_gives_way_to_another(tmp_path: Path):
     rows = "".join(f"{k / 10},{100 + k},{k % 3}\n" for k in range(30))
     (tmp_path / "log.csv").write_text("time,tas [furlong],vtas [kt]\n" + rows)

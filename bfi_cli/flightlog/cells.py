@@ -397,14 +397,18 @@ class Table:
                 return read(texts)
             except ValueError:
                 pass
-        text, sign = "\n".join(["", *texts, ""]), self.delimiter
-        for empty in (f"{sign}{sign}", f"{sign}\n", f"{sign}{sign}", f"\n{sign}"):
-            text = text.replace(empty, f"{empty[0]}nan{empty[1]}")
+        sign, pair = self.delimiter, 2 * self.delimiter
+        texts = [
+            sign.join(cell or "nan" for cell in row.split(sign))
+            if pair in row or row[-1:] == sign or row[:1] == sign
+            else row
+            for row in texts
+        ]
         try:
-            values = read(text.split("\n")[1:-1])
+            values = read(texts)
         except ValueError:
             try:
-                values = read(self._absent.sub(r"\1nan", text).split("\n")[1:-1])
+                values = read(self._absent.sub(r"\1nan", "\n".join(["", *texts, ""])).split("\n")[1:-1])
             except ValueError:
                 return None
         self._has_absent = True

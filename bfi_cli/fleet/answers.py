@@ -18,6 +18,8 @@ from ..serialization import document_of
 # Order of the lines: what needs a reader first.
 FAULT, SUSPECTED, DEVIATION, DOUBT, QUIET, UNREAD = range(6)
 IN_FLIGHT = {*PARTS} - {"ground"}
+# What the row of a flight says of its first event.
+NAMED = ("fault", "shape", "onset_s", "onset_clock", "magnitude", "unit", "low", "high")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,8 +60,9 @@ class LogAnswer:
 
 def answer_of_diagnosis(document: Mapping[str, Any], content: ReportContent) -> dict[str, Any]:
     """Return what a document of `bfi diagnose`, and its content, say of a flight: fields of `LogAnswer`."""
-    events = [{"state": one["state"], **_event(one)} for one in document["events"]]
-    deviations = [{"state": "deviation", **_event(one)} for one in document["deviations"]]
+    clock = document["log"].get("clock")
+    events = [{"state": one["state"], **_event(one, clock)} for one in document["events"]]
+    deviations = [{"state": "deviation", **_event(one, clock)} for one in document["deviations"]]
     states = [one["state"] for one in events]
     decision = document["decision"]
     lines = () if content.screen is None else content.screen.lines
@@ -90,15 +93,15 @@ def answer_of_diagnosis(document: Mapping[str, Any], content: ReportContent) -> 
             "deviations": len(deviations),
             "ordinary": len(document.get("ordinary", ())),
             "contradictions": len(document.get("plausibility", ())),
-            **{key: named.get(key) for key in ("fault", "shape", "onset_s", "magnitude", "unit", "low", "high")},
+            **{key: named.get(key) for key in NAMED},
             "could_hide": hidden or None,
         },
         "rows": (*events, *deviations),
     }
 
 
-def _event(event: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an event of a document in plain cells."""
+def _event(event: Mapping[str, Any], clock: str | None) -> dict[str, Any]:
+    """Return an event of a document in plain cells; `clock` is that of its log, see `Epoch.iso`."""
     low, high = event["ci95"] or (None, None)
     effect = next(iter(event["effect"].items()), (None, None))
     same = ("fault", "kind", "shape", "magnitude", "unit", "onset_s", "offset_s", "statistic", "threshold", "p_value")
@@ -107,6 +110,7 @@ def _event(event: Mapping[str, Any]) -> dict[str, Any]:
         **{key: event.get(key) for key in ("margin", "beyond_tolerance", "frequency_hz", "count")},
         "among": " ".join(event["among"]),
         "channels": " ".join(event["channels"]),
+        "onset_clock": None if clock is None else Epoch.of_iso(clock).moments([event["onset_s"]])[0],
         "low": low,
         "high": high,
         "onset_low_s": event["onset_ci95"][0],

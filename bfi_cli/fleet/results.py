@@ -13,7 +13,7 @@ from ..notes import Note
 from ..printable import SHOWN, shortened
 from ..provenance import Provenance
 from ..report.listing import Listing, render_listing
-from ..report.text import counted
+from ..report.text import counted, instant
 from ..serialization import document_of, to_json
 from .answers import LogAnswer
 from .store import SUMMARY
@@ -72,14 +72,16 @@ def index_page(kind: str, answers: Sequence[LogAnswer], origin: Provenance, tren
         "aircraft": [shortened(one.aircraft, PATH_LETTERS) for one in answers],
         "decision": ["not read" if one.error else one.decision for one in answers],
         "answer": [shortened(one.error or one.summary, TEXT_LETTERS) for one in answers],
-        "onset [s]": [_cell(one.flight.get("onset_s")) for one in answers],
+        "onset [s]": ["" if (at := one.flight.get("onset_s")) is None else instant(at) for one in answers],
+        "clock": [(one.flight.get("onset_clock") or "").replace("T", " ") for one in answers],
         "size": [_cell(one.flight.get("magnitude")) for one in answers],
         "unit": [one.flight.get("unit") or "" for one in answers],
         "in flight [min]": [_cell(one.flight.get("flight_s"), 60.0) for one in answers],
         "what could hide": [shortened(one.hidden, HIDDEN_LETTERS) for one in answers],
     }
-    of_diagnosis = ("decision", "onset [s]", "size", "unit", "what could hide")
+    of_diagnosis = ("decision", "onset [s]", "clock", "size", "unit", "what could hide")
     left_out = {*(() if has_aircraft else ("aircraft",)), *(of_diagnosis if kind != "diagnose" else ())}
+    left_out |= set() if any(columns["clock"]) else {"clock"}
     shown = {head: cells for head, cells in columns.items() if head not in left_out}
     faults = Counter(str(one.flight["fault"]) for one in answers if one.flight.get("declared"))
     counts = Counter("not read" if one.error else one.decision or "read" for one in answers)

@@ -27,6 +27,7 @@ FLIGHTS: Mapping[str, Mapping[str, type]] = {
         "fault": str,
         "shape": str,
         "onset_s": float,
+        "onset_clock": str,
         **SIZE,
         "could_hide": str,
     },
@@ -42,7 +43,9 @@ SECOND: Mapping[str, tuple[str, Mapping[str, type]]] = {
         {
             **dict.fromkeys(("state", "fault", "among", "channels", "kind", "shape"), str),
             **SIZE,
-            **dict.fromkeys(("onset_s", "onset_low_s", "onset_high_s", "offset_s", "frequency_hz"), float),
+            "onset_s": float,
+            "onset_clock": str,
+            **dict.fromkeys(("onset_low_s", "onset_high_s", "offset_s", "frequency_hz"), float),
             **dict.fromkeys(("statistic", "threshold", "p_value", "margin"), float),
             "beyond_tolerance": bool,
             "effect_channel": str,

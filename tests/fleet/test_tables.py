@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import sys
+from dataclasses import replace
 
 import pytest
 
@@ -81,3 +82,13 @@ def test_the_index_of_ten_thousand_logs_is_small():
 def test_the_files_of_a_fleet_without_an_answer():
     files = fleet_files("diagnose", [UNREAD], provenance(log_sha256=""))
     assert b"not read" in files["index.html"]
+
+
+def test_the_index_has_the_clock_of_an_onset_where_a_log_has_it():
+    plain = diagnosis(1)
+    timed = replace(plain, flight={**plain.flight, "onset_clock": "2011-07-01T14:01:42.500Z"})
+    origin = provenance(log_sha256="")
+    page = index_page("diagnose", [plain, timed], origin)
+    assert "2011-07-01 14:01:42.500Z" in page
+    assert ">clock<" in page
+    assert ">clock<" not in index_page("diagnose", [plain], origin)

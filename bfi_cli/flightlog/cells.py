@@ -333,12 +333,10 @@ class Table:
         """Add rows that are all of the length of the header and hold nothing but numbers; False where they do not."""
         if len(self.columns) < self._width or any(column.by_cell or not column.name for column in self.columns):
             return False
-        text = "\n".join(texts)
-        if '"' in text or text.count(self.delimiter) != (self._width - 1) * len(texts):
+        if texts[0].count(self.delimiter) != self._width - 1:
             return False
-        # With as many delimiters in all as rows of one length have, each row has its last column only if all are alike.
-        values = self._numbers(texts, range(self._width))
-        if values is None:
+        values = self._numbers(texts, None)
+        if values is None or values.shape != (len(texts), self._width):
             return False
         self.n_rows += len(texts)
         for column, numbers in zip(self.columns, values.T, strict=True):
@@ -382,9 +380,14 @@ class Table:
                 cells = [row[self._before + k] for row in rows]
                 self.columns[k].add_cells(numbers, cells, comma=self.comma)
 
-    def _numbers(self, texts: list[str], columns: Sequence[int]) -> FloatArray | None:
-        """Return the numbers of some columns, (n_rows, n_columns), None where numpy cannot read one of them."""
-        if not columns:
+    def _numbers(self, texts: list[str], columns: Sequence[int] | None) -> FloatArray | None:
+        """Return the numbers of some columns, (n_rows, n_columns), None where numpy cannot read one of them.
+
+        Parameters
+        ----------
+        columns : None for all, of rows of one length, which numpy checks.
+        """
+        if columns is not None and not columns:
             return None
 
         def read(texts: list[str]) -> FloatArray:

@@ -23,7 +23,7 @@ class Epoch:
     Attributes
     ----------
     since_1970_s : that midnight, s since 1970 without leap seconds; None of an unknown day.
-    is_utc : the clock shows UTC, else the time of a zone that the log does not state.
+    is_utc : the clock shows UTC, else that of a zone which is not known.
     """
 
     since_1970_s: float | None

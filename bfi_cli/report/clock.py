@@ -48,7 +48,7 @@ def with_clock(content: ReportContent, written: str | None, *, start_s: float, s
     return replace(
         content,
         facts=(
-            ("Clock", f"{between}{' UTC' if epoch.is_utc else ', zone not stated'}"),
+            ("Clock", f"{between}{' UTC' * epoch.is_utc}"),
             *content.facts,
         ),
         tables=tuple(_table(table, epoch, dated=dated) for table in content.tables),

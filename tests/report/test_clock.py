@@ -56,7 +56,7 @@ def test_the_clock_stands_behind_the_times_of_a_table_and_in_the_facts():
     assert [row[3] for row in table.rows] == ["13:20:00.0 to 13:21:40.0", "13:53:20.5"]
     assert [(*row[:3], *row[4:]) for row in table.rows] == list(ROWS)
     assert other == CONTENT.tables[1]
-    assert content.facts == (("Clock", "2011-07-01 13:18:40 to 15:04:27, zone not stated"), *CONTENT.facts)
+    assert content.facts == (("Clock", "2011-07-01 13:18:40 to 15:04:27"), *CONTENT.facts)
     assert content.verdict == CONTENT.verdict
     assert shown("2011-07-01T00:00:00Z").tables[0].heads[3] == "clock [UTC]"
 

@@ -13,6 +13,7 @@ from .config import Config, merge
 from .decision import (
     KINDS,
     Evidence,
+    at_entries,
     decide,
     not_excluded,
     verdicts_of,
@@ -261,7 +262,15 @@ def _identify_entries(
         candidates=not_excluded(found.candidates, searched.rivals),
         faults=tuple(_with_rivals(one, searched.rivals) for one in found.faults),
     )
-    said = conclusion_of(log, config, [found.evidence, _beside_entries(searched.evidence, looked_for), physics])
+    candidates, of_search = at_entries(
+        found.candidates,
+        searched.evidence,
+        stated,
+        rate_hz=found.model.rate_hz,
+        duration_s=of_window.stop_s - of_window.start_s,
+    )
+    found = replace(found, candidates=candidates)
+    said = conclusion_of(log, config, [found.evidence, _beside_entries(of_search, looked_for), physics])
     joint = None
     if any(one.source != "dictionary" for one in said.faults):
         joint = _jointly(log, dictionary, said.faults, config, progress)

@@ -87,10 +87,15 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
     order = {one.source: k for k, one in enumerate(evidence)}
     faults.sort(key=lambda one: order[one.source])
     for one in evidence:
-        kept = [fault for fault in one.faults if id(fault) not in refuted]
         for candidate in one.candidates:
-            stands = any(_is_of(fault, candidate) for fault in kept)
-            if candidate.state == "declared" and not stands and any(_is_of(fault, candidate) for fault in one.faults):
+            # An entry of the dictionary may be declared by the search.
+            of_it = [
+                fault
+                for other in evidence
+                for fault in other.faults
+                if (other is one or fault.name == candidate.name) and _is_of(fault, candidate)
+            ]
+            if candidate.state == "declared" and of_it and all(id(fault) in refuted for fault in of_it):
                 candidate = replace(candidate, state="suspected", note=REFUTED)
             candidates.append(candidate)
     bounded = tuple(_while_it_read(_with_least_limit(candidate, evidence), faults) for candidate in candidates)

@@ -140,6 +140,8 @@ def result_of(
         unanswered.append(Note.limit(f"{NOT_CONVERGED}: {outcome.solver.termination}"))
     elif decision == "inconclusive" and identified.hides_all:
         unanswered.append(Note.limit(UNANSWERABLE))
+    declared = {one.name for one in conclusion.faults}
+    remarks = [note for n, note in outcome.remarks.items() if window.names[window.live[n]] not in declared]
     helps = what_would_help(log, config, verdicts) if METHODS[config.method].intervals else None
     return IdentifyResult(
         log=window.summary,
@@ -152,7 +154,7 @@ def result_of(
         model=shown.model,
         vaf_output=shown.vaf_output,
         solver=outcome.solver,
-        notes=(*unanswered, *conclusion.notes, *identified.notes, *filter(None, [helps]), *notes),
+        notes=(*unanswered, *conclusion.notes, *identified.notes, *remarks, *filter(None, [helps]), *notes),
         time_s=window.signals.time_s,
         inputs={name: window.signals.u[:, i] for i, name in enumerate(config.inputs)},
         input_units={name: window.log.channel(name).unit for name in config.inputs},

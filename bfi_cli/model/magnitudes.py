@@ -60,6 +60,7 @@ class MethodResult:
     converged : the solver of the answer did; else there is no interval and no verdict.
     fires : the method says that there is a fault, whatever is declared.
     declined : of live entries that were favoured and then declined, why.
+    remarks : of live entries, what is said of one that nothing declares in the end.
     needed : (n_live,) statistic, n_rows log of the ratio of determinants, from which on an entry is declared; None
         where the method has no such rule.
     criterion : of the answer, twice the negative log-likelihood and its price, by which recorders are compared;
@@ -83,6 +84,7 @@ class MethodResult:
     converged: bool = True
     fires: bool = False
     declined: Mapping[int, str] = field(default_factory=dict)
+    remarks: Mapping[int, Note] = field(default_factory=dict)
     needed: FloatArray | None = None
     analysed: tuple[PreparedWindow, RegressionData] | None = None
     criterion: float = np.nan

@@ -118,8 +118,7 @@ def identify_by_likelihood(
     limits = _limits(now, config, coarse, dispersion, estimates, within=not is_stated, progress=progress)
     del coarse, estimated  # its memory is wanted for what follows
     fit = now.selection.best.fit
-    notes = [Note.limit(f"'{names[n]}' is not declared: {reason}") for n, reason in declined.items()]
-    notes += about_signals
+    notes = [*about_signals]
     notes += [
         Note.limit(f"'{names[n]}' begins {abs(s):.3g} s {'after' if s > 0 else 'before'} the onset stated")
         for n, s in now.shifts_s.items()
@@ -140,7 +139,11 @@ def identify_by_likelihood(
         analysed=(now.window, now.regression) if now.shifts_s or now.window.sizes else None,
         criterion=fit.bic(now.regression.n_rows),
         dispersion=float(np.max(dispersion[list(fit.atoms)], initial=1.0)),
-        notes=(*notes, *_rival_note(names, now.selection), *_near_miss_note(names, now.selection)),
+        remarks={
+            **_near_miss(names, now.selection),
+            **{n: Note.limit(f"'{names[n]}' is not declared: {reason}") for n, reason in declined.items()},
+        },
+        notes=(*notes, *_rival_note(names, now.selection)),
     )
 
 
@@ -462,7 +465,7 @@ def _rival_note(names: Sequence[str], selection: Selection) -> list[Note]:
     ]
 
 
-def _near_miss_note(names: Sequence[str], selection: Selection) -> list[Note]:
+def _near_miss(names: Sequence[str], selection: Selection) -> dict[int, Note]:
     """Name the best support of one atom more that was turned down only because its evidence was not strong."""
     best, evidence = selection.best, selection.penalty.evidence
     above = [
@@ -473,14 +476,12 @@ def _near_miss_note(names: Sequence[str], selection: Selection) -> list[Note]:
     ]
     nearest = min(above, key=lambda scored: scored.criterion, default=None)
     if nearest is None or evidence <= 0.0:
-        return []
+        return {}
     shown = evidence - (nearest.criterion - best.criterion)
     if shown <= evidence / 2.0:
-        return []
+        return {}
     (atom,) = set(nearest.fit.atoms) - set(best.fit.atoms)
-    return [
-        Note.limit(
-            f"'{names[atom]}' has some support but not enough to be declared (evidence {shown:.1f}, {evidence:.1f} "
-            "needed)"
-        )
-    ]
+    words = (
+        f"'{names[atom]}' has some support but not enough to be declared (evidence {shown:.1f}, {evidence:.1f} needed)"
+    )
+    return {atom: Note.limit(words)}

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from noted import texts
 
-from bfi_cli.decision import KINDS, Candidate, Evidence, Manoeuvre, beyond_tolerance, conclude
+from bfi_cli.decision import KINDS, Candidate, Evidence, Manoeuvre, at_entries, beyond_tolerance, candidate_of, conclude
 from bfi_cli.faults import Fault, FaultEstimate
 
 
@@ -212,3 +212,89 @@ def test_a_second_fault_of_the_same_kind_stays_declared_where_the_first_is_refut
     assert [one.state for one in said.candidates] == ["suspected", "declared"]
     of_kind = Evidence(source="scan", faults=(first, second), candidates=(declared,))
     assert [one.state for one in conclude([of_kind, STALL], KINDS).candidates] == ["declared"]
+
+
+# What a search finds at an entry of a dictionary is that entry; what it finds elsewhere keeps its own name.
+
+STEP = Fault(name="step", shape="bias", channel="tas", onset_s=50.0)
+LATER = Fault(name="later", shape="bias", channel="tas", onset_s=80.0)
+
+
+def entry(fault: Fault, **changes: Any) -> Candidate:
+    return candidate_of(fault, "m/s", onset_s=fault.onset_s, tolerance=2.0, **changes)
+
+
+def at(fault: FaultEstimate, *entries: Fault, declared: tuple[str, ...] = ()) -> tuple[dict[str, str | None], Evidence]:
+    """Return the states of the entries by name, and the evidence of the search."""
+    candidates = [entry(one, declared=one.name in declared) for one in entries]
+    kind = {"sine": "oscillating", "drift": "slow"}.get(fault.fault.shape, "abrupt")
+    found = replace(candidate(kind, None, "declared"), shape=fault.fault.shape)
+    search = Evidence(source="scan", faults=(fault,), candidates=(found,))
+    known, search = at_entries(candidates, search, entries, rate_hz=10.0, duration_s=60.0)
+    return {one.name: one.state for one in known}, search
+
+
+def test_a_fault_at_an_entry_is_that_entry():
+    states, search = at(estimate(), STEP, LATER)
+    assert states == {"step": "declared", "later": "not_seen"}
+    assert (search.faults[0].name, search.faults[0].fault.name, search.candidates) == ("step", "step", ())
+    said = conclude([Evidence(source="dictionary", candidates=(entry(STEP, declared=True),)), search], KINDS)
+    assert [one.name for one in said.faults] == ["step"]
+    assert [one.state for one in said.candidates] == ["declared"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "other"),
+    [
+        (estimate(onset_s=60.0), STEP),
+        (estimate("drift"), STEP),
+        (estimate(), replace(STEP, channel="cas")),
+        (estimate(), Fault(name="water", shape="sine", channel="tas", onset_s=50.0, frequency_hz=0.4)),
+    ],
+)
+def test_a_fault_elsewhere_keeps_its_name(fault: FaultEstimate, other: Fault):
+    states, search = at(fault, other)
+    assert states == {other.name: "not_seen"}
+    assert search.faults == (fault,)
+    assert len(search.candidates) == 1
+
+
+@pytest.mark.parametrize(("frequency_hz", "is_entry"), [(0.4, True), (0.405, True), (0.42, False)])
+def test_an_oscillation_has_the_frequency_of_its_entry_as_far_as_the_window_resolves(
+    frequency_hz: float, is_entry: bool
+):
+    water = Fault(name="water", shape="cosine", channel="tas", onset_s=50.0, frequency_hz=0.4)
+    found = estimate("sine")
+    found = replace(found, fault=replace(found.fault, frequency_hz=frequency_hz))
+    states, _ = at(found, water)
+    assert states == {"water": "declared" if is_entry else "not_seen"}
+
+
+def test_an_entry_is_found_once_and_the_nearest_onset_names():
+    near = replace(STEP, name="near", onset_s=50.3)
+    assert at(estimate(), near, STEP)[0] == {"near": "not_seen", "step": "declared"}
+    assert at(estimate(), STEP, declared=("step",))[1].faults[0].name == "bias"
+
+
+def test_a_slope_that_the_entry_states_is_its_measure():
+    drift = Fault(name="drift_50", shape="drift", channel="tas", slope=0.5, onset_s=50.0)
+    found = replace(estimate("drift"), magnitude=1.0, physical_value=1.0, physical_unit="m/s^2", sd=0.1)
+    search = Evidence(source="scan", faults=(found,))
+    (known,), _ = at_entries([entry(drift)], search, [drift], rate_hz=10.0, duration_s=60.0)
+    assert (known.magnitude, known.sd, known.state) == (2.0, 0.2, "declared")
+
+
+def test_an_entry_whose_fault_is_refuted_is_suspected():
+    drift = Fault(name="slow", shape="drift", channel="tas", onset_s=50.0)
+    found = replace(estimate("drift", effect=9.0), name="slow")
+    bounds = Evidence(source="physics", candidates=(candidate("slow", 1.0),))
+    said = conclude(
+        [
+            Evidence(source="dictionary", candidates=(entry(drift, declared=True),)),
+            Evidence(source="scan", faults=(found,)),
+            bounds,
+        ],
+        KINDS,
+    )
+    assert said.faults == ()
+    assert said.candidates[0].state == "suspected"

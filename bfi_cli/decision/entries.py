@@ -1,0 +1,84 @@
+"""What a search over all onsets finds at an entry of a dictionary is that entry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from ..faults import Fault, FaultEstimate
+from ..shapes import SHAPES
+from .candidate import Candidate
+from .evidence import Evidence
+
+# Samples by which an estimated onset may lie outside of its interval: one for the estimate, half a one for the
+# resampling. Cycles in the window by which a frequency may miss: half of what a window resolves.
+ONSET_SAMPLES, FREQUENCY_CYCLES = 1.5, 0.5
+
+
+def at_entries(
+    candidates: Sequence[Candidate],
+    searched: Evidence,
+    entries: Sequence[Fault],
+    *,
+    rate_hz: float,
+    duration_s: float,
+) -> tuple[tuple[Candidate, ...], Evidence]:
+    """Return the candidates of a dictionary, and the evidence of a search, with each fault at an entry as that entry.
+
+    The entry is declared, by the name that the dictionary gives it and with the magnitude that the search estimates;
+    onset and parameters are those that the search found.
+
+    Parameters
+    ----------
+    candidates : of the entries, in their order; entries : with their onsets on the axis of the log.
+    rate_hz, duration_s : of the record that was searched.
+    """
+    known, faults = list(candidates), list[FaultEstimate]()
+    taken = {one.name for one in candidates if one.state == "declared"}
+    for fault in searched.faults:
+        at = [
+            k
+            for k, entry in enumerate(entries)
+            if known[k].name not in taken and _is_of_entry(fault, entry, rate_hz=rate_hz, duration_s=duration_s)
+        ]
+        if at:
+            nearest = min(at, key=lambda k: abs(entries[k].onset_s - fault.fault.onset_s))
+            name = known[nearest].name
+            taken.add(name)
+            known[nearest] = _declared(known[nearest], fault)
+            fault = replace(fault, name=name, fault=replace(fault.fault, name=name))
+        faults.append(fault)
+    left = {(one.fault.shape, one.fault.channel) for one in faults if one.name not in taken}
+    of_search = tuple(one for one in searched.candidates if one.state != "declared" or (one.shape, one.channel) in left)
+    return tuple(known), replace(searched, faults=tuple(faults), candidates=of_search)
+
+
+def _is_of_entry(fault: FaultEstimate, entry: Fault, *, rate_hz: float, duration_s: float) -> bool:
+    """Say whether a fault has the shape, the channel and the frequency of an entry, and its onset in its interval."""
+    found = fault.fault
+    both_oscillate = {found.shape, entry.shape} <= {"sine", "cosine"}  # which differ by a phase that is estimated
+    if found.channel != entry.channel or not (found.shape == entry.shape or both_oscillate):
+        return False
+    beside_hz = (entry.frequency_hz or 0.0) - (found.frequency_hz or 0.0)
+    if both_oscillate and abs(beside_hz) * duration_s > FREQUENCY_CYCLES:
+        return False
+    low, high = fault.onset_ci95 or (found.onset_s, found.onset_s)
+    return low - ONSET_SAMPLES / rate_hz <= entry.onset_s <= high + ONSET_SAMPLES / rate_hz
+
+
+def _declared(candidate: Candidate, fault: FaultEstimate) -> Candidate:
+    """Return an entry as declared, with the magnitude of a fault in the entry's own measure."""
+    scale, _ = candidate.meaning
+    magnitude = fault.physical_value / scale
+    sd = fault.sd * abs(magnitude / fault.magnitude) if fault.magnitude else fault.sd
+    kind = SHAPES[candidate.shape].kind
+    return replace(
+        candidate,
+        kind=kind,
+        state="declared",
+        magnitude=magnitude,
+        sd=sd,
+        effect=None,
+        excluded_above=None,
+        note=None,
+    )

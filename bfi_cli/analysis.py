@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import fields, replace
+from functools import partial
 
 from .config import Config, merge
 from .decision import (
@@ -237,6 +238,8 @@ def _identify_entries(
     of_window = found.window.summary
     exact = of_window.rate_hz == of_window.native_rate_hz and all(vaf > EXPLAINED for vaf in found.vaf_output.values())
     looked_for = {one.kind for one in found.candidates if one.state is not None}
+    duration_s = of_window.stop_s - of_window.start_s
+    as_entries = partial(at_entries, entries=stated, rate_hz=found.model.rate_hz, duration_s=duration_s)
     if any(SHAPES[one.fault.shape].acts_on == "course" for one in found.faults):
         searched = "not scanned: a fault of unknown shape is declared"
     elif (why_not := _why_not_scanned(part, config, exact=exact)) is not None:
@@ -253,6 +256,8 @@ def _identify_entries(
         )
     if isinstance(searched, str):
         found = found if exact else _within_tolerance(found, None, config)
+        candidates, physics = as_entries(found.candidates, physics)
+        found = replace(found, candidates=candidates)
         said = conclusion_of(log, config, [found.evidence, physics])
         notes = (*physics.notes, Note.limit(searched))
         return result_of(log, config, found, said, _not_scanned(searched), notes=notes)
@@ -262,13 +267,8 @@ def _identify_entries(
         candidates=not_excluded(found.candidates, searched.rivals),
         faults=tuple(_with_rivals(one, searched.rivals) for one in found.faults),
     )
-    candidates, of_search = at_entries(
-        found.candidates,
-        searched.evidence,
-        stated,
-        rate_hz=found.model.rate_hz,
-        duration_s=of_window.stop_s - of_window.start_s,
-    )
+    candidates, of_search = as_entries(found.candidates, searched.evidence)
+    candidates, physics = as_entries(candidates, physics)
     found = replace(found, candidates=candidates)
     said = conclusion_of(log, config, [found.evidence, _beside_entries(of_search, looked_for), physics])
     joint = None

@@ -1,4 +1,4 @@
-"""What a search over all onsets finds at an entry of a dictionary is that entry."""
+"""What another source finds at an entry of a dictionary is that entry."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ def at_entries(
     rate_hz: float,
     duration_s: float,
 ) -> tuple[tuple[Candidate, ...], Evidence]:
-    """Return the candidates of a dictionary, and the evidence of a search, with each fault at an entry as that entry.
+    """Return the candidates of a dictionary, and the evidence of a source, with each fault at an entry as that entry.
 
-    The entry is declared, by the name that the dictionary gives it and with the magnitude that the search estimates;
-    onset and parameters are those that the search found.
+    The entry is declared, by the name that the dictionary gives it and with the magnitude that the source estimates;
+    onset and parameters are those that it found.
 
     Parameters
     ----------
     candidates : of the entries, in their order; entries : with their onsets on the axis of the log.
-    rate_hz, duration_s : of the record that was searched.
+    searched : the source: the search over all onsets, or physics.
+    rate_hz, duration_s : of the record.
     """
-    known, faults = list(candidates), list[FaultEstimate]()
-    taken = {one.name for one in candidates if one.state == "declared"}
+    known, faults, taken = list(candidates), list[FaultEstimate](), set[str]()
     for fault in searched.faults:
         at = [
             k
@@ -45,7 +45,8 @@ def at_entries(
             nearest = min(at, key=lambda k: abs(entries[k].onset_s - fault.fault.onset_s))
             name = known[nearest].name
             taken.add(name)
-            known[nearest] = _declared(known[nearest], fault)
+            if known[nearest].state != "declared":
+                known[nearest] = _declared(known[nearest], fault)
             fault = replace(fault, name=name, fault=replace(fault.fault, name=name))
         faults.append(fault)
     left = {(one.fault.shape, one.fault.channel) for one in faults if one.name not in taken}

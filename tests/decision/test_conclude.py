@@ -273,7 +273,7 @@ def test_an_oscillation_has_the_frequency_of_its_entry_as_far_as_the_window_reso
 def test_an_entry_is_found_once_and_the_nearest_onset_names():
     near = replace(STEP, name="near", onset_s=50.3)
     assert at(estimate(), near, STEP)[0] == {"near": "not_seen", "step": "declared"}
-    assert at(estimate(), STEP, declared=("step",))[1].faults[0].name == "bias"
+    assert at(estimate(), STEP, declared=("step",))[1].faults[0].name == "step"
 
 
 def test_a_slope_that_the_entry_states_is_its_measure():

@@ -440,6 +440,12 @@ COMMANDS = {
     "inject good.csv -o held.csv --force --fault samples,file=held.csv": (2, "held.csv: is an input of this command"),
     "simulate citation -o good.csv": (2, "good.csv: exists and was not written by bfi; give another --output, or"),
     "simulate citation -o truncated.h5": (2, "truncated.h5: exists and was not written by bfi; give another --output"),
+    "calibrate -o new.json": (2, "bfi calibrate: LOG... is missing; see bfi calibrate --help"),
+    "calibrate folder -o new.json": (3, "folder: no logs are there (files that end with .bin, .csv"),
+    "calibrate --list two_aircraft.csv -o new.json": (
+        2,
+        "bfi calibrate: the logs are of 2 aircraft, N1, N2; give those of one",
+    ),
     "calibrate good.csv -o good.csv": (2, "good.csv: is an input of this command; give another -o"),
     "calibrate good.csv -o other.json": (2, "other.json: exists and was not written by bfi; give another -o, or --for"),
     "calibrate good.csv -o other.json --append": (
@@ -536,6 +542,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         rows = zip(T.tolist(), ELEVATOR.tolist(), *(one.tolist() for one in column), strict=True)
         text = "".join(",".join(map(repr, row)) + "\n" for row in rows)
         (folder / name).write_text(f"time [s],elevator [rad],{head}\n{text}")
+    (folder / "two_aircraft.csv").write_text("log,aircraft\ngood.csv,N1\nhard.csv,N2\n")
     (folder / "unflown.csv").write_text(csv().replace("tas [m/s]", "aoa [rad]"))
     (folder / "taxiing.csv").write_text(csv(tas=0.02 * TAS))
     (folder / "in_the_way").write_text("a file")

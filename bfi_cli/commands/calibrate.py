@@ -11,24 +11,24 @@ import click
 
 from ..notes import Note
 from .analysis import inputs_of, log_of
-from .options import MODEL, SIGNALS, config_of, logs_argument, with_options
+from .options import MODEL, SIGNALS, config_of, fleet_argument, with_options
 from .output import note, show_lines
 from .progress import stages
 
 
 @click.command("calibrate")
 @with_options(
-    logs_argument,
+    fleet_argument,
     click.option(
         *("-o", "out"), required=True, metavar="FILE", type=click.Path(path_type=Path), help="The table to write."
     ),
     *("config_path", "length_s", "step_s", "shapes", "ends", "samples", "frequency", *SIGNALS, *MODEL),
-    "allow_outside",
+    *("allow_outside", "recursive", "list_file"),
     click.option("--append", is_flag=True, help="Keep what FILE holds; windows scanned alike are joined."),
     *("progress", "force", "as_json"),
 )
 def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options: Any) -> None:
-    """Scan windows of fault-free LOGs and write the distribution of the statistic to FILE.
+    """Scan windows of fault-free LOGs of one aircraft and write the distribution of the statistic to FILE.
 
     Of whole flights those count in which the aircraft flies, where an airspeed shows it.
 
@@ -42,6 +42,7 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     from ..provenance import provenance
 
     config = config_of(config_path, options)
+    logs = _logs_of_aircraft(logs, options["recursive"], options["list_file"])
     appended = options["append"] and out.exists()
     if appended:
         load_tables(out)
@@ -70,3 +71,25 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
         note(sentence)
     lines = [*([] if table is None else summary(table)), *([] if air_data is None else air_data.lines())]
     show_lines(json.loads(text), lines, as_json=options["as_json"])
+
+
+def _logs_of_aircraft(paths: tuple[str, ...], recursive: bool, listed: str | None) -> tuple[str, ...]:
+    """Return the logs that are named, of files, folders and a list.
+
+    Raises
+    ------
+    ConfigError : they are of several aircraft.
+    """
+    from ..errors import ConfigError
+    from ..fleet import logs_of
+
+    if not paths and listed is None:
+        context = click.get_current_context()
+        raise click.MissingParameter(ctx=context, param=context.command.params[0])
+    logs = logs_of(paths, recursive=recursive, listed=listed)
+    aircraft = sorted({one.aircraft for one in logs} - {""})
+    if len(aircraft) > 1:
+        raise ConfigError(
+            f"bfi calibrate: the logs are of {len(aircraft)} aircraft, {', '.join(aircraft[:3])}; give those of one"
+        )
+    return tuple(one.path for one in logs)

@@ -132,7 +132,9 @@ def _methods(outcomes: tuple[Outcome, ...], *, scored: bool) -> Table:
 
 
 def _name(one: Suspect) -> str:
-    return one.name or f"{one.shape} {one.channel}" if one.shape else one.channel
+    if one.shape:
+        return one.name or f"{one.shape} {one.channel}"
+    return f"{one.channel}: {one.name}" if one.name else one.channel
 
 
 def _seconds(value: float | None) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -130,24 +130,25 @@ def by_px4(problem: Problem, *, every: bool) -> Statement:
     every : with the load factor and first-principle checks, which are off by default.
     """
     name, time_s, values = _sampled(problem.part)
-    airspeed, none = values[name], np.zeros(len(time_s), dtype=bool)
-    innovation, score = none, None
+    airspeed, score = values[name], None
+    none = np.zeros(len(time_s), dtype=bool)
+    checks = {"missing": px4_missing(time_s, airspeed), "stuck": px4_stuck(time_s, airspeed)}
+    checks |= dict.fromkeys(("innovation", "load_factor", "first_principle"), none)
     if (found := _innovation(time_s, airspeed, values)) is not None:
-        innovation, score = px4_innovation(time_s, found[0]), _largest(np.abs(found[0]))
-    load_factor = first_principle = none
+        checks["innovation"], score = px4_innovation(time_s, found[0]), _largest(np.abs(found[0]))
     if every and "normal_acc" in values:
-        load_factor = px4_load_factor(airspeed, values["normal_acc"] + STANDARD_GRAVITY)
+        checks["load_factor"] = px4_load_factor(airspeed, values["normal_acc"] + STANDARD_GRAVITY)
     if every and {"throttle", "pitch"} <= values.keys():
-        first_principle = px4_first_principle(time_s, airspeed, values["throttle"], values["pitch"])
+        checks["first_principle"] = px4_first_principle(time_s, airspeed, values["throttle"], values["pitch"])
     invalid = px4_invalid(
         time_s,
-        missing=px4_missing(time_s, airspeed),
-        stuck=px4_stuck(time_s, airspeed),
-        innovation=innovation,
-        load_factor=load_factor,
-        first_principle=first_principle,
+        missing=checks["missing"],
+        stuck=checks["stuck"],
+        innovation=checks["innovation"],
+        load_factor=checks["load_factor"],
+        first_principle=checks["first_principle"],
     )
-    return _stated(name, time_s, invalid, score)
+    return _stated(name, time_s, invalid, score, checks)
 
 
 def by_ardupilot(problem: Problem) -> Statement:
@@ -162,7 +163,8 @@ def by_ardupilot(problem: Problem) -> Statement:
     ground_speed = np.hypot(values["velocity_north"], values["velocity_east"])
     with np.errstate(invalid="ignore"):
         ratio = np.abs(found[0]) / found[1]
-    return _stated(name, time_s, ardupilot_disabled(time_s, values[name], ground_speed, ratio), _largest(ratio))
+    disabled = ardupilot_disabled(time_s, values[name], ground_speed, ratio)
+    return _stated(name, time_s, disabled, _largest(ratio), {"wind_gate": disabled})
 
 
 def _sampled(log: FlightLog) -> tuple[str, FloatArray, dict[str, FloatArray]]:
@@ -187,8 +189,13 @@ def _largest(values: FloatArray) -> float | None:
     return float(known.max()) if known.size else None
 
 
-def _stated(name: str, time_s: FloatArray, failed: BoolArray, score: float | None) -> Statement:
+def _stated(
+    name: str, time_s: FloatArray, failed: BoolArray, score: float | None, checks: Mapping[str, BoolArray]
+) -> Statement:
+    """Return the statement about a channel that fails, named by the checks that fail when it is first declared."""
     if not failed.any():
         return Statement(decision="no_fault", score=score)
-    suspect = Suspect(channel=name, declared_s=float(time_s[np.argmax(failed)]))
+    first = int(np.argmax(failed))
+    tripped = " and ".join(check.replace("_", " ") for check, fails in checks.items() if fails[first])
+    suspect = Suspect(channel=name, name=tripped or None, declared_s=float(time_s[first]))
     return Statement(decision="fault", suspects=(suspect,), score=score)

@@ -11,6 +11,8 @@ from bfi_cli.config import Config
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.lab.compare import PEERS, ComparisonResult, compare
+from bfi_cli.lab.compare.document import compare_content, compare_document
+from bfi_cli.provenance import provenance
 
 TIME_S = np.arange(1200) / 10.0
 RULES = ("px4", "px4-all", "ardupilot")
@@ -38,6 +40,12 @@ def declared(result: ComparisonResult) -> dict[str, float | None]:
     }
 
 
+def tripped(result: ComparisonResult) -> dict[str, str | None]:
+    """Return the check that each rule names."""
+    statements = {one.method: one.statement for one in result.outcomes}
+    return {name: said.suspects[0].name for name, said in statements.items() if said is not None and said.suspects}
+
+
 def run(log: FlightLog, *names: str) -> ComparisonResult:
     return compare(log, None, Config(), {name: PEERS[name] for name in names})
 
@@ -48,7 +56,9 @@ def test_a_healthy_airspeed_is_trusted():
 
 def test_a_large_step_is_declared_by_the_innovation():
     """12 m/s: 7 beyond PX4's 5 fill 10 m in 1.5 s, and 1.0 s pass before the sensor is given up."""
-    found = declared(run(circling(np.where(TIME_S >= 80.0, -12.0, 0.0)), *RULES))
+    result = run(circling(np.where(TIME_S >= 80.0, -12.0, 0.0)), *RULES)
+    assert tripped(result) == {"px4": "innovation", "px4-all": "innovation", "ardupilot": "wind gate"}
+    found = declared(result)
     assert found["px4"] == pytest.approx(82.5, abs=0.25)
     assert found["px4-all"] == found["px4"]
     assert found["ardupilot"] is not None
@@ -59,7 +69,11 @@ def test_a_frozen_airspeed_is_stuck_after_two_seconds():
     log = circling(0.0)
     values = log.channels["tas"].values.copy()
     values[800:] = values[800]
-    assert declared(run(circling(0.0, tas=values), "px4")) == {"px4": pytest.approx(82.1)}
+    result = run(circling(0.0, tas=values), "px4")
+    assert declared(result) == {"px4": pytest.approx(82.1)}
+    assert tripped(result) == {"px4": "stuck"}
+    content = compare_content(compare_document(result, provenance(log_sha256="")))
+    assert "tas: stuck" in content.tables[0].rows[0]
 
 
 def test_a_rule_without_the_ground_velocity_says_what_it_lacks():

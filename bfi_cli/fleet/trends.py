@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -12,10 +13,11 @@ from ..kernels.monotone_trend import monotone_trend
 from ..report.content import Drawing, Panel, curve
 from .answers import LogAnswer
 
-# Chance with which any trend of an aircraft is declared that is none; shared by its relations (Bonferroni).
+# Chance with which any trend of an aircraft is declared that is none; shared by its channels, and of a channel by the
+# relations that imply it (Bonferroni, weighted).
 FALSE_ALARM = 0.05
-# Flights of which a trend is told: of seven the strongest rank correlation has a chance of 0.004.
-FEWEST_FLIGHTS = 8
+# Flights of which a trend is told: of seven the best order has a chance of 0.0004, of five 0.02.
+FEWEST_FLIGHTS = 7
 MOST_PANELS = 12  # trends that are drawn: more is no glance
 
 
@@ -70,7 +72,7 @@ def _trends_of(aircraft: str, flights: Sequence[LogAnswer]) -> list[FleetTrend]:
         if len(rows) < FEWEST_FLIGHTS:
             continue
         values, low, high = (tuple(float(row[key]) for row in rows) for key in ("value", "low", "high"))
-        trend = monotone_trend(np.array(values))
+        trend = monotone_trend(np.array(values), rng=np.random.default_rng(0))
         found.append(
             FleetTrend(
                 aircraft=aircraft,
@@ -86,7 +88,10 @@ def _trends_of(aircraft: str, flights: Sequence[LogAnswer]) -> list[FleetTrend]:
                 p_value=trend.p_value,
             )
         )
-    return [replace(one, is_declared=one.p_value < FALSE_ALARM / len(found)) for one in found]
+    relations = Counter(one.channel for one in found)
+    return [
+        replace(one, is_declared=one.p_value < FALSE_ALARM / (len(relations) * relations[one.channel])) for one in found
+    ]
 
 
 def trend_rows(trends: Iterable[FleetTrend]) -> list[dict[str, Any]]:

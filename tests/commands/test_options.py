@@ -22,6 +22,8 @@ CLEAN, FAULTS = ROOT / "data" / "citation_clean.h5", ROOT / "configs" / "thesis_
 # What concerns one call and not the analysis: its files, what it prints, and what a file must not permit itself.
 OF_ONE_CALL = {
     "together",
+    "recursive",
+    "list_file",
     "config_path",
     "out",
     "force",

@@ -73,7 +73,7 @@ def test_clocks_order_the_flights_where_all_have_one():
 
 def test_aircraft_are_apart_and_few_flights_tell_nothing():
     up, down = answers(0.1 * np.arange(10)), answers(-0.1 * np.arange(10), "N2")
-    found = {one.aircraft: one.slope for one in trends_of([*up, *down, *answers(np.arange(7.0), "N3")])}
+    found = {one.aircraft: one.slope for one in trends_of([*up, *down, *answers(np.arange(6.0), "N3")])}
     assert found == pytest.approx({"N1": 0.1, "N2": -0.1})
     assert trends_of(answers(np.arange(20.0), "")) == ()
     assert trend_drawing([]) is None

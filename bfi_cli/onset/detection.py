@@ -262,7 +262,11 @@ def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, orde
     criteria: list[tuple[float, Estimate]] = []
     jump_s, dispersion = None, 1.0
     for n, peak in enumerate(peaks):
-        fault = estimate(record, y, peak, order=order, jump_s=jump_s, report=of_steps if n == 0 else silent)
+        n_parameters = peak.n_parameters + (peak.form.shape == "sine")
+        lowest = min((criterion for criterion, _ in criteria), default=np.inf)
+        least = max(0.0, (n_parameters * log_n - NOT_TOLD) * dispersion - lowest)
+        report_step = of_steps if n == 0 else silent
+        fault = estimate(record, y, peak, order=order, jump_s=jump_s, least=least, report=report_step)
         if n == 0:
             dispersion = _dispersion(record, subtract_faults(y, fault), fault, order)
         if peak.form.shape == "bias" and jump_s is None:
@@ -270,7 +274,6 @@ def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, orde
         is_last_and_alone = not criteria and n == len(peaks) - 1
         nameable = record.kinds.may_be(peak.form.shape, peak.form.output) and fault.frequency_is_known
         if nameable or is_last_and_alone:
-            n_parameters = peak.n_parameters + (peak.form.shape == "sine")
             criteria.append((n_parameters * log_n * dispersion - fault.statistic, fault))
     of_rivals(1.0)
     least = min(criterion for criterion, _ in criteria)

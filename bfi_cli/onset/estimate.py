@@ -19,7 +19,7 @@ from ..kernels.onset.scan import Scan, scan_shape
 from ..kernels.progress import Report, Step, silent, steps
 from ..shapes import Shape
 from .decision import Verdict
-from .oscillation import OscillationSearch, Sinusoid, estimate_oscillation, oscillation_search
+from .oscillation import HOPELESS, OscillationSearch, Sinusoid, estimate_oscillation, oscillation_search
 from .scan import Peak, lasting_peak, scan_of
 from .scan_record import DECIMALS, ScanRecord
 from .shapes import ShapeHypothesis, SubsampleIndex, signal, subsample_index, waveform
@@ -131,6 +131,7 @@ def estimate(
     order: int,
     dispersion: float = 1.0,
     jump_s: float | None = None,
+    least: float = 0.0,
     report: Report = silent,
 ) -> Estimate:
     """Return the fault of a peak.
@@ -141,6 +142,8 @@ def estimate(
     order : of the model.
     dispersion : ratio of the mean statistic of other onsets to that of white noise, at least 1.
     jump_s : onset of a step, on the log's axis: an oscillation of another phase than 0 may begin there.
+    least : statistic that counts: an oscillation that is far from it is returned as the scan has it, with its frequency
+        not known.
     report : called with the fraction that is done.
     """
     step, form, drop = steps(report, STEPS), peak.form, DROP * dispersion
@@ -148,7 +151,10 @@ def estimate(
     if form.shape == "sine":
         search = oscillation_search(record.likelihood(y, order, step), peak)
         jump = None if jump_s is None else record.native(jump_s)
-        sinusoid = estimate_oscillation(search, dispersion=dispersion, jump=jump)
+        sinusoid = estimate_oscillation(search, dispersion=dispersion, jump=jump, least=least)
+        if sinusoid.statistic < HOPELESS * least:
+            report(1.0)
+            return replace(as_scanned(record, peak), statistic=sinusoid.statistic, frequency_is_known=False)
         form = replace(form, parameter=sinusoid.frequency_hz, phase_rad=sinusoid.phase_rad)
         fine = _profile_of_starts(record, search, sinusoid, order)
         end = None if sinusoid.end is None else subsample_index(sinusoid.end, record.sampling.factor)

@@ -31,7 +31,7 @@ BESIDE = (-0.8, -0.4, 0.0, 0.4, 0.8)
 # on the time, set by trial on simulated flights with one and two faults.
 APART = 0.4
 MOST_FREQUENCIES = 120
-REFINED = 2
+REFINED = 3
 # A Gauss-Newton step is no longer than this, and takes its derivative over +-DIFFERENCE, whose error is
 # (2 pi 0.01)^2 / 6, less than a thousandth. It ends after ITERATIONS, a bound on the time, or once a step is below
 # CONVERGED of the longest: 3e-5 widths, a tenth of the standard deviation of a frequency whose statistic is a million.
@@ -45,6 +45,9 @@ PARTS = 12
 # Frequency and edges are refined in turn, and as many candidates of phase 0 are: the second round moves little. Chosen
 # without a tuning record.
 ROUNDS = 2
+# Share of the statistic that counts: of oscillations in windows of recorded flights none gained more than a twentieth
+# after its edges had been moved once.
+HOPELESS = 0.95
 # The frequency is known if its standard deviation is below three times the Cramer-Rao bound: wide enough for coloured
 # errors, and too narrow for a bend at the record's start that only resembles an oscillation. Chosen without a tuning
 # record.
@@ -175,7 +178,9 @@ def oscillation_search(likelihood: Likelihood, peak: Peak) -> OscillationSearch:
     )
 
 
-def estimate_oscillation(search: OscillationSearch, *, dispersion: float = 1.0, jump: int | None = None) -> Sinusoid:
+def estimate_oscillation(
+    search: OscillationSearch, *, dispersion: float = 1.0, jump: int | None = None, least: float = 0.0
+) -> Sinusoid:
     """Return the oscillation near the peak of a search, by the steps named at the head of this file.
 
     Parameters
@@ -183,6 +188,7 @@ def estimate_oscillation(search: OscillationSearch, *, dispersion: float = 1.0, 
     dispersion : ratio of the mean statistic of other onsets to that of white noise, at least 1.
     jump : sample of the log's own rate at which a step was seen. An oscillation that does not begin at zero begins with
         a step, and its frequency may be far from that of the scan, which assumes phase 0.
+    least : statistic that counts: an oscillation that is far from it once its edges have been moved is left as it is.
     """
     begin, (low, high) = search.begin, search.record.band_hz
     width = 1.0 / search.duration_s(begin)
@@ -193,10 +199,13 @@ def estimate_oscillation(search: OscillationSearch, *, dispersion: float = 1.0, 
         duration_s = search.duration_s(begun)
         frequencies = np.arange(max(low, MIN_CYCLES / duration_s), high, APART / duration_s)
         nearest = np.argsort(np.abs(frequencies - begin.frequency_hz))[:MOST_FREQUENCIES]
-        tried += search.ranked([replace(begun, frequency_hz=float(frequencies[k])) for k in nearest])[:REFINED]
-    free = max([_refine_frequency(search, wave) for wave in tried], key=lambda wave: wave.statistic)
+        tried += [replace(begun, frequency_hz=float(frequencies[k])) for k in nearest]
+    refined = [_refine_frequency(search, wave) for wave in search.ranked(tried)[:REFINED]]
+    free = max(refined, key=lambda wave: wave.statistic)
     for _ in range(ROUNDS):
         free = _refine_frequency(search, _move_edges(search, free))
+        if free.statistic < HOPELESS * least:
+            return free
     tied = _with_phase_zero(search, free)
     wanted = dispersion * (float(np.log(search.likelihood.n_rows)) + STRONG_EVIDENCE)
     return free if free.statistic > tied.statistic + wanted else tied

@@ -137,6 +137,7 @@ class Likeliness:
 def claims_of(
     record: ScanRecord,
     first: HypothesisScan,
+    last: HypothesisScan,
     estimates: Sequence[Estimate],
     rule: Rule,
     tolerances: Mapping[str, float],
@@ -152,7 +153,7 @@ def claims_of(
 
     Parameters
     ----------
-    first : scan of the outputs as measured.
+    first : scan of the outputs as measured; last : of the outputs less the faults.
     estimates : the declared faults; rule : by which they were.
     tolerances : by output; scans : of each, see `rivals.scans_beside`.
     order : of the model that is left without the faults.
@@ -201,7 +202,8 @@ def claims_of(
             suspicion = f"a {shape} in place of what is declared would explain the log nearly as well"
         if kind in claims:
             bounded = _weighed if shape in WEIGHED else _sized
-            candidate = bounded(record, scans[output], rule, candidate, form, peak, of_shape)
+            seen = last.standing_out.get(output)
+            candidate = bounded(record, scans[output], rule, candidate, form, peak, seen, of_shape)
         elif suspicion is None:
             continue
         if suspicion is not None:
@@ -238,10 +240,11 @@ def _sized(
     candidate: Candidate,
     form: ShapeHypothesis,
     peak: Peak | None,
+    seen: Sequence[float] | None,
     report: Report,
 ) -> Candidate:
     """Return a candidate of a shape that is excluded by the size that it would have needed at the worst onset."""
-    forms = _claimed(record, scan, form, peak, report)
+    forms = _claimed(record, scan, form, peak, seen, report)
     of_forms = [_limits(record, scan, claimed, rule.threshold(form.shape)) for claimed in forms]
     covered = [limits for limits in of_forms if limits is not None]
     if not covered:
@@ -259,16 +262,17 @@ def _weighed(
     candidate: Candidate,
     form: ShapeHypothesis,
     peak: Peak | None,
+    seen: Sequence[float] | None,
     report: Report,
 ) -> Candidate:
     """Return a candidate of a shape that is excluded by how likely the record is with and without it.
 
     Parameters
     ----------
-    peak : of the shape where it is looked for.
+    peak : of the shape where it is looked for; seen : see `standing_out_hz`.
     """
     searching, weighing = shares(report, 1, 2)
-    shape, forms = form.shape, _claimed(record, scan, form, peak, searching)
+    shape, forms = form.shape, _claimed(record, scan, form, peak, seen, searching)
     if not forms:
         return replace(candidate, note="the window is too short for an oscillation")
     assert candidate.tolerance is not None
@@ -445,7 +449,12 @@ def _near(limits: Limits | Likeliness | None, onset_s: float, near_s: float) -> 
 
 
 def _claimed(
-    record: ScanRecord, scan: Scan, form: ShapeHypothesis, peak: Peak | None, report: Report
+    record: ScanRecord,
+    scan: Scan,
+    form: ShapeHypothesis,
+    peak: Peak | None,
+    seen: Sequence[float] | None,
+    report: Report,
 ) -> list[ShapeHypothesis]:
     """Return the hypotheses that a claim about a shape must cover: its frequencies, time constants or durations.
 
@@ -454,7 +463,7 @@ def _claimed(
 
     Parameters
     ----------
-    peak : of the shape where it is looked for.
+    peak : of the shape where it is looked for; seen : see `standing_out_hz`.
     """
     shape, output = form.shape, form.output
     if shape in BUILT_UP:
@@ -464,7 +473,7 @@ def _claimed(
     low, high = _claimed_band_hz(record)
     if low >= high:
         return []
-    values = {*np.geomspace(low, high, FREQUENCIES).tolist(), *standing_out_hz(record, scan, report)}
+    values = {*np.geomspace(low, high, FREQUENCIES).tolist(), *standing_out_hz(record, scan, report, seen=seen)}
     likeliest = None if peak is None else peak.form.parameter
     values |= set() if likeliest is None or not low <= likeliest <= high else {likeliest}
     return [ShapeHypothesis(shape=shape, output=output, parameter=f) for f in sorted(values)]
@@ -476,11 +485,20 @@ def _claimed_band_hz(record: ScanRecord) -> tuple[float, float]:
     return max(low, CLAIMED_CYCLES / record.settings.duration_s), high
 
 
-def standing_out_hz(record: ScanRecord, scan: Scan, report: Report = silent) -> list[float]:
-    """Return the frequencies of a claim about oscillations that stand out on the grid of the scan, the most first."""
+def standing_out_hz(
+    record: ScanRecord, scan: Scan, report: Report = silent, *, seen: Sequence[float] | None = None
+) -> list[float]:
+    """Return the frequencies of a claim about oscillations that stand out on the grid of the scan, the most first.
+
+    Parameters
+    ----------
+    seen : those that stand out, cycles per sample, where they are known.
+    """
     (low, high), rate_hz = _claimed_band_hz(record), record.sampling.rate_hz
     if low >= high:
         return []
+    if seen is not None:
+        return [rate_hz * frequency for frequency in seen if rate_hz * frequency >= low][:PEAKS]
     grid = frequency_grid(scan, (record.band_hz[0] / rate_hz, high / rate_hz))
     claimed = rate_hz * grid >= low
     stands_out = peaks(np.where(claimed, screen_grid(scan, grid, report), 0.0), PEAKS)

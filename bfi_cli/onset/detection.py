@@ -141,11 +141,13 @@ def search_onsets(
         of_dictionary = limits_near_onsets(
             record, rule, entries, config.onset_tolerance_s, tolerances, scans, report=of_entries
         )
-        declared = with_rivals(record, y, declared, tolerances, order=order)
+        seen = {} if known else first.standing_out
+        declared = with_rivals(record, y, declared, tolerances, order=order, seen=seen)
         estimates = declared[len(declared) - len(estimates) :]
         candidates = claims_of(
             record,
             first,
+            last,
             estimates,
             rule,
             tolerances,

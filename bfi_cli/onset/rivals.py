@@ -116,7 +116,13 @@ def rivals_of(declared: Sequence[Estimate]) -> set[tuple[Shape, int]]:
 
 
 def with_rivals(
-    record: ScanRecord, y: FloatArray, declared: Sequence[Estimate], tolerances: Mapping[str, float], *, order: int
+    record: ScanRecord,
+    y: FloatArray,
+    declared: Sequence[Estimate],
+    tolerances: Mapping[str, float],
+    *,
+    order: int,
+    seen: Mapping[int, Sequence[float]],
 ) -> list[Estimate]:
     """Return declared faults, with the shapes of other kinds that would explain the record about as well in `among`.
 
@@ -124,6 +130,7 @@ def with_rivals(
     ----------
     y : (n_samples, n_outputs) the outputs less all declared faults, scaled; order : of the model.
     tolerances : by output, SI. A fault whose error is surely within it hides nothing that limits are about.
+    seen : by output, frequencies that stand out in the record with all of them, where they are known.
     """
     among = [dict.fromkeys(fault.among or (fault.form.shape,)) for fault in declared]
     for output in {fault.form.output for fault in declared}:
@@ -142,7 +149,7 @@ def with_rivals(
                 looked_for = SCANNED_AS.get(shape, shape) in record.settings.shapes
                 if SHAPES[shape].kind in kinds or not looked_for:
                     continue
-                rivals = _rivals(record, put_back, scan, shape, replaced, wanted)
+                rivals = _rivals(record, put_back, scan, shape, replaced, seen.get(output), wanted)
                 if any(not _largest_error(rival) < tolerances[channel] / scale for rival in rivals):
                     for i in group:
                         among[i][shape] = None
@@ -155,13 +162,19 @@ def _largest_error(fault: Estimate) -> float:
 
 
 def _rivals(
-    record: ScanRecord, y: FloatArray, scan: Scan, shape: Shape, replaced: Sequence[Estimate], wanted: float
+    record: ScanRecord,
+    y: FloatArray,
+    scan: Scan,
+    shape: Shape,
+    replaced: Sequence[Estimate],
+    seen: Sequence[float] | None,
+    wanted: float,
 ) -> list[Estimate]:
     """Return the faults of a shape in outputs y that reach a statistic, one for each of its constants.
 
     They are sought at the onsets of the scan, and where none suffices but the best may, between these.
     """
-    forms = list(_forms(record, scan, shape, replaced))
+    forms = list(_forms(record, scan, shape, replaced, seen))
     statistics = [_statistic(record, scan, form) for form in forms]
     if max(statistics, default=0.0) >= wanted:
         reached = (form for form, statistic in zip(forms, statistics, strict=True) if statistic >= wanted)
@@ -172,7 +185,9 @@ def _rivals(
     return [between] if between.statistic >= wanted else []
 
 
-def _forms(record: ScanRecord, scan: Scan, shape: Shape, replaced: Sequence[Estimate]) -> Iterator[ShapeHypothesis]:
+def _forms(
+    record: ScanRecord, scan: Scan, shape: Shape, replaced: Sequence[Estimate], seen: Sequence[float] | None
+) -> Iterator[ShapeHypothesis]:
     """Give the hypotheses of a shape: its constants on a grid, or the frequencies of claims that stand out.
 
     A ramp that holds is two drifts, from its start and, the other way, from its end: it has every such duration, too.
@@ -180,7 +195,7 @@ def _forms(record: ScanRecord, scan: Scan, shape: Shape, replaced: Sequence[Esti
     output = replaced[0].form.output
     parameters: list[float | None] = [None]
     if shape == "sine":
-        parameters = [*standing_out_hz(record, scan)[:STANDING_OUT]]
+        parameters = [*standing_out_hz(record, scan, seen=seen)[:STANDING_OUT]]
     elif shape in SCANNED_AS:
         parameters = [*constants_s(record.settings.duration_s)]
         if shape == "ramp_hold":

@@ -6,21 +6,20 @@ order chosen without the fault would be so high that it absorbs an oscillation.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..kernels import FloatArray
 from ..kernels.onset.frequency import (
-    PEAKS,
     frequency_grid,
     scan_frequency,
     scan_frequency_ends,
-    screen_grid,
     screen_sines,
+    standing_out,
 )
-from ..kernels.onset.pairs import peaks, scan_ends
+from ..kernels.onset.pairs import scan_ends
 from ..kernels.onset.scan import Profile, Scan, default_onsets, largest_statistic, prepare_scan, scan_shape
 from ..kernels.progress import Report, parts, shares, silent
 from .scan_record import ScanRecord
@@ -73,6 +72,8 @@ class HypothesisScan:
     peaks : one per hypothesis.
     orders : those that were compared.
     without_fault, with_fault : the criterion of each order, without a fault and with its best one.
+    standing_out : by output, the frequencies, cycles per sample, that stand out at some order, the most at this one
+        first; none where a scan of one order has not compared them.
     """
 
     order: int
@@ -81,6 +82,7 @@ class HypothesisScan:
     orders: tuple[int, ...]
     without_fault: tuple[float, ...]
     with_fault: tuple[float, ...]
+    standing_out: Mapping[int, tuple[float, ...]]
 
     def of(self, shape: str, output: int | None = None) -> Peak:
         """Return the best peak of a shape, over all outputs or on `output`."""
@@ -108,9 +110,13 @@ def scan_hypotheses(
         for s, _ in parts(preparing, orders)
     ]
     without_fault = [fault_free_bic(record, of_outputs[0]) for of_outputs in scans]
-    best = _bic_with_fault(record, scans, without_fault, choosing) if several else without_fault
-    chosen = orders[int(np.argmin(np.minimum(without_fault, best)))]
-    scanned = _scan_at_order(record, y, chosen, peaking)
+    seen: list[dict[int, tuple[float, ...]]] = [{} for _ in orders]
+    best = without_fault
+    if several:
+        best, seen = _bic_with_fault(record, scans, without_fault, choosing)
+    at = int(np.argmin(np.minimum(without_fault, best)))
+    own_grid = seen[at] if at in _screened(without_fault) else {}
+    chosen, scanned = orders[at], _scan_at_order(record, y, orders[at], own_grid, peaking)
     if record.settings.ends and several:
         # The coarse grid of frequencies knows no ends, so it may choose an order too high, which absorbs a short
         # oscillation: start and end of the best hypothesis are sought anew at every order.
@@ -123,7 +129,7 @@ def scan_hypotheses(
             criteria.append(base - scan_ends(scan, sharp, report=own).statistic + charge)
         best = np.minimum(best, criteria).tolist()
         if (better := orders[int(np.argmin(np.minimum(without_fault, best)))]) != chosen:
-            chosen, scanned = better, _scan_at_order(record, y, better, peaking)
+            chosen, scanned = better, _scan_at_order(record, y, better, {}, peaking)
     report(1.0)
     return HypothesisScan(
         order=chosen,
@@ -132,13 +138,19 @@ def scan_hypotheses(
         orders=orders,
         without_fault=tuple(without_fault),
         with_fault=tuple(best),
+        standing_out=seen[at],
     )
+
+
+def _screened(without_fault: Sequence[float]) -> list[int]:
+    """Return the indices of the orders at which the whole grid of frequencies is screened."""
+    return sorted({0, int(np.argmin(without_fault))})
 
 
 def _bic_with_fault(
     record: ScanRecord, scans: Sequence[Sequence[Scan]], without_fault: Sequence[float], report: Report
-) -> list[float]:
-    """Return the criterion of every order with its best fault.
+) -> tuple[list[float], list[dict[int, tuple[float, ...]]]]:
+    """Return the criterion of every order with its best fault, and the frequencies that stand out, by output.
 
     A sine is tried at the frequencies that stand out at the lowest order, where its trace is largest, and at the order
     that is best without a fault. That takes half the time of the whole grid at every order and chose the same order in
@@ -146,23 +158,24 @@ def _bic_with_fault(
     """
     looking, comparing = shares(report, 3, 6 if record.settings.ends else 1)
     low, high = (f / record.sampling.rate_hz for f in record.band_hz)
-    candidates: dict[int, list[float]] = {}
+    candidates: dict[int, FloatArray] = {}
     for form, of_form in parts(looking, record.forms):
         if form.shape == "sine" and form.output not in candidates:
-            standing_out: set[float] = set()
-            for k, of_order in parts(of_form, [*{0, int(np.argmin(without_fault))}]):
+            of_orders = set[float]()
+            for k, of_order in parts(of_form, _screened(without_fault)):
                 scan = scans[k][form.output]
-                grid = frequency_grid(scan, (low, high))
-                standing_out.update(float(grid[j]) for j in peaks(screen_grid(scan, grid, of_order), PEAKS))
-            candidates[form.output] = sorted(standing_out)
-    best = []
+                of_orders.update(standing_out(scan, frequency_grid(scan, (low, high)), of_order))
+            candidates[form.output] = np.array(sorted(of_orders))
+    best, seen = list[float](), list[dict[int, tuple[float, ...]]]()
     for (of_outputs, base), of_order in parts(comparing, list(zip(scans, without_fault, strict=True))):
-        criteria = []
+        criteria, of_outputs_seen = [], dict[int, tuple[float, ...]]()
         for form, own in parts(of_order, record.forms):
             scan, n_parameters = of_outputs[form.output], 3 if form.parameter or form.shape == "sine" else 2
             sampling = replace(record.sampling, n_samples=scan.n_samples)
             if form.shape == "sine":
-                statistic = float(screen_sines(scan, np.array(candidates[form.output]), own).max())
+                screened = screen_sines(scan, candidates[form.output], own)
+                statistic = float(screened.max())
+                of_outputs_seen[form.output] = tuple(candidates[form.output][np.argsort(-screened)].tolist())
             elif record.settings.ends:
                 statistic = scan_ends(scan, waveform(form, replace(sampling, factor=1)), report=own).statistic
                 n_parameters += 1
@@ -170,14 +183,25 @@ def _bic_with_fault(
                 statistic = largest_statistic(scan, waveform(form, sampling))
             criteria.append(base - statistic + n_parameters * float(np.log(scan.n_rows)))
         best.append(min(criteria))
-    return best
+        seen.append(of_outputs_seen)
+    return best, seen
 
 
-def _scan_at_order(record: ScanRecord, y: FloatArray, order: int, report: Report) -> tuple[Peak, ...]:
+def _scan_at_order(
+    record: ScanRecord, y: FloatArray, order: int, seen: Mapping[int, Sequence[float]], report: Report
+) -> tuple[Peak, ...]:
+    """Return the exact scan of every hypothesis at an order.
+
+    Parameters
+    ----------
+    seen : by output, the frequencies that stand out, where they are known.
+    """
     scans = [scan_of(record, y, order, output=i) for i in range(y.shape[1])]
     lengths = [SEARCH if form.shape == "sine" and form.parameter is None else 1 for form in record.forms]
     of_forms = zip(record.forms, shares(report, *lengths), strict=True)
-    return tuple(scan_hypothesis(record, scans[form.output], form, own) for form, own in of_forms)
+    return tuple(
+        scan_hypothesis(record, scans[form.output], form, own, begin=seen.get(form.output)) for form, own in of_forms
+    )
 
 
 def scan_of(
@@ -221,14 +245,29 @@ def fault_free_bic(record: ScanRecord, scan: Scan) -> float:
     return scan.n_rows * float(np.log(scan.rss0)) + scan.n_outputs * regressors * float(np.log(scan.n_rows))
 
 
-def scan_hypothesis(record: ScanRecord, scan: Scan, form: ShapeHypothesis, report: Report = silent) -> Peak:
-    """Return the exact scan of a hypothesis over the record; the likeliest frequency of a sine is sought if unknown."""
+def scan_hypothesis(
+    record: ScanRecord,
+    scan: Scan,
+    form: ShapeHypothesis,
+    report: Report = silent,
+    *,
+    begin: Sequence[float] | None = None,
+) -> Peak:
+    """Return the exact scan of a hypothesis over the record; the likeliest frequency of a sine is sought if unknown.
+
+    Parameters
+    ----------
+    begin : frequencies that stand out, cycles per sample, where they are known.
+    """
     rate_hz, ends = record.sampling.rate_hz, record.settings.ends
     if form.shape == "sine" and form.parameter is None:
         searching, report = shares(report, SEARCH, 1)
-        search = scan_frequency_ends if ends else scan_frequency
         band = (record.band_hz[0] / rate_hz, record.band_hz[1] / rate_hz)
-        form = replace(form, parameter=float(rate_hz * search(scan, band, report=searching)))
+        if ends:
+            frequency = scan_frequency_ends(scan, band, report=searching)
+        else:
+            frequency = scan_frequency(scan, band, report=searching, begin=begin)
+        form = replace(form, parameter=float(rate_hz * frequency))
     if ends:
         pair = scan_ends(scan, waveform(form, replace(record.sampling, factor=1)), report=report)
         return Peak(form=form, profile=pair.over_starts, end=pair.end)

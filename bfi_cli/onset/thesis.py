@@ -85,6 +85,7 @@ def search_as_published(log: FlightLog, config: Config, progress: Progress = uns
         orders=orders,
         without_fault=tuple(plain),
         with_fault=tuple(plain),
+        standing_out={},
     )
     notes = [Note.limit(NOTE)]
     if stage is not None:

@@ -95,7 +95,7 @@ def test_no_onset_that_is_covered_is_passed_over(record: ScanRecord, form: Shape
 
 def test_oscillations_that_are_claimed_have_six_cycles_of_which_two_are_left(record: ScanRecord):
     scan = scan_of(record, record.y, ORDER, output=0)
-    forms = claims._claimed(record, scan, replace(BIAS, shape="sine"), None, lambda _: None)
+    forms = claims._claimed(record, scan, replace(BIAS, shape="sine"), None, None, lambda _: None)
     lowest = min(form.parameter or 0.0 for form in forms)
     assert lowest == pytest.approx(6.0 / record.settings.duration_s, rel=1e-9)
     slow = replace(BIAS, shape="sine", parameter=lowest)
@@ -120,7 +120,7 @@ def test_a_lag_is_suspected_where_the_record_is_likelier_with_one_beyond_the_tol
         scan = scan_of(record, record.y + z * theta, ORDER, output=0)
         rule = None  # of a shape that is not looked for no threshold is asked
         looked_for = candidate_of(fault_of(LAG, "tas", magnitude=1.0, onset_s=0.0), "m/s", tolerance=tolerance)
-        candidate = claims._weighed(record, scan, rule, looked_for, LAG, None, lambda _: None)
+        candidate = claims._weighed(record, scan, rule, looked_for, LAG, None, None, lambda _: None)
         assert (candidate.state == "suspected") is suspected
 
 

@@ -105,9 +105,10 @@ def mistaken(flown: Callable[..., FlightLog], true: Shape, taken_for: Shape, see
     first, rule = scan_hypotheses(record, record.y), shipped_rule(record, CONFIG)
     declared = declared_as(record, taken_for)
     y = subtract_faults(record.y, declared)
-    named = with_rivals(record, y, [declared], {"tas": TOLERANCE}, order=ORDER)
+    named = with_rivals(record, y, [declared], {"tas": TOLERANCE}, order=ORDER, seen={})
     candidates = claims_of(
         record,
+        first,
         first,
         [declared],
         rule,

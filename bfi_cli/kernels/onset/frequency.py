@@ -41,7 +41,9 @@ BRANCHES = 3
 REFINEMENTS = 190
 
 
-def scan_frequency(scan: Scan, band: tuple[float, float], report: Report = silent) -> float:
+def scan_frequency(
+    scan: Scan, band: tuple[float, float], report: Report = silent, *, begin: Sequence[float] | None = None
+) -> float:
     """Return the frequency, cycles per sample, of the sine that explains most, lasting to the end of the record.
 
     Parameters
@@ -49,6 +51,7 @@ def scan_frequency(scan: Scan, band: tuple[float, float], report: Report = silen
     scan : from `prepare_scan`.
     band : lowest and highest frequency, cycles per sample, within 0..0.5.
     report : called with the fraction that is done.
+    begin : frequencies of the grid that stand out, where they are known; None for those that `screen_grid` shows.
     """
     grid, onsets = frequency_grid(scan, band), default_onsets(scan)
 
@@ -58,11 +61,11 @@ def scan_frequency(scan: Scan, band: tuple[float, float], report: Report = silen
         return [(value, pair) for value, (_, pair) in zip(statistic, trials, strict=True)]
 
     searching, refining, last = shares(report, len(grid), REFINEMENTS, 3 * FINAL_PEAKS)
-    statistic = screen_grid(scan, grid, searching)
-    everywhere = int(onsets[0]), scan.n_samples
-    begin = [(float(grid[k]), everywhere) for k in peaks(statistic, PEAKS)]
+    if begin is None:
+        begin = standing_out(scan, grid, searching)
+    trials = [(frequency, (int(onsets[0]), scan.n_samples)) for frequency in begin[:PEAKS]]
     exact = []
-    for (_, _, frequency), own in parts(last, _refine(evaluate, begin, grid, refining)):
+    for (_, _, frequency), own in parts(last, _refine(evaluate, trials, grid, refining)):
         profile = scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), onsets, report=own)
         early = onsets <= scan.n_samples - MIN_CYCLES / frequency
         exact.append((profile.statistic.max(initial=0.0, where=early), frequency))
@@ -151,6 +154,11 @@ def screen_grid(scan: Scan, grid: FloatArray, report: Report = silent) -> FloatA
         scan.screened[key] = screen_sines(scan, grid, report)
     report(1.0)
     return scan.screened[key]
+
+
+def standing_out(scan: Scan, grid: FloatArray, report: Report = silent) -> list[float]:
+    """Return the few frequencies of a grid (n_frequencies,) that stand out most, the highest peak first."""
+    return [float(grid[k]) for k in peaks(screen_grid(scan, grid, report), PEAKS)]
 
 
 def _refine(

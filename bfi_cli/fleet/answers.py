@@ -159,10 +159,10 @@ def _span(document: Mapping[str, Any]) -> dict[str, Any]:
     """Return the length of a log, and how much of it is flight, s."""
     phases: Sequence[Mapping[str, Any]] = document["phases"]
     clock = document["log"].get("clock")
-    midnight = None if clock is None else Epoch.of_iso(clock).since_1970_s
+    epoch = None if clock is None else Epoch.of_iso(clock)
     return {
         **{key: document["log"][key] for key in ("start_s", "stop_s", "n_samples", "rate_hz")},
-        "since_1970_s": None if midnight is None else midnight + document["log"]["start_s"],
+        "since_1970_s": epoch.since_1970_s + document["log"]["start_s"] if epoch and epoch.is_dated else None,
         "flight_s": sum((one["to_s"] - one["from_s"] for one in phases if one["phase"] in IN_FLIGHT), 0.0),
     }
 

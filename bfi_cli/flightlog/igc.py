@@ -80,7 +80,8 @@ def read_igc(path: str, _: Asked) -> RawLog:
         kept = ordered.values.astype(np.intp)
         time_s, values = time_s[kept], [column[kept] for column in values]
     names = ("latitude", "longitude", "pressure_altitude", "gnss_altitude", *_channels(extensions))
-    epoch = Epoch(since_1970_s=None if day is None else _since_1970(*map(int, day.groups())), is_utc=True)
+    first_day = None if day is None else _since_1970(*map(int, day.groups()))
+    epoch = Epoch(since_1970_s=first_day or 0.0, is_utc=True, is_dated=first_day is not None)
     columns = [Track(source="time", values=time_s, unit="s", channel="time", epoch=epoch, why="UTC of the fixes")]
     columns += [Track(source=name, values=column) for name, column in zip(names, values, strict=True)]
     left_out = {}

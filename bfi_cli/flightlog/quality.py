@@ -118,7 +118,7 @@ class LogReport:
     jitter : largest deviation of a time step from the median, relative to it, gaps left out.
     gaps : (start_s, stop_s), the last sample before and the first after each gap.
     phases : of the flight, none where the log has no airspeed.
-    clock : the midnight from which the times count, see `Epoch.iso`; None for a log without a clock.
+    clock : the moment from which the times count, see `Epoch.iso`; None for a log without a clock.
     filters : the low-pass filters that the log went through, None where nothing is known of them.
     """
 

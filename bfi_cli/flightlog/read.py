@@ -337,12 +337,13 @@ def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
 
 
 def _epoch_of(raw: RawLog, source: str, time_s: FloatArray) -> tuple[Epoch | None, list[Note]]:
-    """Return from which midnight the time axis of the name `source` counts, and a note on it if it is that of a day."""
+    """Return from when the time axis of the name `source` counts, and a note on it if that is of a known day."""
     stated = next(column.epoch for column in raw.columns if column.source == source)
     epoch = stated or epoch_since_1970(float(time_s[0]), float(time_s[-1]))
-    if epoch is None or not epoch.since_1970_s:
+    if epoch is None or not epoch.is_dated or epoch.since_1970_s == 0.0:
         return epoch, []
-    return epoch, [Note.method(f"time counts from midnight of {epoch.date(0.0)}{' UTC' * epoch.is_utc}")]
+    at = f"{epoch.date(0.0)} {epoch.time_of_day(0.0)}" if epoch.midnight_s else f"midnight of {epoch.date(0.0)}"
+    return epoch, [Note.method(f"time counts from {at}{' UTC' * epoch.is_utc}")]
 
 
 def _unlike_time(path: str, channels: Mapping[str, Channel], n_times: int, asked: Asked) -> dict[str, str]:

@@ -14,20 +14,23 @@ from dataclasses import replace
 import numpy as np
 
 from ..channels import match_name
-from ..epoch import DAY_S, Epoch
+from ..epoch import DAY_S, Epoch, epoch_of_clock
 from ..errors import LogError
 from ..filters import filters_from_json
 from ..notes import Note
+from ..units import si_unit, to_si
 from .axis import made_regular, note_on_order, out_of_order, with_midnights, without_jumps
 from .cells import Kind, Lines, Table
 from .layouts import Heading, heading_of, with_channels
-from .raw import BESIDE_TIME, Asked, RawLog, Track, with_stated_clock
+from .raw import BESIDE_TIME, Asked, FloatArray, RawLog, Track, with_stated_clock
 from .record import CLEAN, faults_from_json, segments_from_json
 
 FAULTS = "# faults: "
 SEGMENTS = "# segments: "
 FILTERS = "# filters: "
 CLOCK = "# clock: "
+# s, and share of the record: by so much a clock of whole seconds may run apart from the time axis beside it.
+ALIKE_S, ALIKE = 2.0, 0.01
 # Limit of a text, bytes: a cell of two characters becomes a number of eight bytes, and assembling holds a log twice.
 LARGEST_TEXT = 10**9
 DECIMAL_POINT = re.compile(r"(?<![\d.])\d+\.\d+(?![\d.])")
@@ -136,6 +139,21 @@ def _is_time(column: Track) -> bool:
     return column.channel == "time" or (match is not None and match.name == "time")
 
 
+def _with_epoch(time: Track, moments_s: FloatArray, is_utc: bool, is_dated: bool) -> Track:
+    """Return a time axis with the epoch that a clock beside it shows, unless the two do not run alike."""
+    stated = time.unit or "s"
+    if si_unit(stated) != "s":
+        return time
+    time_s = to_si(time.values, stated)[0]
+    known = np.flatnonzero(np.isfinite(time_s) & np.isfinite(moments_s))
+    if known.size < 2:
+        return time
+    span_s, by_clock = (float(values[known[-1]] - values[known[0]]) for values in (time_s, moments_s))
+    if abs(by_clock - span_s) > ALIKE_S + ALIKE * abs(span_s):
+        return time
+    return replace(time, epoch=epoch_of_clock(moments_s, time_s, is_utc=is_utc, is_dated=is_dated))
+
+
 def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog:
     """Return the columns; without a column of seconds the time axis is made of clock and date.
 
@@ -153,7 +171,12 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
     kept = [c for c, kind in zip(columns, kinds, strict=True) if kind in ("number", None)]
     timed = [*moments, *clocks, *dates]
     if not timed or timed[0] in dates or any(map(_is_time, kept)):
-        return RawLog(columns=kept, left_out=dict.fromkeys((column.source for column in timed), BESIDE_TIME))
+        beside = dict.fromkeys((column.source for column in timed), BESIDE_TIME)
+        if timed and (moments or clocks):
+            moments_s = timed[0].values + (dates[0].values if timed[0] in clocks and dates else 0.0)
+            dated = bool(moments or dates)
+            kept = [_with_epoch(c, moments_s, timed[0] in in_utc, dated) if _is_time(c) else c for c in kept]
+        return RawLog(columns=kept, left_out=beside)
     chosen = timed[0]
     time_s = chosen.values.copy()
     if chosen in clocks and dates:
@@ -168,11 +191,11 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
     if (single := out_of_order(time_s[rows])).any():
         rows[rows] = ~single
         notes.append(note_on_order(int(np.count_nonzero(single))))
-    epoch = Epoch(since_1970_s=None, is_utc=chosen in in_utc)
+    epoch = Epoch(since_1970_s=0.0, is_utc=chosen in in_utc, is_dated=False)
     if rows.any() and time_s[rows][0] >= DAY_S:
         first = float(np.floor(time_s[rows][0] / DAY_S) * DAY_S)
         time_s -= first
-        epoch = replace(epoch, since_1970_s=first)
+        epoch = replace(epoch, since_1970_s=first, is_dated=True)
     time_s[rows], regular = made_regular(chosen.source, time_s[rows])
     notes += regular
     steps = np.diff(time_s[rows])

@@ -28,6 +28,7 @@ MESSAGES: Mapping[int, tuple[str, struct.Struct, int, tuple[str, ...]]] = {
     number: (name, struct.Struct(f"<{layout}"), extra, tuple(fields.split()))
     for number, name, layout, extra, fields in (
         (HEARTBEAT, "HEARTBEAT", "I5B", 50, "custom_mode type autopilot base_mode system_status mavlink_version"),
+        (2, "SYSTEM_TIME", "QI", 137, "unix_usec time_boot_ms"),
         (26, "SCALED_IMU", "I9h", 170, "time_boot_ms xacc yacc zacc xgyro ygyro zgyro xmag ymag zmag"),
         (29, "SCALED_PRESSURE", "I2fh", 115, "time_boot_ms press_abs press_diff temperature"),
         (30, "ATTITUDE", "I6f", 39, "time_boot_ms roll pitch yaw rollspeed pitchspeed yawspeed"),

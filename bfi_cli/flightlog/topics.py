@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..channels import REPEATED, STANDARD
+from ..epoch import Epoch, epoch_of_clock, utc_of_gps
 from ..errors import LogError
 from ..notes import Note
 from ..units import DEGREE, G
@@ -37,6 +38,10 @@ RECORDERS: dict[Recorder, str] = {
     "dashlink": "DASHlink",
     "sidpac": "SIDPAC",
 }
+
+
+# Fields that hold UTC: microseconds since 1970 (PX4, and SYSTEM_TIME of MAVLink), or weeks and ms of GPS (ArduPilot).
+UTC = frozenset({"time_utc_usec", "unix_usec", "GWk", "GMS"})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -582,6 +587,21 @@ def _hover_of(topic: Topic) -> FloatArray | None:
     return np.ones(topic.time_s.size) if topic.name == "QTUN" else None
 
 
+def _epoch_of(topics: Sequence[Topic]) -> Epoch | None:
+    """Return from when the times of the messages count, as a satellite receiver tells it; None where none does."""
+    for topic in topics:
+        fields = {name: np.asarray(values, dtype=np.float64) for name, values in topic.fields.items() if name in UTC}
+        if microseconds := fields.keys() & {"time_utc_usec", "unix_usec"}:
+            moments_s = 1e-6 * fields[microseconds.pop()]
+        elif {"GWk", "GMS"} <= fields.keys():
+            moments_s = utc_of_gps(fields["GWk"], 1e-3 * fields["GMS"])
+        else:
+            continue
+        if (epoch := epoch_of_clock(moments_s, topic.time_s, is_utc=True, is_dated=True)) is not None:
+            return epoch
+    return None
+
+
 def tracks_of(recorder: Recorder, topics: Sequence[Topic], wanted: Sequence[str]) -> list[Track]:
     """Return the signals of a log; of several sources of a channel the preferred comes first.
 
@@ -646,8 +666,12 @@ def log_of_topics(
         parts = [[t if t.boot is None else t.part(t.boot == boot) for t in topics] for boot in boots]
         parts = [[topic for topic in part if topic.time_s.size > 1] for part in parts]
     wanted = (*asked.sources, *more)
-    tracks = [tracks_of(recorder, [completed(topic) for topic in part], wanted) for part in parts]
-    logs = [RawLog(columns=columns, notes=tuple(notes)) for columns in tracks if columns]
+    logs = []
+    for part in parts:
+        epoch = _epoch_of(part)
+        tracks = tracks_of(recorder, [completed(topic) for topic in part], wanted)
+        if tracks:
+            logs.append(RawLog(columns=[replace(track, epoch=epoch) for track in tracks], notes=tuple(notes)))
     if not logs:
         has = ", ".join(topic.label for topic in topics) or "none"
         raise LogError(f"{path}: no channels in its messages ({has}); give a log that was recorded in flight")

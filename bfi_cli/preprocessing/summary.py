@@ -18,7 +18,7 @@ AT_ONCE = 262_144
 class LogSummary:
     """The analysed window: `rate_hz` and `n_samples` are those of the analysis, times are on the log's own axis.
 
-    `clock` is the midnight from which they count, see `Epoch.iso`; None for a log without a clock.
+    `clock` is the moment from which they count, see `Epoch.iso`; None for a log without a clock.
     """
 
     path: str

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..epoch import DAY_S, Epoch, time_of_day
+from ..epoch import Epoch
 from .content import Columns, Drawing, ReportContent, Table
 
 # Columns of CSV files that hold times of the log.
@@ -31,19 +31,19 @@ def with_clock(content: ReportContent, written: str | None, *, start_s: float, s
 
     Parameters
     ----------
-    written : the midnight from which the log counts, as its summary states it.
+    written : the moment from which the log counts, as its summary states it.
     start_s, stop_s : first and last time of the log.
 
     Raises
     ------
-    ValueError : `written` is no midnight.
+    ValueError : `written` is no moment.
     """
     if written is None:
         return content
     epoch = Epoch.of_iso(written)
-    dated = math.floor(start_s / DAY_S) != math.floor(stop_s / DAY_S)
+    dated = epoch.date(start_s) != epoch.date(stop_s)
     between = _between(epoch, (start_s, stop_s), dated=True)
-    if epoch.since_1970_s == 0.0:
+    if epoch.is_dated and epoch.since_1970_s == 0.0:
         content = _in_sentences(content, partial(_sentence, epoch=epoch, dated=dated))
     return replace(
         content,
@@ -52,8 +52,8 @@ def with_clock(content: ReportContent, written: str | None, *, start_s: float, s
             *content.facts,
         ),
         tables=tuple(_table(table, epoch, dated=dated) for table in content.tables),
-        drawings=tuple(map(_drawing, content.drawings)),
-        zoom=tuple(map(_drawing, content.zoom)),
+        drawings=tuple(_drawing(drawing, epoch) for drawing in content.drawings),
+        zoom=tuple(_drawing(drawing, epoch) for drawing in content.zoom),
         data={name: partial(_columns, columns, epoch) for name, columns in content.data.items()},
     )
 
@@ -66,7 +66,7 @@ def _between(epoch: Epoch, times_s: Iterable[float | None], *, decimals: int = 0
     texts, day = list[str](), ""
     for time_s in times_s:
         if time_s is not None and math.isfinite(time_s):
-            text, before, day = time_of_day(time_s, decimals), day, epoch.date(round(time_s, decimals))
+            text, before, day = epoch.time_of_day(time_s, decimals), day, epoch.date(time_s, decimals)
             texts.append(f"{day} {text}" if dated and day != before else text)
     return " to ".join(dict.fromkeys(texts)) or "-"
 
@@ -100,8 +100,8 @@ def _columns(columns: Columns | Callable[[], Columns], epoch: Epoch) -> Columns:
     return made
 
 
-def _drawing(drawing: Drawing) -> Drawing:
-    return replace(drawing, panels=tuple(replace(panel, of_day=True) for panel in drawing.panels))
+def _drawing(drawing: Drawing, epoch: Epoch) -> Drawing:
+    return replace(drawing, panels=tuple(replace(panel, midnight_s=epoch.midnight_s) for panel in drawing.panels))
 
 
 def _in_sentences(content: ReportContent, change: Callable[[str], str]) -> ReportContent:

@@ -113,8 +113,8 @@ class Panel:
     height : relative to other panels.
     lanes : rows of blocks from top to bottom, in place of curves and numbers on the y axis; x_limits are needed.
     bands : blocks behind the curves, over the whole height; instants are upright lines.
-    clock : x is a time in s, shown above the axes in hours, minutes and seconds too; of_day : x counts from a midnight,
-        and they are those of the day.
+    clock : x is a time in s, shown above the axes in hours, minutes and seconds too; midnight_s : the x at which the
+        clock of the day shows 0:00, None where there is no such clock.
     """
 
     x_label: str
@@ -136,7 +136,7 @@ class Panel:
     lanes: tuple[Lane, ...] = ()
     bands: tuple[Block, ...] = ()
     clock: bool = False
-    of_day: bool = False
+    midnight_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

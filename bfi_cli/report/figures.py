@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..epoch import time_of_day
 from ..printable import printable
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, SHADES, SKY, VERMILLION, Look, fix_places, plain, styled
-from .text import clock
+from .text import clock, of_day
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -139,7 +138,7 @@ def _draw_panel(axes: Axes, panel: Panel, *, columns: int, room: int) -> None:
         else:
             axes.axvline(span.low, color=GREY, ls=":", lw=1.0, label=label or None)
     if panel.clock and panel.x_limits is not None and panel.x_limits[1] > panel.x_limits[0]:
-        _add_clock(axes, panel.x_limits, of_day=panel.of_day)
+        _add_clock(axes, panel.x_limits, panel.midnight_s)
     _set_axes(axes, panel)
     _write_legend(axes, plain(panel.title, room), columns, lift_in=CLOCK_IN if panel.clock else 0.0)
 
@@ -233,14 +232,16 @@ def _write_block(
     return False
 
 
-def _add_clock(axes: Axes, limits: tuple[float, float], *, of_day: bool) -> None:
-    """Number the upper edge of axes in minutes and seconds too, or by the clock of the day."""
+def _add_clock(axes: Axes, limits: tuple[float, float], midnight_s: float | None) -> None:
+    """Number the upper edge of axes in minutes and seconds too, or by the clock of the day that is 0:00 at midnight."""
     upper = axes.secondary_xaxis("top")
     span = limits[1] - limits[0]
     step = next((one for one in CLOCK_STEPS if span / one <= MOST_CLOCK_TICKS), CLOCK_STEPS[-1])
     step *= max(1, math.ceil(span / step / MOST_CLOCK_TICKS))
-    places = [float(step * k) for k in range(math.ceil(limits[0] / step), math.floor(limits[1] / step) + 1)]
-    upper.set_ticks(places, labels=[time_of_day(place) if of_day else clock(place) for place in places])
+    low, high = ((limit - (midnight_s or 0.0)) / step for limit in limits)
+    times = [float(step * k) for k in range(math.ceil(low), math.floor(high) + 1)]
+    labels = [clock(time) if midnight_s is None else of_day(time) for time in times]
+    upper.set_ticks([time + (midnight_s or 0.0) for time in times], labels=labels)
     upper.tick_params(labelsize=6.5, length=2.0)
 
 

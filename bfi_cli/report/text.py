@@ -55,6 +55,12 @@ def clock(time_s: float) -> str:
     return f"{sign}{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{sign}{minutes}:{seconds:02d}"
 
 
+def of_day(time_s: float) -> str:
+    """Return a time since a midnight as the clock of a day shows it, hh:mm:ss from 0 to 24 h."""
+    minutes, seconds = divmod(round(time_s) % 86_400, 60)
+    return f"{minutes // 60:02d}:{minutes % 60:02d}:{seconds:02d}"
+
+
 def counted(n: int, noun: str) -> str:
     """Return a number with a noun of regular plural: "1 iteration", "2 iterations"."""
     return f"{n} {noun}" if n == 1 else f"{n} {noun}s"

@@ -16,9 +16,9 @@ const make = (name, attributes, parent, text) => {
 };
 const clock = (t) => {
   const two = (n) => String(n).padStart(2, "0"), day = 86400;
-  const whole = page.ofDay ? (Math.round(t) % day + day) % day : Math.round(Math.abs(t));
+  const whole = page.midnight !== null ? (Math.round(t - page.midnight) % day + day) % day : Math.round(Math.abs(t));
   const h = Math.floor(whole / 3600), m = Math.floor(whole / 60) % 60;
-  if (page.ofDay) return [h, m, whole % 60].map(two).join(":");
+  if (page.midnight !== null) return [h, m, whole % 60].map(two).join(":");
   return (t <= -0.5 ? "−" : "") + (h ? h + ":" + two(m) : m) + ":" + two(whole % 60);
 };
 const step = (span, most) => {
@@ -34,7 +34,8 @@ const ticks = (low, high, most) => {
 const CLOCK_STEPS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400];
 const clockTicks = (low, high, most) => {
   const by = CLOCK_STEPS.find((one) => (high - low) / one <= most) || step(high - low, most), places = [];
-  for (let i = Math.ceil(low / by); i * by <= high; i++) places.push(i * by);
+  const zero = page.midnight || 0;
+  for (let i = Math.ceil((low - zero) / by); zero + i * by <= high; i++) places.push(zero + i * by);
   return places;
 };
 const readable = (value) => value === null ? "–" : String(Number(value.toPrecision(5))).replace("-", "−");

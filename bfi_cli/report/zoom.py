@@ -31,7 +31,7 @@ def render_zoom(content: ReportContent) -> str:
     labels = tuple(dict.fromkeys(one.label for panel in panels for one in panel.curves if one.label))
     data = {
         "limits": limits,
-        "ofDay": any(panel.of_day for panel in panels),
+        "midnight": next((panel.midnight_s for panel in panels if panel.midnight_s is not None), None),
         "step": _step(panels, limits),
         "shades": SHADES,
         "panels": [_panel(panel, labels) for panel in panels],

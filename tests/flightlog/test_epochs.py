@@ -1,4 +1,4 @@
-"""From which midnight the times of a log count, in every format that has a clock."""
+"""From when the times of a log count, in every format that has a clock."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from noted import texts
 from bfi_cli.epoch import DAY_S, Epoch
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
+from bfi_cli.flightlog.raw import Asked
+from bfi_cli.flightlog.topics import Recorder, Topic, log_of_topics
 
 N = 40
 T = np.arange(N) / 4.0
@@ -84,7 +86,7 @@ def igc_without_date(path: Path) -> None:
 
 IN_UTC = Epoch(since_1970_s=MAY_S, is_utc=True)
 UNSTATED = Epoch(since_1970_s=MAY_S, is_utc=False)
-NO_DAY = Epoch(since_1970_s=None, is_utc=False)
+NO_DAY = Epoch(since_1970_s=0.0, is_utc=False, is_dated=False)
 UNIX = Epoch(since_1970_s=0.0, is_utc=True)
 
 
@@ -97,7 +99,7 @@ UNIX = Epoch(since_1970_s=0.0, is_utc=True)
         (csv_of("2024-05-01,12:00:{:05.2f}"), NOON_S, UNSTATED),
         (csv_of("12:00:{:05.2f}"), NOON_S, NO_DAY),
         (igc_file, DAY_S - 99.5, IN_UTC),
-        (igc_without_date, DAY_S - 99.5, Epoch(since_1970_s=None, is_utc=True)),
+        (igc_without_date, DAY_S - 99.5, Epoch(since_1970_s=0.0, is_utc=True, is_dated=False)),
         (tdms, NOON_S + 0.25, IN_UTC),
         (mcap_of("tas"), NOON_S, IN_UTC),
         (mcap_of("tas", "pitch"), NOON_S, IN_UTC),
@@ -108,7 +110,7 @@ UNIX = Epoch(since_1970_s=0.0, is_utc=True)
         (rate_alone, 0.0, None),
     ],
 )
-def test_the_midnight_from_which_times_count(
+def test_the_moment_from_which_times_count(
     write: Callable[[Path], None], first_s: float, epoch: Epoch | None, tmp_path: Path
 ):
     path = tmp_path / "log"
@@ -152,3 +154,45 @@ def test_a_clock_that_another_program_states_is_no_midnight(tmp_path: Path):
     with h5py.File(path, "r+") as file:
         file.attrs["clock"] = "internal, 10 MHz"
     assert read_log(path).epoch is None
+
+
+@pytest.mark.parametrize(
+    ("head", "stamp", "epoch"),
+    [
+        ("when", "2024-05-01T12:00:{:05.2f}Z", Epoch(since_1970_s=MAY_S + NOON_S - 7.0, is_utc=True)),
+        ("date,when", "2024-05-01,12:00:{:05.2f}", Epoch(since_1970_s=MAY_S + NOON_S - 7.0, is_utc=False)),
+        ("when", "12:00:{:05.2f}", Epoch(since_1970_s=NOON_S - 7.0, is_utc=False, is_dated=False)),
+        ("when", "2024-05-01T12:00:00Z", None),  # a clock that stands still
+    ],
+)
+def test_a_clock_beside_a_time_axis_of_seconds(head: str, stamp: str, epoch: Epoch | None, tmp_path: Path):
+    path = tmp_path / "log.csv"
+    rows = (f"{stamp.format(t)},{7.0 + t},{tas}" for t, tas in zip(T, TAS, strict=True))
+    path.write_text("\n".join([f"{head},time [s],tas [m/s]", *rows]) + "\n")
+    log = read_log(path)
+    assert log.time_s[0] == 7.0
+    assert log.epoch == epoch
+    assert epoch is None or epoch.time_of_day(7.0) == "12:00:00"
+
+
+@pytest.mark.parametrize(
+    ("recorder", "name", "fields"),
+    [
+        ("px4", "vehicle_gps_position", {"time_utc_usec": 1e6 * (MAY_S + NOON_S + T), "vel_m_s": TAS}),
+        ("mavlink", "SYSTEM_TIME", {"unix_usec": 1e6 * (MAY_S + NOON_S + T)}),
+        ("ardupilot", "GPS", {"GWk": np.full(N, 2312), "GMS": 1e3 * (302_418.0 + T), "Spd": TAS}),
+    ],
+)
+def test_autopilots_have_the_clock_of_their_receiver(recorder: Recorder, name: str, fields: dict[str, np.ndarray]):
+    """Once the receiver has it: before, it writes zeros."""
+    fields = {key: np.where(np.arange(N) < 5, 0.0, values) for key, values in fields.items()}
+    speeds = {"px4": "airspeed.true_airspeed_m_s", "mavlink": "VFR_HUD.airspeed", "ardupilot": "ARSP.Airspeed"}
+    topic, field = speeds[recorder].split(".")
+    topics = [
+        Topic(name=name, instance=0, time_s=20.0 + T, fields=fields),
+        Topic(name=topic, instance=0, time_s=20.0 + T, fields={field: TAS}),
+    ]
+    raw = log_of_topics("log", recorder, topics, Asked())
+    expected = Epoch(since_1970_s=MAY_S + NOON_S - 20.0, is_utc=True)
+    assert {column.epoch for column in raw.columns} == {expected}
+    assert {column.epoch for column in log_of_topics("log", recorder, topics[1:], Asked()).columns} == {None}

@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_logs import made_log, write_text
 
-from bfi_cli.epoch import DAY_S, Epoch
+from bfi_cli.epoch import Epoch
 from bfi_cli.errors import ConfigError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, inspect_log, read_log, write_log
@@ -34,9 +34,10 @@ def logs(draw: st.DrawFn) -> FlightLog:
         log = replace(
             log, segments=(Segment(label='rough; "air"', start_s=0.5, stop_s=draw(st.floats(1, 9)), note="µ"),)
         )
-    days = st.none() | st.integers(-1000, 90_000).map(lambda day: DAY_S * day)
-    epochs = st.builds(Epoch, since_1970_s=days, is_utc=st.booleans())
-    log = replace(log, epoch=draw(st.none() | epochs))
+    moments = st.integers(-(10**10), 10**13).map(lambda ms: round(1e-3 * ms, 3))
+    dated = st.builds(Epoch, since_1970_s=moments, is_utc=st.booleans())
+    of_day = st.sampled_from([Epoch(since_1970_s=s, is_utc=True, is_dated=False) for s in (0.0, 86_399.0)])
+    log = replace(log, epoch=draw(st.none() | dated | of_day))
     channel = log.channels[names[0]]
     if draw(st.booleans()) and np.isfinite(channel.values[-1]):
         log = inject(log, [Fault(shape="bias", channel=names[0], magnitude=draw(st.floats(0.1, 9.0)), onset_s=-99.0)])

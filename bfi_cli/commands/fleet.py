@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
+import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, nullcontext
@@ -121,7 +123,7 @@ def answer_fleet(kind: str, given: Mapping[str, Any], config: Config) -> int | N
         remove_left_over(kind, out, files)
         note(f"wrote {out / 'index.html'}")
     if not given["as_json"]:
-        show_lines({}, [*_lines(answers), *_trend_lines(trends)], as_json=False)
+        show_lines({}, _as_wide_as_terminal([*_lines(answers), *_trend_lines(trends)]), as_json=False)
     unread = [one for one in answers if one.error]
     if unread:
         click.echo(f"bfi {kind}: {len(unread)} of {len(answers)} logs could not be read", err=True)
@@ -300,6 +302,14 @@ def _lines(answers: Sequence[LogAnswer]) -> list[str]:
         hidden = f"  could hide: {one.hidden}" if one.hidden else ""
         lines.append(f"{log:<{width}}  " + (f"{decision:<12}  " if decision else "") + f"{summary}{hidden}")
     return lines
+
+
+def _as_wide_as_terminal(lines: Sequence[str]) -> list[str]:
+    """Return lines, on a terminal cut where it ends, so that each log has one; a pipe gets each line whole."""
+    if not sys.stdout.isatty():
+        return list(lines)
+    width = shutil.get_terminal_size().columns
+    return [line if len(line) <= width else f"{line[: width - 1]}…" for line in lines]
 
 
 def _trend_lines(trends: Sequence[FleetTrend] | None) -> list[str]:

@@ -11,7 +11,7 @@ from .answers import LogAnswer
 from .logs import FleetLog
 from .store import Store
 
-AGAIN = "start again, with --out DIR what is done is kept,"
+AGAIN = "start again, with the same --out to continue,"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import json
+import os
+import pty
 import re
 import shutil
+import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,6 +23,7 @@ from bfi_cli import flightlog
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.serialization import without_series
 
+ROOT = Path(__file__).resolve().parents[2]
 HERE = ("--workers", 1)
 
 
@@ -238,3 +243,22 @@ def test_two_workers_say_the_same(bfi: Callable, tmp_path: Path):
         assert bfi("info", tmp_path / "logs", "--workers", workers, "--out", tmp_path / str(workers)).code == 0
     for name in ("flights.csv", "channels.csv"):
         assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+
+
+def test_on_a_terminal_a_log_has_one_line(tmp_path: Path):
+    logs = tmp_path / ("long_" * 12)
+    make_fleet(logs, 2)
+    ours, theirs = pty.openpty()
+    words = [sys.executable, "-m", "bfi_cli", "info", str(logs), "--workers", "1"]
+    environment = {**os.environ, "COLUMNS": "70", "TERM": "xterm", "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(words, stdout=theirs, stderr=subprocess.DEVNULL, env=environment)
+    os.close(theirs)
+    shown = b""
+    with contextlib.suppress(OSError):  # the last that could write has closed it
+        while piece := os.read(ours, 65536):
+            shown += piece
+    os.close(ours)
+    assert process.wait() == 0
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", shown.decode()).splitlines()
+    assert len(lines) == 3
+    assert all(len(line.rstrip()) <= 70 for line in lines)

@@ -38,6 +38,11 @@ def test_a_worker_that_dies_is_an_error():
         list(in_order(os._exit, [9] * 3, workers=2))
 
 
+def test_how_to_go_on_is_what_the_caller_says():
+    with pytest.raises(SweepError, match=r"for want of memory; start again and fewer --workers$"):
+        list(in_order(os._exit, [9] * 3, workers=2, again="start again"))
+
+
 @pytest.mark.slow
 def test_processes_keep_the_order():
     items = [range(3_000_000), range(2), range(1_000_000), range(4)]

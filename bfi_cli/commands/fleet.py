@@ -37,7 +37,7 @@ OF_A_LOG = {
     "events_csv": "the table events has those of all; give --out DIR",
 }
 DEFECT = 70  # exit code of a defect of ours, EX_SOFTWARE of sysexits.h
-PATH_LETTERS, ANSWER_LETTERS = 48, 100  # of a line on a terminal
+PATH_LETTERS, STATE_LETTERS, ANSWER_LETTERS = 48, 14, 100  # of a line on a terminal
 PIECE = 1 << 20  # letters of an array that are in memory while it is printed
 # Settings that change no answer: what an exit code follows from, and where a configuration lies.
 NO_ANSWER_SETTINGS = ("strict", "fail_on")
@@ -297,10 +297,10 @@ def _lines(answers: Sequence[LogAnswer]) -> list[str]:
     width = max(map(len, logs), default=0)
     lines = []
     for log, one in zip(logs, ordered, strict=True):
-        decision = "not read" if one.error else one.decision.replace("_", " ")
+        state = "not read" if one.error else one.state.replace("_", " ")
         summary = printable(one.error) if one.error else shortened(one.summary, ANSWER_LETTERS)
-        hidden = f"  could hide: {one.hidden}" if one.hidden else ""
-        lines.append(f"{log:<{width}}  " + (f"{decision:<12}  " if decision else "") + f"{summary}{hidden}")
+        hidden = f"; {one.hidden}" if one.hidden else ""
+        lines.append(f"{log:<{width}}  " + (f"{state:<{STATE_LETTERS}}  " if state else "") + f"{summary}{hidden}")
     return lines
 
 

@@ -12,11 +12,15 @@ from ..notes import Note
 from ..plausibility.constants import ConstantError
 from ..provenance import Provenance
 from ..report.content import ReportContent
+from ..report.first_screen import State
 from ..report.text import counted, instant, number
 from ..serialization import document_of
 
 # Order of the lines: what needs a reader first.
-FAULT, SUSPECTED, DEVIATION, DOUBT, QUIET, UNREAD = range(6)
+RANKS: Mapping[State, int] = {"fault": 0, "suspected": 1, "deviation": 2, "cannot_tell": 3, "no_fault_found": 4}
+UNREAD = len(RANKS)
+# Lines of the first screen that say what could hide, the first that is there.
+HIDES = ("Still possible", "Would have been found")
 IN_FLIGHT = {*PARTS} - {"ground"}
 # What the row of a flight says of its first event.
 NAMED = ("fault", "shape", "onset_s", "onset_clock", "magnitude", "unit", "low", "high")
@@ -35,6 +39,7 @@ class LogAnswer:
     error : why there is no answer, "" where there is; error_code : the exit code for it.
     rank : in the order of lines, least first.
     decision : of the analysis, "" of one that decides nothing; is_trusted : whether `--strict` accepts it.
+    state : of its headline, "fault" or "no_fault_found", "" without one.
     summary : the first fault with onset and size, or what there is to say; hidden : what could hide, "" for nothing.
     flight : the log's row of the table `flights`, by column.
     rows : its rows of the second table, by column.
@@ -50,6 +55,7 @@ class LogAnswer:
     error_code: int = 0
     rank: int = UNREAD
     decision: str = ""
+    state: str = ""
     is_trusted: bool = True
     summary: str = ""
     hidden: str = ""
@@ -64,29 +70,21 @@ def answer_of_diagnosis(document: Mapping[str, Any], content: ReportContent) -> 
     events = [{"state": one["state"], **_event(one, clock)} for one in document["events"]]
     deviations = [{"state": "deviation", **_event(one, clock)} for one in document["deviations"]]
     states = [one["state"] for one in events]
-    decision = document["decision"]
-    lines = () if content.screen is None else content.screen.lines
-    hidden = next((one.parts[0] for one in lines if one.label == "Still possible"), "")
-    rank = (
-        FAULT
-        if decision == "fault"
-        else SUSPECTED
-        if "suspected" in states
-        else DEVIATION
-        if deviations
-        else QUIET
-        if decision == "no_fault"
-        else DOUBT
-    )
+    screen = content.screen
+    assert screen is not None
+    headline = screen.headline
+    hidden = next((f"{one.label.lower()}: {one.parts[0]}" for one in screen.lines if one.label in HIDES), "")
     named = next(iter([*events, *deviations]), {})
     return {
-        "rank": rank,
-        "decision": decision,
-        "summary": content.verdict,
+        "rank": RANKS[headline.state],
+        "decision": document["decision"],
+        "state": headline.state,
+        "summary": headline.text,
         "hidden": hidden,
         "flight": {
             **_span(document),
-            "decision": decision,
+            "decision": document["decision"],
+            "state": headline.state,
             **{kind: document["verdicts"].get(kind) for kind in ("abrupt", "oscillating", "slow")},
             "declared": states.count("declared"),
             "suspected": states.count("suspected"),
@@ -141,7 +139,7 @@ def answer_of_info(document: Mapping[str, Any], content: ReportContent) -> dict[
         {key: one[key] for key in ("name", "unit", "source", "min", "max", "n_nan")} for one in document["channels"]
     ]
     return {
-        "rank": SUSPECTED if counts["plausibility"] else DOUBT if said else QUIET,
+        "rank": RANKS["suspected" if counts["plausibility"] else "cannot_tell" if said else "no_fault_found"],
         "summary": f"{size}; {said}" if said else size,
         "flight": {
             **span,

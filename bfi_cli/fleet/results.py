@@ -58,6 +58,7 @@ def summary_of_fleet(
         "n_logs": len(answers),
         "n_unread": unread,
         "decisions": dict(sorted(Counter(one.decision for one in answers if one.decision).items())),
+        "states": dict(sorted(Counter(one.state for one in answers if one.state).items())),
         "tables": list(tables),
     }
     notes = [Note.limit(f"{counted(unread, 'log')} could not be read")] if unread else []
@@ -70,7 +71,7 @@ def index_page(kind: str, answers: Sequence[LogAnswer], origin: Provenance, tren
     columns = {
         "log": [shortened(one.log, PATH_LETTERS) for one in answers],
         "aircraft": [shortened(one.aircraft, PATH_LETTERS) for one in answers],
-        "decision": ["not read" if one.error else one.decision for one in answers],
+        "state": ["not read" if one.error else one.state.replace("_", " ") for one in answers],
         "answer": [shortened(one.error or one.summary, TEXT_LETTERS) for one in answers],
         "onset [s]": ["" if (at := one.flight.get("onset_s")) is None else instant(at) for one in answers],
         "clock": [(one.flight.get("onset_clock") or "").replace("T", " ") for one in answers],
@@ -79,12 +80,12 @@ def index_page(kind: str, answers: Sequence[LogAnswer], origin: Provenance, tren
         "in flight [min]": [_cell(one.flight.get("flight_s"), 60.0) for one in answers],
         "what could hide": [shortened(one.hidden, HIDDEN_LETTERS) for one in answers],
     }
-    of_diagnosis = ("decision", "onset [s]", "clock", "size", "unit", "what could hide")
+    of_diagnosis = ("state", "onset [s]", "clock", "size", "unit", "what could hide")
     left_out = {*(() if has_aircraft else ("aircraft",)), *(of_diagnosis if kind != "diagnose" else ())}
     left_out |= set() if any(columns["clock"]) else {"clock"}
     shown = {head: cells for head, cells in columns.items() if head not in left_out}
     faults = Counter(str(one.flight["fault"]) for one in answers if one.flight.get("declared"))
-    counts = Counter("not read" if one.error else one.decision or "read" for one in answers)
+    counts = Counter("not read" if one.error else one.state or "read" for one in answers)
     return render_listing(
         Listing(
             title=TITLES[kind],

@@ -22,7 +22,7 @@ SIZE: Mapping[str, type] = {"magnitude": float, "unit": str, "low": float, "high
 FLIGHTS: Mapping[str, Mapping[str, type]] = {
     "diagnose": {
         **SPAN,
-        **dict.fromkeys(("decision", "abrupt", "oscillating", "slow"), str),
+        **dict.fromkeys(("decision", "state", "abrupt", "oscillating", "slow"), str),
         **dict.fromkeys(("declared", "suspected", "deviations", "ordinary", "contradictions"), int),
         "fault": str,
         "shape": str,

@@ -12,11 +12,12 @@ from bfi_cli.flightlog.record import frozen_array
 RATE_HZ, LENGTH_S = 4.0, 100.0
 
 
-def flight(seed: int = 0) -> str:
-    """Return a log in level flight as CSV."""
+def flight(seed: int = 0, *, lost: bool = False) -> str:
+    """Return a log in level flight as CSV; `lost` : its airspeed is lost for 3 s."""
     rng = np.random.default_rng(seed)
     time_s = np.arange(0.0, LENGTH_S, 1.0 / RATE_HZ)
     tas = 90.0 + 2.0 * np.sin(0.2 * time_s) + 0.05 * rng.standard_normal(time_s.size)
+    tas = np.where(lost & (time_s >= 60.0) & (time_s < 63.0), 0.0, tas)
     columns = (time_s, tas, 3000.0 + 5.0 * np.sin(0.1 * time_s), 0.02 + 0.01 * np.cos(0.2 * time_s))
     rows = zip(*(one.tolist() for one in columns), strict=True)
     head = "time [s],tas [m/s],altitude [m],pitch [rad]\n"

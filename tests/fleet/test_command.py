@@ -12,15 +12,12 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from made_fleet import flight, make_fleet
 
-from bfi_cli import flight as flight_package
 from bfi_cli import flightlog
-from bfi_cli.flightlog import FlightLog
 from bfi_cli.serialization import without_series
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -46,18 +43,6 @@ def no_pyarrow(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
 
 
-@pytest.fixture
-def declared(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Declare a fault in logs whose name says so."""
-    whole = flight_package.diagnose_flight
-
-    def with_fault(log: FlightLog, *given: object, **named: object) -> flight_package.DiagnoseResult:
-        result = whole(log, *given, **named)
-        return replace(result, decision="fault") if "fault" in log.path else result
-
-    monkeypatch.setattr(flight_package, "diagnose_flight", with_fault)
-
-
 @pytest.mark.parametrize("kind", ["info", "diagnose"])
 def test_each_log_is_answered_as_alone(kind: str, bfi: Callable, tmp_path: Path):
     paths = make_fleet(tmp_path / "logs", 2)
@@ -75,13 +60,13 @@ def test_each_log_is_answered_as_alone(kind: str, bfi: Callable, tmp_path: Path)
         assert without_origin(document) == without_origin(alone)
 
 
-@pytest.mark.usefixtures("declared")
 def test_a_line_for_each_log_those_that_need_a_reader_first(bfi: Callable, tmp_path: Path):
     make_fleet(tmp_path, 1)
-    (tmp_path / "with_fault.csv").write_text(flight())
+    (tmp_path / "with_fault.csv").write_text(flight(lost=True))
     lines = bfi("diagnose", tmp_path, *HERE).stdout.splitlines()
     assert len(lines) == 3
-    assert re.match(r"\S*/with_fault\.csv +fault +", lines[0])
+    assert re.match(r"\S*/with_fault\.csv +fault +true airspeed drops out at 60", lines[0])
+    assert re.match(r"\S*/flight_0\.csv +cannot tell +.*; still possible: a slow error of any size$", lines[1])
     assert re.match(r"\S*/broken_0\.csv +not read +\S*/broken_0\.csv: no header line", lines[-1])
 
 
@@ -181,7 +166,6 @@ def test_a_store_that_is_torn_anywhere_is_continued(cut: int, bfi: Callable, tmp
         (("fault.csv", "flight_1.csv"), ("--fail-on", "fault", "--strict"), 4),
     ],
 )
-@pytest.mark.usefixtures("declared")
 def test_exit_codes(
     names: tuple[str, ...],
     options: tuple[str, ...],
@@ -191,7 +175,7 @@ def test_exit_codes(
     monkeypatch: pytest.MonkeyPatch,
 ):
     make_fleet(tmp_path, 2)
-    (tmp_path / "fault.csv").write_text(flight(seed=5))
+    (tmp_path / "fault.csv").write_text(flight(seed=5, lost=True))
     monkeypatch.chdir(tmp_path)
     outcome = bfi("diagnose", *names, *HERE, *options)
     assert outcome.code == code

@@ -27,6 +27,7 @@ def diagnosis(k: int) -> LogAnswer:
         key="",
         sha256="0" * 64,
         decision="fault",
+        state="fault",
         rank=0,
         summary="pitot icing (or a fault of the airspeed) from 1432.5 s to 1920.5 s, 0.0025 1/s, tas -19 m/s"
         + "x" * 100,

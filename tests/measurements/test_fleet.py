@@ -261,6 +261,7 @@ def answers(n: int) -> Sequence[LogAnswer]:
             LogAnswer(
                 **same,
                 decision="fault" if is_fault else "inconclusive",
+                state="fault" if is_fault else "cannot_tell",
                 rank=0 if is_fault else 3,
                 summary=text if is_fault else "x" * 90,
                 hidden="static leak lagged_bias 43 m",

@@ -147,3 +147,21 @@ def test_the_simulated_citation_is_read_as_typed(flights: Path):
     file, log = loadmat(path, simplify_cells=True), read_log(path)
     np.testing.assert_allclose(log.channels["tas"].values, file["vtas"].ravel(), rtol=1e-14)
     np.testing.assert_allclose(log.channels["normal_acc"].values, -file["Az"].ravel() - G, atol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("name", "clock"),
+    [
+        ("flights/reader_samples/g1000_c172.csv", "2011-07-01T00:00:00"),
+        ("flights/reader_samples/g3x_homebuilt.csv", "2026-03-27T00:00:00"),
+        ("flights/reader_samples/sample_log_small.ulg", "2021-04-21T06:30:38.142Z"),
+        ("flights/reader_samples/pilot_0004.bin", "2025-01-03T13:43:56.663Z"),
+        ("flights/reader_samples/vtol.tlog", "2018-08-08T13:55:36.883Z"),
+        ("cases/skyview.csv", "2021-06-01T14:58:20"),
+        ("cases/inav_blackbox.csv", None),
+        ("flights/px4_swiss1.h5", None),
+    ],
+)
+def test_the_clock_of_a_recorded_log(flights: Path, name: str, clock: str | None):
+    epoch = read_log(flights.parent / name).epoch
+    assert (None if epoch is None else epoch.iso) == clock

@@ -36,6 +36,7 @@ from .model.shared_model import with_those_that_share
 from .notes import Note
 from .onset import OnsetResult, OnsetSearch, find_onset, search_onsets
 from .onset.shapes import scanned_shape
+from .plausibility.finding import Implausible
 from .preprocessing.defaults import require_one_trim
 from .preprocessing.sampling_rate import require_one_model, slowest_rate_hz
 from .preprocessing.window import must_resample, with_inputs_of
@@ -53,13 +54,24 @@ EXPLAINED = 100.0 - 1e-9
 MOST_SAMPLES, FASTEST_HZ = 20_000, 10.0
 
 
-def start_time(log: FlightLog, config: Config, progress: Progress = unseen) -> OnsetResult:
-    """Say when a fault started, of which shape and how large, from all sources; see `bfi_cli.onset.find_onset`."""
+def start_time(
+    log: FlightLog, config: Config, progress: Progress = unseen, *, findings: Sequence[Implausible] = ()
+) -> OnsetResult:
+    """Say when a fault started, of which shape and how large, from all sources; see `bfi_cli.onset.find_onset`.
+
+    Parameters
+    ----------
+    findings : on channels that are wrong throughout the flight.
+    """
     config = with_inputs_of(log, config)
     _require_one_model(log.window(config.window.from_s, config.window.to_s), config)
     physics, scanning = _physics(log, config, progress)
-    result = find_onset(log, scanning, progress, beside=[physics])
+    result = find_onset(log, scanning, progress, beside=[physics, _arithmetic(findings)])
     return replace(result, false_alarm=config.start_time.false_alarm)
+
+
+def _arithmetic(findings: Sequence[Implausible]) -> Evidence:
+    return Evidence(source="arithmetic", findings=tuple(findings))
 
 
 def _require_one_model(part: FlightLog, config: Config) -> None:
@@ -83,7 +95,12 @@ def _physics(log: FlightLog, config: Config, progress: Progress) -> tuple[Eviden
 
 
 def identify(
-    log: FlightLog, dictionary: Dictionary | None, config: Config, progress: Progress = unseen
+    log: FlightLog,
+    dictionary: Dictionary | None,
+    config: Config,
+    progress: Progress = unseen,
+    *,
+    findings: Sequence[Implausible] = (),
 ) -> tuple[IdentifyResult, Dictionary]:
     """Identify faults in a window, and return the result with the dictionary of what was identified.
 
@@ -96,6 +113,7 @@ def identify(
     Parameters
     ----------
     dictionary : None to search for every kind of fault.
+    findings : on channels that are wrong throughout the flight.
 
     Raises
     ------
@@ -104,10 +122,12 @@ def identify(
     config = with_inputs_of(log, config)
     part = log.window(config.window.from_s, config.window.to_s)
     kinds = () if dictionary is None else _live_kinds(part, dictionary.searched, config)
+    arithmetic = _arithmetic(findings)
     if dictionary is None or (kinds and not dictionary.exact.atoms):
-        return _identify_kinds(log, part, dictionary, kinds, config, progress)
+        return _identify_kinds(log, part, dictionary, kinds, config, arithmetic, progress)
     log, on_model = with_those_that_share(log, dictionary.exact, config, progress) if log.earlier else (log, ())
-    result = _identify_entries(log, replace(part, earlier=log.earlier), dictionary, kinds, config, progress)
+    part = replace(part, earlier=log.earlier)
+    result = _identify_entries(log, part, dictionary, kinds, config, arithmetic, progress)
     return replace(result, notes=(*on_model, *result.notes)), dictionary
 
 
@@ -132,6 +152,7 @@ def _identify_kinds(
     dictionary: Dictionary | None,
     kinds: Sequence[Fault],
     config: Config,
+    arithmetic: Evidence,
     progress: Progress,
 ) -> tuple[IdentifyResult, Dictionary]:
     """Identify kinds of fault whose onsets are not known: the search names them, and the model is that with them."""
@@ -143,7 +164,8 @@ def _identify_kinds(
     if dictionary is not None:
         from_s = float(part.time_s[0]) if dictionary.relative_to == "window" else 0.0
         evidence = replace(evidence, faults=tuple(_named(one, dictionary, from_s) for one in evidence.faults))
-    said = conclusion_of(log, config, [evidence, physics])
+    sources = [evidence, physics, arithmetic]
+    said = conclusion_of(log, config, sources)
     declared = [one for one in said.faults if one.source == "scan"]
     proposed = _as_dictionary([one.fault for one in declared] or searched.likeliest, dictionary)
     log, on_model = with_those_that_share(log, proposed, config) if log.earlier else (log, ())
@@ -153,8 +175,9 @@ def _identify_kinds(
         nothing = config.selection.model_copy(update={"max_active": 0})
         none = config.model_copy(update={"selection": nothing, "method": "ml"})
         found = identification(log, proposed, none, progress)
-    # The search decides, whatever becomes of a solver that only makes the model that is shown.
-    found = replace(found, outcome=replace(found.outcome, converged=True))
+    if found.outcome.fires:
+        # The search decides, whatever becomes of a solver that only makes the model that is shown.
+        said = conclusion_of(log, config, sources, replace(found.outcome, converged=True))
     how = "no dictionary" if dictionary is None else "the onsets of the dictionary are not known"
     if declared:
         how += f": {len(declared)} declared by the search over all onsets, magnitudes estimated jointly"
@@ -223,6 +246,7 @@ def _identify_entries(
     dictionary: Dictionary,
     kinds: Sequence[Fault],
     config: Config,
+    arithmetic: Evidence,
     progress: Progress,
 ) -> IdentifyResult:
     """Identify entries that state their onsets, and search the window less these for what they do not explain."""
@@ -233,13 +257,15 @@ def _identify_entries(
     searched: OnsetSearch | str
     if not found.outcome.converged:
         searched = "not scanned: the solver did not converge"
-        said = conclusion_of(log, config, [found.evidence])
+        said = conclusion_of(log, config, [found.evidence, arithmetic], found.outcome)
         return result_of(log, config, found, said, _not_scanned(searched), notes=[Note.limit(searched)])
     of_window = found.window.summary
     exact = of_window.rate_hz == of_window.native_rate_hz and all(vaf > EXPLAINED for vaf in found.vaf_output.values())
     looked_for = {one.kind for one in found.candidates if one.state is not None}
     duration_s = of_window.stop_s - of_window.start_s
     as_entries = partial(at_entries, entries=stated, rate_hz=found.model.rate_hz, duration_s=duration_s)
+    candidates, physics = as_entries(found.candidates, physics)
+    found = replace(found, candidates=candidates)
     if any(SHAPES[one.fault.shape].acts_on == "course" for one in found.faults):
         searched = "not scanned: a fault of unknown shape is declared"
     elif (why_not := _why_not_scanned(part, config, exact=exact)) is not None:
@@ -256,9 +282,7 @@ def _identify_entries(
         )
     if isinstance(searched, str):
         found = found if exact else _within_tolerance(found, None, config)
-        candidates, physics = as_entries(found.candidates, physics)
-        found = replace(found, candidates=candidates)
-        said = conclusion_of(log, config, [found.evidence, physics])
+        said = conclusion_of(log, config, [found.evidence, physics, arithmetic], found.outcome)
         notes = (*physics.notes, Note.limit(searched))
         return result_of(log, config, found, said, _not_scanned(searched), notes=notes)
     found = _within_tolerance(found, searched, config)
@@ -268,13 +292,14 @@ def _identify_entries(
         faults=tuple(_with_rivals(one, searched.rivals) for one in found.faults),
     )
     candidates, of_search = as_entries(found.candidates, searched.evidence)
-    candidates, physics = as_entries(candidates, physics)
     found = replace(found, candidates=candidates)
-    said = conclusion_of(log, config, [found.evidence, _beside_entries(of_search, looked_for), physics])
-    joint = None
-    if any(one.source != "dictionary" for one in said.faults):
-        joint = _jointly(log, dictionary, said.faults, config, progress)
-        said = replace(said, faults=_sized_by(joint, said.faults, log, config))
+    sources = [found.evidence, _beside_entries(of_search, looked_for), physics, arithmetic]
+    said = conclusion_of(log, config, sources, found.outcome)
+    joint = _jointly(log, dictionary, said.faults, config, progress)
+    if joint is not None:
+        # All faults in one model have other sizes than each beside some of them, and the same states.
+        sources = [replace(one, faults=_sized_by(joint, one.faults, log, config)) for one in sources]
+        said = conclusion_of(log, config, sources, found.outcome)
     declares = any(one.source == "scan" for one in said.faults)
     return result_of(
         log,
@@ -363,7 +388,9 @@ def _beside_entries(evidence: Evidence, looked_for: set[Kind]) -> Evidence:
 def _jointly(
     log: FlightLog, dictionary: Dictionary, faults: Sequence[FaultEstimate], config: Config, progress: Progress
 ) -> Identification | None:
-    """Return the identification of a model that has all declared faults, None where none has a signal."""
+    """Return the identification of a model with all declared faults, None where the dictionary's has them already."""
+    if all(one.source == "dictionary" for one in faults):
+        return None
     # Of what holds a reading the log has no signal.
     told = [one for one in faults if SHAPES[one.fault.shape].acts_on != "held"]
     if config.method != "ml" or not told:
@@ -373,11 +400,11 @@ def _jointly(
 
 
 def _sized_by(
-    joint: Identification | None, faults: Sequence[FaultEstimate], log: FlightLog, config: Config
+    joint: Identification, faults: Sequence[FaultEstimate], log: FlightLog, config: Config
 ) -> tuple[FaultEstimate, ...]:
     """Return faults with the magnitudes of a model that has all of them."""
     # An uncertain recorder was profiled for each fault where it was found, and is not for all of them together.
-    if joint is None or alternatives(recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)[0]):
+    if alternatives(recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)[0]):
         return tuple(faults)
     sized = {one.name: one for one in joint.faults}
     keys = ("magnitude", "physical_value", "sd", "ci95")

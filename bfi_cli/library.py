@@ -112,11 +112,11 @@ def doubts(
 
 def noted(result: Result, notes: Sequence[Note], findings: Sequence[Implausible]) -> Result:
     """Return a result with notes before its own, and with what is wrong with channels throughout."""
-    from .plausibility import in_words, with_plausibility
+    from .plausibility import in_words
 
     result = replace(result, notes=(*notes, *result.notes))
-    if hasattr(result, "plausibility"):
-        return with_plausibility(result, findings)
+    if hasattr(result, "plausibility"):  # it was concluded beside them
+        return result
     contradictions = in_words(findings)
     return replace(result, notes=(Note.limit(contradictions), *result.notes)) if contradictions else result
 
@@ -162,7 +162,7 @@ def identify(
     ready = ready_log(log, _config(config), tell)
     known = _dictionary(dictionary, ready.config, allow_outside=allow_outside)
     with _saying_first(ready.findings):
-        result, _ = identify_window(ready.log, known, ready.config, progress)
+        result, _ = identify_window(ready.log, known, ready.config, progress, findings=ready.findings)
     return ready.noted(result)
 
 
@@ -183,7 +183,7 @@ def start_time(
 
     ready = ready_log(log, _config(config), tell)
     with _saying_first(ready.findings):
-        return ready.noted(scan_window(ready.log, ready.config, progress))
+        return ready.noted(scan_window(ready.log, ready.config, progress, findings=ready.findings))
 
 
 def diagnose(
@@ -237,7 +237,7 @@ def detect(
     config = _config(config)
     log, findings = with_findings(log, config, tell)
     with _saying_first(findings):
-        result = detect_faults(log, config, report=partial(progress, "channels"))
+        result = detect_faults(log, config, findings=findings, report=partial(progress, "channels"))
     questions = doubts(log, (*result.outputs, *result.inputs), findings, tell)
     return noted(result, questions, findings)
 

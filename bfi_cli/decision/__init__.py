@@ -15,13 +15,24 @@ from .candidate import (
     two_digits,
     with_limit,
 )
-from .conclude import Conclusion, conclude
+from .conclude import WITHHELD, Conclusion, conclude
 from .entries import at_entries
 from .evidence import Evidence, Manoeuvre
 from .limits import UNTESTED, ScanLimit, not_excluded, untested, with_limit_of_scan
 from .verdict import decide, summarise, verdicts_of
 
-__all__ = ["BUILD_UP_S", "KINDS", "UNTESTED", "Candidate", "Conclusion", "Evidence", "Manoeuvre", "ScanLimit", "State"]
+__all__ = [
+    "BUILD_UP_S",
+    "KINDS",
+    "UNTESTED",
+    "WITHHELD",
+    "Candidate",
+    "Conclusion",
+    "Evidence",
+    "Manoeuvre",
+    "ScanLimit",
+    "State",
+]
 __all__ += ["at_entries", "beyond_tolerance", "candidate_of", "conclude", "decide", "estimate_of", "finite", "kind_of"]
 __all__ += ["not_excluded", "shown_limit", "state_of", "summarise", "two_digits", "untested"]
 __all__ += ["verdicts_of", "with_limit", "with_limit_of_scan"]

@@ -8,20 +8,25 @@ bound both statements hold at the level of all, however the sources depend on ea
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 from ..faults import Decision, FaultEstimate, build_up_s
 from ..notes import Note
 from ..report.text import instant, quantity
 from ..shapes import OF_LINES, SHAPES, Kind
-from .candidate import Candidate, with_limit
+from .candidate import KINDS, Candidate, with_limit
 from .evidence import Evidence, Manoeuvre
 from .verdict import decide, summarise, verdicts_of
+
+if TYPE_CHECKING:  # its package needs the configuration, which needs this one
+    from ..plausibility.finding import Implausible
 
 # Sources that explain the window by a linear model of the aircraft.
 MODELS = ("dictionary", "scan")
 REFUTED = "declared, and refuted by another source: see the notes"
+WITHHELD = "withheld while channels contradict each other"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +38,10 @@ class Conclusion:
     decision : on the kinds that are required; verdicts : on each kind of fault.
     summary : what the log says of the kinds of which no fault is declared.
     faults : declared; candidates : all that was looked for, with the smallest limits.
-    notes : where sources disagree.
+    notes : where sources disagree, and what is wrong with channels throughout.
+    plausibility : the channels that are wrong throughout.
+    is_withheld : whether they contradict each other, so that there is no verdict and nothing is declared.
+    has_failed : there is no verdict, for the method has none.
     """
 
     decision: Decision
@@ -42,9 +50,19 @@ class Conclusion:
     faults: tuple[FaultEstimate, ...]
     candidates: tuple[Candidate, ...]
     notes: tuple[Note, ...]
+    plausibility: tuple[Implausible, ...] = ()
+    is_withheld: bool = False
+    has_failed: bool = False
 
 
-def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusion:
+def conclude(
+    evidence: Sequence[Evidence],
+    required: Sequence[Kind],
+    *,
+    says: Callable[[Mapping[Kind, Decision], Sequence[Candidate]], str] = summarise,
+    fires: bool = False,
+    failed: str = "",
+) -> Conclusion:
     """Return what the evidence of all sources says together.
 
     1. A fault that a source declares is declared, unless another source excludes its error on the channel, or a model
@@ -55,11 +73,17 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
     2. What bounds a slow error of a channel in one source bounds it in all: the smallest limit counts.
     3. A sensor that is frozen tells of no other fault of its channel.
     4. The verdicts on the kinds, and the sentence that says them.
+    5. What is wrong with channels throughout the flight is told beside that. Where it is larger than an installation
+       makes it, no kind is excluded; where channels contradict each other by a unit, a sign, a place or the clock that
+       is still to be stated, there is no verdict, and nothing is declared.
 
     Parameters
     ----------
     evidence : the sources, the one that names a fault best first.
     required : kinds of fault that the decision rests on.
+    says : from verdicts and candidates, what the log says of the kinds of which no fault is declared.
+    fires : a source says that there is a fault, whatever is declared.
+    failed : why there is no verdict, a sentence; "" where there is.
     """
     faults: list[FaultEstimate] = []
     candidates: list[Candidate] = []
@@ -103,13 +127,66 @@ def conclude(evidence: Sequence[Evidence], required: Sequence[Kind]) -> Conclusi
         **verdicts_of(bounded),
         **dict.fromkeys([SHAPES[one.fault.shape].kind for one in faults], "fault"),
     }
-    return Conclusion(
-        decision=decide(verdicts, required),
+    decision = "fault" if fires else decide(verdicts, required)
+    if failed:
+        decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
+    said = Conclusion(
+        decision=decision,
         verdicts=verdicts,
-        summary=summarise(verdicts, bounded),
+        summary=failed or says(verdicts, bounded),
         faults=tuple(faults),
         candidates=bounded,
         notes=tuple(notes),
+        has_failed=bool(failed),
+    )
+    return _beside_findings(said, [finding for one in evidence for finding in one.findings])
+
+
+def _beside_findings(said: Conclusion, findings: Sequence[Implausible]) -> Conclusion:
+    """Return a conclusion beside what is wrong with channels throughout the flight.
+
+    A unit that is stated is kept, and what arithmetic thinks of it is one line. A constant error, or a channel that is
+    set aside, is no fault of the flight and withholds nothing that was found.
+    """
+    said = replace(said, plausibility=tuple(findings))
+    if to_state := [one for one in findings if one.is_open]:
+        return _withheld(said, to_state)
+    beside = [Note.limit(f"throughout the flight: {one.text}") for one in findings if one.is_constant and not one.fixed]
+    beside += [Note.method(f"{one.advice}: {one.text}") for one in findings if one.is_stated and not one.fixed]
+    said = replace(said, notes=(*said.notes, *beside))
+    errors = [one for one in findings if one.what == "unrelated" or (one.is_constant and not one.is_installation)]
+    if not errors:
+        return said
+    return replace(
+        said,
+        decision=_not_excluded(said.decision),
+        verdicts={kind: _not_excluded(verdict) for kind, verdict in said.verdicts.items()},
+        summary="; ".join(filter(None, (*(f"{one.advice}: {one.text}" for one in errors), said.summary))),
+    )
+
+
+def _not_excluded(verdict: Decision) -> Decision:
+    return "inconclusive" if verdict == "no_fault" else verdict
+
+
+def _withheld(said: Conclusion, to_state: Sequence[Implausible]) -> Conclusion:
+    """Return a conclusion without a verdict, and what would be declared as suspected."""
+    from ..plausibility.finding import in_words
+
+    declared = [one.name for one in said.faults] or [one.name for one in said.candidates if one.state == "declared"]
+    notes = [Note.limit(f"what would be declared is {WITHHELD}: {', '.join(declared)}")] if declared else []
+    return replace(
+        said,
+        decision="inconclusive",
+        verdicts=dict.fromkeys(said.verdicts, "inconclusive"),
+        summary=in_words(to_state),
+        faults=(),
+        candidates=tuple(
+            replace(one, state="suspected", note=WITHHELD) if one.state == "declared" else one
+            for one in said.candidates
+        ),
+        notes=(*said.notes, *notes),
+        is_withheld=True,
     )
 
 

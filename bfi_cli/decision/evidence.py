@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from ..faults import FaultEstimate
 from ..notes import Note
 from .candidate import Candidate
+
+if TYPE_CHECKING:  # its package needs the configuration, which needs this one
+    from ..plausibility.finding import Implausible
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,12 +41,13 @@ class Evidence:
     Attributes
     ----------
     source : "dictionary" (entries at stated onsets), "scan" (every onset of the window), "physics" (relations between
-        channels, pressure lines, lift and inertia), "phases" (manoeuvres), "detector" and "flight" (`bfi detect`,
-        `bfi diagnose`).
+        channels, pressure lines, lift and inertia), "phases" (manoeuvres), "arithmetic" (channels that are wrong
+        throughout), "detector" and "flight" (`bfi detect`, `bfi diagnose`).
     faults : that it declares.
     candidates : what it looked for, declared, suspected, excluded or not seen; its limits hold at its share.
     notes : what limits the source, in sentences.
     manoeuvres : in which what a model of the window declares may be the aircraft's own motion.
+    findings : on channels that are wrong throughout the flight.
     """
 
     source: str
@@ -50,3 +55,4 @@ class Evidence:
     candidates: tuple[Candidate, ...] = ()
     notes: tuple[Note, ...] = ()
     manoeuvres: tuple[Manoeuvre, ...] = ()
+    findings: tuple[Implausible, ...] = ()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels.progress import Report, silent
 from ..notes import Note
+from ..plausibility.finding import Implausible
 from ..preprocessing.summary import log_summary
 from ..preprocessing.tolerance import tolerances_of
 from ..report.text import instant
@@ -30,7 +31,9 @@ AROUND_S = 60.0
 USUAL = 0.95
 
 
-def detect_faults(log: FlightLog, config: Config, *, report: Report = silent) -> DetectResult:
+def detect_faults(
+    log: FlightLog, config: Config, *, findings: Sequence[Implausible] = (), report: Report = silent
+) -> DetectResult:
     """Say which channel of a log fails, and when, without a model and without a dictionary.
 
     Parameters
@@ -38,6 +41,7 @@ def detect_faults(log: FlightLog, config: Config, *, report: Report = silent) ->
     log : in SI units, see `bfi_cli.flightlog.read_log`.
     config : see `bfi_cli.config.Config`; `detect` holds what is special to the detection. Where inputs and outputs are
         not given, they are the controls and accelerations, and the flight data, that the log has.
+    findings : on channels that are wrong throughout the flight.
     report : called with the share of the channels that have failed so far.
 
     Raises
@@ -55,7 +59,11 @@ def detect_faults(log: FlightLog, config: Config, *, report: Report = silent) ->
     candidates = _candidates(prepared, detection, tolerances)
     unseen = [candidate.channel for candidate in candidates if candidate.state == "not_seen"]
     notes = _notes(prepared, config, detection, unseen)
-    conclusion = conclude([Evidence(source="detector", candidates=candidates, notes=notes)], config.require)
+    sources = [
+        Evidence(source="detector", candidates=candidates, notes=notes),
+        Evidence(source="arithmetic", findings=tuple(findings)),
+    ]
+    conclusion = conclude(sources, config.require)
     failed_s = {alarm.channel: alarm.time_s - detection.reach_s for alarm in reversed(detection.alarms)}
     return DetectResult(
         log=log_summary(
@@ -73,7 +81,7 @@ def detect_faults(log: FlightLog, config: Config, *, report: Report = silent) ->
         inputs=prepared.inputs,
         outputs=prepared.outputs,
         false_alarm=false_alarm,
-        alarms=detection.alarms,
+        alarms=() if conclusion.is_withheld else detection.alarms,
         is_calibrated=detection.is_calibrated,
         ready_s=detection.ready_s,
         train=prepared.train,
@@ -95,6 +103,7 @@ def detect_faults(log: FlightLog, config: Config, *, report: Report = silent) ->
         ),
         commands=_commands(prepared, detection),
         notes=(*detection.notes, *notes, *conclusion.notes),
+        plausibility=conclusion.plausibility,
     )
 
 

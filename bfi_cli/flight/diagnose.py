@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from ..channels import STANDARD
 from ..config import Config, merge
-from ..decision import State, conclude
+from ..decision import WITHHELD, State, conclude
 from ..flightlog import FlightLog
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
@@ -112,24 +112,24 @@ def diagnose_flight(
     lasting = events_of(flight, [*drafts, *glanced])
     proposed = (*events_of_defects(flight), *lasting)
     answer = weigh_events(flight, proposed) if config.diagnose.judge else Weighing(events=proposed)
-    every_event = answer.events
-    events = tuple(one for one in every_event if one.beyond_tolerance is not False)
+    events = tuple(one for one in answer.events if one.beyond_tolerance is not False)
 
     # 6. What could not have been seen, and the conclusion.
     bounds = bounds_of(flight, slow.scanned, static, lasting)
     limits = limits_of(flight, bounds)
     unwatched = [*unwatched_by_scan(flight, bounds, lasting), *unwatched_by_lines(flight)]
     without_steps = unwatched_by_steps(flight, stepped) if stepped else []
-    conclusion = conclude([evidence_of(events, limits, unwatched, flight.recorded)], config.require)
+    says = partial(sentence_of, events, limits, unwatched, without_steps, looked_for_steps=bool(stepped))
+    evidence = evidence_of(events, limits, unwatched, flight.recorded, (*findings, *flight.not_credible))
+    conclusion = conclude([evidence], config.require, says=says)
+    events = tuple(map(_suspected, events)) if conclusion.is_withheld else events
     return DiagnoseResult(
         log=_summary(flight),
         decision=conclusion.decision,
         verdicts=conclusion.verdicts,
-        summary=sentence_of(
-            conclusion.verdicts, events, limits, unwatched, without_steps, looked_for_steps=bool(stepped)
-        ),
+        summary=conclusion.summary,
         events=events,
-        deviations=tuple(one for one in every_event if one.beyond_tolerance is False),
+        deviations=tuple(one for one in answer.events if one.beyond_tolerance is False),
         limits=limits,
         unwatched=tuple((one.from_s, one.to_s, one.why) for one in (*unwatched, *without_steps)),
         phases=flight.part_phases,
@@ -150,10 +150,15 @@ def diagnose_flight(
         strips=_strips(slow.scanned, static),
         limit_courses=limit_courses(flight, bounds),
         courses=tuple(course for k, event in enumerate(events) if (course := course_of(flight, event, k)) is not None),
-        notes=(*_notes(slow), *answer.notes),
-        plausibility=(*findings, *flight.not_credible),
+        notes=(*_notes(slow), *answer.notes, *conclusion.notes),
+        plausibility=conclusion.plausibility,
         ordinary=answer.ordinary,
     )
+
+
+def _suspected(event: Event) -> Event:
+    """Return an event that is declared as suspected, while channels contradict each other."""
+    return replace(event, state="suspected", note=WITHHELD) if event.state == "declared" else event
 
 
 def _summary(flight: Flight) -> LogSummary:

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 from ..decision import Candidate, Evidence, State, two_digits
 from ..faults import Decision
+from ..plausibility.finding import Implausible
 from ..shapes import Kind
 from .limits import AIRSPEEDS, PITOT_LINE
 from .result import Event, FlightLimit
@@ -21,6 +22,7 @@ def evidence_of(
     limits: Sequence[FlightLimit],
     unwatched: Sequence[Unwatched],
     recorded: Collection[str],
+    findings: Sequence[Implausible] = (),
 ) -> Evidence:
     """Return what the flight says of every kind: its events, and slow faults of the airspeeds and of their line.
 
@@ -32,6 +34,7 @@ def evidence_of(
     ----------
     events : without those that are surely within the tolerances.
     unwatched : flight in which a slow fault would not have been seen.
+    findings : on channels that are wrong throughout the flight.
     """
 
     def candidate(name: str, kind: Kind, state: State) -> Candidate:
@@ -48,15 +51,16 @@ def evidence_of(
         deciding = [one for one in drifts if one.bounds == "error"] or drifts
         bounded[name] = bool(deciding) and all(one.within_tolerance for one in deciding)
     slow = [candidate(name, "slow", "excluded" if bounded[name] and not unwatched else "not_seen") for name in needed]
-    return Evidence(source="flight", candidates=(*found, *only_found, *slow))
+    return Evidence(source="flight", candidates=(*found, *only_found, *slow), findings=tuple(findings))
 
 
 def sentence_of(
-    verdicts: Mapping[Kind, Decision],
     events: Sequence[Event],
     limits: Sequence[FlightLimit],
     unwatched: Sequence[Unwatched],
     unwatched_by_steps: Sequence[Unwatched],
+    verdicts: Mapping[Kind, Decision],
+    _candidates: Sequence[Candidate] = (),
     *,
     looked_for_steps: bool,
 ) -> str:

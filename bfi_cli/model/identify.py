@@ -66,7 +66,9 @@ def identify_faults(
     config = with_inputs_of(log, config)
     identified = identification(log, dictionary, config, progress, given=given)
     scan = ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=NOT_SCANNED)
-    return result_of(log, config, identified, conclusion_of(log, config, [identified.evidence]), scan)
+    return result_of(
+        log, config, identified, conclusion_of(log, config, [identified.evidence], identified.outcome), scan
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -98,19 +100,22 @@ class Identification:
     @property
     def evidence(self) -> Evidence:
         """What the method says of the entries of its dictionary."""
-        candidates = self.candidates if self.outcome.converged else ()
-        return Evidence(source="dictionary", faults=self.faults, candidates=candidates)
+        return Evidence(source="dictionary", faults=self.faults, candidates=self.candidates)
 
 
-def conclusion_of(log: FlightLog, config: Config, sources: Sequence[Evidence]) -> Conclusion:
+def conclusion_of(
+    log: FlightLog, config: Config, sources: Sequence[Evidence], outcome: MethodResult | None = None
+) -> Conclusion:
     """Return the conclusion from all sources and from the manoeuvres of the flight.
 
     Parameters
     ----------
     config : with the names of the inputs.
+    outcome : of the method that decides; None where that is the search over all onsets, whatever becomes of a solver.
     """
     flown = (manoeuvres_of(log, config.outputs),) if METHODS[config.method].intervals else ()
-    return conclude([*sources, *flown], config.require)
+    fires, failed = (False, "") if outcome is None else (outcome.fires, "" if outcome.converged else NOT_CONVERGED)
+    return conclude([*sources, *flown], config.require, fires=fires, failed=failed)
 
 
 def result_of(
@@ -132,25 +137,22 @@ def result_of(
     notes : after those of the identification; truth : in place of its comparison with injected faults.
     """
     window, outcome, shown = identified.window, identified.outcome, shown or identified
-    decision, verdicts, unanswered = conclusion.decision, conclusion.verdicts, list[Note]()
-    if outcome.fires:
-        decision = "fault"
-    if not outcome.converged:
-        decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
+    unanswered = list[Note]()
+    if conclusion.has_failed:
         unanswered.append(Note.limit(f"{NOT_CONVERGED}: {outcome.solver.termination}"))
-    elif decision == "inconclusive" and identified.hides_all:
+    elif conclusion.decision == "inconclusive" and identified.hides_all:
         unanswered.append(Note.limit(UNANSWERABLE))
     declared = {one.name for one in conclusion.faults}
     remarks = [note for n, note in outcome.remarks.items() if window.names[window.live[n]] not in declared]
-    helps = what_would_help(log, config, verdicts) if METHODS[config.method].intervals else None
+    helps = what_would_help(log, config, conclusion.verdicts) if METHODS[config.method].intervals else None
     return IdentifyResult(
         log=window.summary,
-        decision=decision,
-        verdicts=verdicts,
-        summary=conclusion.summary if outcome.converged else NOT_CONVERGED,
+        decision=conclusion.decision,
+        verdicts=conclusion.verdicts,
+        summary=conclusion.summary,
         scan=scan,
-        faults=conclusion.faults if outcome.converged else identified.faults,
-        candidates=conclusion.candidates if outcome.converged else identified.candidates,
+        faults=conclusion.faults,
+        candidates=conclusion.candidates,
         model=shown.model,
         vaf_output=shown.vaf_output,
         solver=outcome.solver,
@@ -161,6 +163,7 @@ def result_of(
         outputs=shown.outputs,
         residuals=shown.residuals,
         truth=truth or identified.truth,
+        plausibility=conclusion.plausibility,
     )
 
 

@@ -146,6 +146,7 @@ def result_of(search: OnsetSearch, conclusion: Conclusion, false_alarm: float, n
         series=_series_of(search),
         truth=None if log.truth is None else log.truth.faults,
         notes=tuple(notes),
+        plausibility=conclusion.plausibility,
     )
 
 

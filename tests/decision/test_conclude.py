@@ -8,8 +8,19 @@ from typing import Any
 import pytest
 from noted import texts
 
-from bfi_cli.decision import KINDS, Candidate, Evidence, Manoeuvre, at_entries, beyond_tolerance, candidate_of, conclude
+from bfi_cli.decision import (
+    KINDS,
+    WITHHELD,
+    Candidate,
+    Evidence,
+    Manoeuvre,
+    at_entries,
+    beyond_tolerance,
+    candidate_of,
+    conclude,
+)
 from bfi_cli.faults import Fault, FaultEstimate
+from bfi_cli.plausibility import Implausible
 
 
 def estimate(shape: str = "bias", onset_s: float = 50.0, **changes: Any) -> FaultEstimate:
@@ -298,3 +309,71 @@ def test_an_entry_whose_fault_is_refuted_is_suspected():
     )
     assert said.faults == ()
     assert said.candidates[0].state == "suspected"
+
+
+# What is wrong throughout is told beside an answer; only what is still to be stated takes its verdict.
+
+
+def finding(what: str, channel: str, offset: float = 0.0, *, fixed: bool = False, rivals: tuple[str, ...] = ()):
+    return Implausible(
+        channels=(channel,),
+        what=what,  # type: ignore[arg-type]
+        unit="",
+        factor=1.0,
+        offset=offset,
+        agrees_with=("pitch", "tas"),
+        relative_misfit=0.0,
+        rivals=rivals,
+        text=f"{channel} errs",
+        advice=f"check {channel}",
+        fixed=fixed,
+    )
+
+
+@pytest.mark.parametrize(
+    ("one", "excludes", "declares"),
+    [
+        (finding("offset", "aoa", 0.11), True, True),
+        (finding("offset", "pitch", 0.11, rivals=("aoa",)), True, True),
+        (finding("offset", "pitch_rate", -0.05, fixed=True), True, True),
+        (finding("offset", "pitch", 0.11, rivals=("tas",)), False, True),
+        (finding("offset", "aoa", 0.3), False, True),
+        (finding("offset", "tas", 10.0, fixed=True), False, True),
+        (finding("scale", "tas"), False, True),
+        (finding("unrelated", "aoa", fixed=True), False, True),
+        (finding("impossible", "aoa", fixed=True), True, True),
+        (finding("unit", "tas", fixed=True), True, True),
+        (finding("unit", "tas"), False, False),
+        (finding("sign", "aoa"), False, False),
+        (finding("clock", "time"), False, False),
+    ],
+)
+def test_a_verdict_beside_what_is_wrong_throughout(one: Implausible, excludes: bool, declares: bool):
+    beside = Evidence(source="arithmetic", findings=(one,))
+    quiet = Evidence(source="scan", candidates=QUIET)
+    nothing = conclude([quiet, beside], KINDS)
+    fault = conclude([replace(quiet, faults=(estimate(),)), beside], KINDS)
+    assert nothing.plausibility == fault.plausibility == (one,)
+    assert ("no_fault" in {nothing.decision, *nothing.verdicts.values()}) == excludes
+    assert nothing.decision == ("no_fault" if excludes else "inconclusive")
+    assert (fault.decision, len(fault.faults)) == (("fault", 1) if declares else ("inconclusive", 0))
+    assert fault.is_withheld != declares
+    assert nothing.summary.startswith("check ") != excludes
+
+
+def test_what_would_be_declared_is_suspected_while_channels_contradict_each_other():
+    declared = Evidence(source="scan", faults=(estimate(),), candidates=(candidate("abrupt", None, "declared"),))
+    said = conclude([declared, Evidence(source="arithmetic", findings=(finding("unit", "tas"),))], KINDS)
+    assert [(one.state, one.note) for one in said.candidates] == [("suspected", WITHHELD)]
+    assert texts(said.notes) == (f"what would be declared is {WITHHELD}: bias",)
+
+
+def test_a_method_that_fails_or_fires_decides():
+    declared = Evidence(source="dictionary", faults=(estimate(),), candidates=QUIET)
+    failed = conclude([declared], KINDS, failed="no solution", fires=True)
+    assert (failed.decision, set(failed.verdicts.values()), failed.summary) == (
+        "inconclusive",
+        {"inconclusive"},
+        "no solution",
+    )
+    assert conclude([replace(declared, faults=())], KINDS, fires=True).decision == "fault"

@@ -338,7 +338,7 @@ def test_where_nothing_was_looked_for_no_sentence_says_that_nothing_was_found():
         row(grows_on=True, effect=7.0, to_s=900.0),
     )
     short = Unwatched(from_s=10.0, to_s=45.0, why="flaps or gear may move")
-    said = sentence_of(verdicts, (), limits, [short, GAP], [GAP], looked_for_steps=True)
+    said = sentence_of((), limits, [short, GAP], [GAP], verdicts, looked_for_steps=True)
     slow, steps = said.split("; no step")
     assert slow == (
         "a slow fault could reach 1.5 m/s on tas unseen within 60 s in 95 % of the watched flight, 2 m/s on tas from "
@@ -346,9 +346,9 @@ def test_where_nothing_was_looked_for_no_sentence_says_that_nothing_was_found():
         "airspeed is recorded), 10 to 45 s (flaps or gear may move)"
     )
     assert steps == " or oscillation found; not checked 1500 to 4000 s (no airspeed is recorded)"
-    assert "not checked" not in sentence_of(verdicts, (), limits, [], [], looked_for_steps=True)
+    assert "not checked" not in sentence_of((), limits, [], [], verdicts, looked_for_steps=True)
     many = [replace(short, from_s=100.0 * k, to_s=100.0 * k + 35.0) for k in range(5)]
-    assert "and 70 s elsewhere" in sentence_of(verdicts, (), limits, many, [], looked_for_steps=True)
+    assert "and 70 s elsewhere" in sentence_of((), limits, many, [], verdicts, looked_for_steps=True)
 
 
 # The whole

@@ -236,6 +236,18 @@ def _read(cell: str, *, comma: bool) -> tuple[Kind | None, float]:
     return None, math.nan
 
 
+def _with_nan(texts: Sequence[str], delimiter: str) -> list[str]:
+    """Return rows with "nan" in their empty cells."""
+    filled = list(texts)
+    codes = np.frombuffer("\n".join(["", *texts, ""]).encode(), dtype=np.uint8)
+    is_end = codes == ord("\n")
+    is_edge = is_end | (codes == ord(delimiter))
+    empty = np.flatnonzero(is_edge[:-1] & is_edge[1:])
+    for k in np.unique(np.searchsorted(np.flatnonzero(is_end), empty, side="right") - 1).tolist():
+        filled[k] = delimiter.join(cell or "nan" for cell in filled[k].split(delimiter))
+    return filled
+
+
 class Table:
     """A table of named columns.
 
@@ -400,13 +412,7 @@ class Table:
                 return read(texts)
             except ValueError:
                 pass
-        sign, pair = self.delimiter, 2 * self.delimiter
-        texts = [
-            sign.join(cell or "nan" for cell in row.split(sign))
-            if pair in row or row[-1:] == sign or row[:1] == sign
-            else row
-            for row in texts
-        ]
+        texts = _with_nan(texts, self.delimiter)
         try:
             values = read(texts)
         except ValueError:

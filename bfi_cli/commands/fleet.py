@@ -151,13 +151,15 @@ def _digest_of_settings(
     kind: str, config: Config, given: Mapping[str, Any], inputs: Sequence[str], origin: Provenance
 ) -> str:
     """Return the digest of what an answer depends on beside the log: versions, configuration and the files it names."""
+    from ..fleet import columns_of_answers
     from ..flightlog import digest_of_log
     from ..serialization import to_json
 
     settings = config.model_dump(mode="json", exclude=set(NO_ANSWER_SETTINGS))
     versions = (origin.version, origin.numpy, origin.scipy)
     files = sorted(digest_of_log(path) for path in inputs if path != given["list_file"] and os.path.isfile(path))
-    text = to_json([kind, versions, settings, given.get("explain", False), files], indent=None)
+    asked = (kind, given.get("explain", False), columns_of_answers(kind))
+    text = to_json([asked, versions, settings, files], indent=None)
     return hashlib.sha256(text.encode()).hexdigest()
 
 

@@ -5,8 +5,9 @@ from .logs import FleetLog, is_fleet, logs_of
 from .results import fleet_files, fleet_names, remove_left_over
 from .running import Outcome, Task, run_fleet
 from .store import Store
+from .tables import columns_of_answers
 from .trends import sentence_of_trend, trends_of
 
 __all__ = ["FleetLog", "LogAnswer", "Outcome", "Store", "Task", "answer_of_diagnosis", "answer_of_info"]
-__all__ += ["fleet_files", "fleet_names", "is_fleet", "logs_of", "remove_left_over", "run_fleet"]
-__all__ += ["rows_of_constants", "sentence_of_trend", "trends_of", "unread_document"]
+__all__ += ["columns_of_answers", "fleet_files", "fleet_names", "is_fleet", "logs_of", "remove_left_over"]
+__all__ += ["rows_of_constants", "run_fleet", "sentence_of_trend", "trends_of", "unread_document"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 from ..serialization import to_csv
@@ -75,6 +75,11 @@ class FleetTable:
     name: str
     columns: Mapping[str, type]
     rows: Sequence[Mapping[str, Any]]
+
+
+def columns_of_answers(kind: str) -> tuple[str, ...]:
+    """Return the names of all that is kept of an answer: one with others is no answer of this version."""
+    return (*(one.name for one in fields(LogAnswer)), *FLIGHTS[kind], *SECOND[kind][1], *CONSTANTS)
 
 
 def tables_of(

@@ -7,11 +7,12 @@ and moved to another one where this lowers the criterion by more than the price 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
 from ..config import Config
+from ..kernels import FloatArray
 from ..kernels.atom_signals import AtomSignals
 from ..kernels.covariance import Adding, adding_to
 from ..kernels.lagged import restrict
@@ -19,7 +20,7 @@ from ..kernels.model_selection import Penalty
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..preprocessing.magnitudes import searched
 from ..preprocessing.regression import RegressionData
-from ..preprocessing.window import PreparedWindow, shifted_signals, shifts_within, with_onsets
+from ..preprocessing.window import PreparedWindow, shifts_within, signals_of_faults, with_onsets
 from .selection import Selected, Selection
 
 # Onsets of an entry that are fitted: the best to first order, which may rank neighbours wrongly.
@@ -28,8 +29,11 @@ FITTED = 3
 HOPEFUL = 0.3
 # Entries that are moved at most; more faults than that near their onsets, none at it, have not been met.
 MOST_MOVED = 4
-# Bytes of the regressors of several supports that are kept, each of which serves all entries.
-KEPT = 10**8
+# Moves beside each support that are fitted, the best to first order: a bound on the time. First order compares no
+# supports, for it sees less of a large fault.
+MOST_MOVES = 12
+# Numbers of the signals that are kept at once: 80 MB.
+MOST_VALUES = 10**7
 
 
 def move_onsets(stated: Selected, config: Config, select: Callable[[RegressionData], Selection]) -> Selected:
@@ -103,32 +107,85 @@ def _best_move(
 ) -> tuple[int, float, float] | None:
     """Return the entry, the shift and the price of the move that lowers the criterion most; None where none does.
 
+    Every onset of every entry is added to first order, all entries at once; the moves that promise most are fitted.
+
     Parameters
     ----------
     only : an entry that moves to the best of its other onsets, whether that lowers the criterion or not.
     """
     best, penalty = now.selection.best, now.selection.penalty
     lowest, found = best.criterion if only is None else np.inf, None
+    shifts = {
+        n: shifts_within(window, entry, config.onset_tolerance_s)
+        for n, entry in enumerate(window.live)
+        if n not in now.shifts_s and only in (None, n)
+    }
+    shifts = {n: of_entry for n, of_entry in shifts.items() if of_entry.size}
+    prices = {n: searched(penalty, of_entry.size).evidence - penalty.evidence for n, of_entry in shifts.items()}
     supports: dict[tuple[int, ...], Adding] = {}
-    for n, entry in enumerate(window.live):
-        shifts = shifts_within(window, entry, config.onset_tolerance_s)
-        if n in now.shifts_s or not shifts.size or only not in (None, n):
-            continue
-        price = searched(penalty, shifts.size).evidence - penalty.evidence
-        shifted, unit = shifted_signals(window, entry, shifts.tolist()), float(now.regression.magnitude_unit[n])
-        theta = shifted.over(now.regression.unit).scaled(np.full(len(shifts), unit))
-        atoms = best.fit.atoms
-        # An entry that is declared moves; another is added, or takes the place of a declared one.
-        bases = [tuple(a for a in atoms if a != n)]
-        bases += [tuple(a for a in atoms if a != m) for m in atoms if n not in atoms]
-        for base in bases:
-            support = supports.get(base) or _support(now.regression, best.fit, base)
-            if (1 + len(supports)) * support.n_bytes <= KEPT:
-                supports[base] = support
-            for k, fit in _hopeful_fits(now.regression, support, theta, penalty, price):
-                if (criterion := penalty.criterion(fit) + price) < lowest:
-                    lowest, found = criterion, (n, float(shifts[k]), price)
+    moves: dict[tuple[int, ...], list[tuple[float, int, FloatArray]]] = {}
+    for together in _groups(shifts, len(now.regression.signals.time_s)):
+        signals = _signals(now.regression, window, {n: shifts[n] for n in together})
+        owners = np.repeat(together, [shifts[n].size for n in together])
+        for base, entries in _bases(best.fit.atoms, together).items():
+            if (support := supports.get(base)) is None:
+                support = supports[base] = _support(now.regression, best.fit, base)
+            added = support.each_of(signals.of(np.flatnonzero(np.isin(owners, entries)).tolist()))
+            gains = np.nan_to_num(added.magnitude**2 / added.variance)
+            ends = np.cumsum([shifts[n].size for n in entries])
+            for n, of_entry in zip(entries, np.split(gains, ends[:-1]), strict=True):
+                gain = float(of_entry.max(initial=0.0)) * penalty.n_effective / penalty.n_rows
+                if gain >= HOPEFUL * (penalty.per_fault + prices[n]):
+                    moves.setdefault(base, []).append((prices[n] - gain, n, of_entry))
+    promising = [
+        (base, n, gains)
+        for base, of_base in moves.items()
+        for _, n, gains in sorted(of_base, key=lambda move: move[0])[:MOST_MOVES]
+    ]
+    for base, n, gains in promising:
+        theta = _signals(now.regression, window, {n: shifts[n]})
+        for k, fit in _fits(now.regression, supports[base], theta, gains):
+            if (criterion := penalty.criterion(fit) + prices[n]) < lowest:
+                lowest, found = criterion, (n, float(shifts[n][k]), prices[n])
     return found
+
+
+def _groups(shifts: Mapping[int, FloatArray], n_samples: int) -> Iterator[list[int]]:
+    """Give entries in groups whose signals are kept at once."""
+    group, kept = list[int](), 0
+    for n, of_entry in shifts.items():
+        if group and kept + of_entry.size * n_samples > MOST_VALUES:
+            yield group
+            group, kept = [], 0
+        group.append(n)
+        kept += of_entry.size * n_samples
+    if group:
+        yield group
+
+
+def _bases(atoms: Sequence[int], entries: Sequence[int]) -> dict[tuple[int, ...], list[int]]:
+    """Return, for each support to which entries may be added, these entries.
+
+    An entry that is declared moves; another is added, or takes the place of a declared one.
+    """
+    bases: dict[tuple[int, ...], list[int]] = {}
+    for n in entries:
+        without = [n] if n in atoms else [None, *atoms]
+        for left_out in without:
+            bases.setdefault(tuple(atom for atom in atoms if atom != left_out), []).append(n)
+    return bases
+
+
+def _signals(regression: RegressionData, window: PreparedWindow, shifts: Mapping[int, FloatArray]) -> AtomSignals:
+    """Return the signals of entries at their onsets, (n_samples, n_outputs, n_signals), scaled."""
+    later = [
+        (window.faults[window.live[n]].later(shift_s), window.sizes.get(window.live[n], 0.0))
+        for n, of_entry in shifts.items()
+        for shift_s in of_entry.tolist()
+    ]
+    faults, sizes = zip(*later, strict=True)
+    units = np.repeat([float(regression.magnitude_unit[n]) for n in shifts], [one.size for one in shifts.values()])
+    return signals_of_faults(window, faults, sizes).over(regression.unit).scaled(units)
 
 
 def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> Adding:
@@ -138,26 +195,15 @@ def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> Add
     return adding_to(regression.layout, without)
 
 
-def _hopeful_fits(
-    regression: RegressionData,
-    support: Adding,
-    theta: AtomSignals,
-    penalty: Penalty,
-    price: float,
-) -> list[tuple[int, Fit]]:
-    """Return the most hopeful of some signals that are added to a support, their neighbours, and the fit with each.
+def _fits(regression: RegressionData, support: Adding, theta: AtomSignals, gains: FloatArray) -> list[tuple[int, Fit]]:
+    """Return those of some signals that promise most when they are added to a support, and the fit with each.
 
     Parameters
     ----------
-    support : its fit.
     theta : (n_samples, n_outputs, n_signals), scaled, in the order of their onsets.
-    price : of the choice among them.
+    gains : (n_signals,) to first order.
     """
-    added, without = support.each_of(theta), support.fit
-    gains = np.nan_to_num(added.magnitude**2 / added.variance)
-    needed = penalty.per_fault + price
-    if float(gains.max(initial=0.0)) * penalty.n_effective / penalty.n_rows < HOPEFUL * needed:
-        return []
+    without = support.fit
 
     def fit_of(k: int) -> Fit:
         layout = support.with_signals(theta.of([k]))

@@ -334,7 +334,7 @@ SHAPES: Mapping[str, FaultShape] = {
         formula="Any smooth course from the onset, which bfi identify estimates.",
         **GROWING,  # of an abrupt one there is nothing smooth to estimate but its step
         label="fault of unknown shape",
-        says="errs by up to {size}",
+        says="errs by up to {size}, its shape unknown,",
         plainly="errs by an unknown course",
         acts_on="course",
         has_magnitude=False,

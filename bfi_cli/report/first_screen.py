@@ -338,7 +338,8 @@ def undeclared(
     if not open_ones:
         return Headline(state="cannot_tell", channel="", text="not every kind of fault could be checked")
     worst = max(open_ones, key=lambda one: beside_tolerance(one.limit, one.tolerance))
-    nouns = NOUNS[worst.kind][1]
+    several = len({one.channel for one in candidates if one.kind == worst.kind}) > 1
+    nouns = NOUNS[worst.kind][1] + (f" of {channel_in_words(worst.channel)}" if several else "")
     limit = shown_limit(worst, units)
     size = "any size" if limit is None else f"up to {limit}"
     shown = units.of(worst.channel_unit, channel=worst.channel)

@@ -75,7 +75,7 @@ def test_a_course_that_no_shape_has_is_found_and_drawn() -> None:
 
 def test_it_is_drawn_with_its_band() -> None:
     content = identify_content(found())
-    assert "fault of unknown shape" in content.verdict
+    assert "its shape unknown" in content.verdict
     (drawing,) = (one for one in content.drawings if one.name == "fault")
     (drawn,) = drawing.panels[0].curves
     assert drawn.low is not None

@@ -195,7 +195,7 @@ def test_a_fault_that_was_there_before_the_window_cannot_be_answered(flight):
 
 @pytest.mark.slow
 def test_an_entry_near_an_end_narrows_the_claim_and_does_not_void_it(flight):
-    """Before, it made "a step of any size could be there unseen" of every window."""
+    """Before, it made "a step of any size" of every window."""
     config = merge(Config(), {"conditioning.rate_hz": 5.0, "model.order": 3})
     entries = [{"name": f"at_{s}", "shape": "bias", "onset_s": s} for s in (10, 20, 0.3, 31.5)]
     few, all_ = (load_dictionary({"channel": "tas", "atoms": entries[:n]}) for n in (2, 4))

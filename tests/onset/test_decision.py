@@ -137,8 +137,8 @@ def test_without_a_flight_the_nearest_table_has_a_wider_tail(log: FlightLog):
     assert (rule.use.source, rule.use.matches) == ("shipped", False)
     assert rule.null.tail == rule.counted.tail.of_others
     assert rule.threshold("bias") > 1.1 * rule.suspicion("bias")
-    assert "20 further windows of 20 s in flight are needed, this log has 4" in texts(rule.notes)[0]
-    assert "with a wider tail" in texts(rule.notes)[0]
+    assert "20 further windows of 20 s in flight are needed, this log has 4" in texts(rule.notes)[1]
+    assert "with a wider tail" in texts(rule.notes)[1]
 
 
 def test_the_ground_is_no_calibration(log: FlightLog):

@@ -53,7 +53,8 @@ def gross_errors(bench: Bench) -> tuple[Gross, ...]:
         for names in (("altitude", "altitude_rate"), AIRSPEED_ROWS)
     )
     others = [k for k in range(len(model.rows)) if k not in (*heights, *speeds) and model.rows[k] != "sat"]
-    if not heights or not speeds or not others:
+    # Without an attitude heights and airspeeds leave together in what is a parabola.
+    if not heights or not speeds or "pitch" not in model.rows:
         return ()
     leaving = (size[:, heights] > HEIGHTS).sum(axis=1) + (size[:, speeds].max(axis=1) > SPEEDS)
     errs = (leaving >= 2) & (size[:, others].max(axis=1) < STAYS) & _settled(bench)

@@ -384,17 +384,29 @@ def _pitot_blocked(place: Place, corrected: FlightModel, course: FloatArray, _: 
     total = (p_static + q_impact)[place.onset : place.onset + REFERENCE_S]
     trapped = float(np.median(total))
     made = [_readings(p_static, np.maximum(trapped + more - p_static, 0.0), tat) for more in (0.0, 30.0)]
+    readings = []
     for name, j in _airspeed_rows(model):
-        recorded = model.y[place.part, j]
         shares = (model.y[:, j] / np.maximum(as_flown[name], 1.0))[place.before]
         share = float(np.nanmedian(shares)) if np.isfinite(shares).any() else 1.0
         share = share if np.isfinite(share) and 0.8 < share < 1.25 else 1.0
-        predicted = share * made[0][name]
-        per_pa = np.minimum((made[1][name] - made[0][name]) / 30.0, 0.3)
-        rows.y[during, j] = (recorded - predicted)[during]
-        rows.Z[during, j] = 0.0
-        rows.extra[during, j, 0] = per_pa[during]
-        rows.R[during, j] += ((per_pa * PREDICTED_PA) ** 2)[during]
+        per_pa = np.clip((made[1][name] - made[0][name]) / 30.0, 1e-6, 0.3)
+        readings.append((j, share * made[0][name], per_pa))
+    # The pressures that err are those of the airspeed that is read best: others are held against what it reads.
+    best = min(readings, key=lambda one: float(np.median(place.R[:, one[0]] / one[2] ** 2)))[0]
+    speed = model.state("airspeed")
+    for j, predicted, per_pa in readings:
+        recorded = model.y[place.part, j]
+        if j == best:
+            rows.y[during, j] = (recorded - predicted)[during]
+            rows.Z[during, j] = 0.0
+            rows.extra[during, j, 0] = per_pa[during]
+            rows.R[during, j] += ((per_pa * PREDICTED_PA) ** 2)[during]
+        else:
+            Z = model.Z[place.part]
+            ratio = Z[:, j, speed] / np.maximum(Z[:, best, speed], 1e-6)
+            rows.y[during, j] = (recorded - ratio * model.y[place.part, best])[during]
+            rows.Z[during, j] = (Z[:, j] - ratio[:, None] * Z[:, best])[during]
+            rows.R[during, j] += (ratio**2 * place.R[:, best])[during]
         # Near nothing an instrument reads anything: that it reads little is all that is predicted.
         low = during & (predicted < ZERO * model.frame.middle_speed)
         rows.R[low, j] += (0.15 * model.frame.middle_speed) ** 2

@@ -35,6 +35,8 @@ DECLARED = 20.0
 SURE = 15.0
 # Seconds by which a next fault must be later to be left out of what is weighed, and that its onset may be earlier.
 APART_S, BEFORE_NEXT_S = 60.0, 20.0
+# Share of a margin by which a rival that its finder names must stay behind: loadings are linear, sizes constant.
+CLOSE = 0.05
 SLOW = ("pitot_icing", "static_leak", "pitot_leak")
 # About a candidate, in which no level of the flight's noise is taken.
 ABOUT_S = 90.0
@@ -42,11 +44,14 @@ ABOUT_S = 90.0
 UNWEIGHED = ("dropout", "spikes", "frozen", "offset", "sine", "cosine", "pitot_water")
 # Analyses that see no more of a flight than its model does; the others know inputs, or accelerations at the log's rate.
 SEES_NO_MORE = {"static relations", "sensors"}
+FASTER_HZ = 1.5  # above which a log shows more than a sample a second
 MODEL: Stage = "flight model"
 AFTER_END_S = 10.0  # of a fault, in which filters of recorder and instrument still act
 # About a stretch of gross errors: when an event that lasts is of it, what is shown, and how well its onset is known.
 BESIDE_S, AROUND_S, ONSET_S = 60.0, 60.0, 3.0
 LOSSES = ("pitot_icing", "pitot_leak", "pitot_water", "q_impact")  # of an impact pressure
+EXACT = {"static relations", "sensors"}  # analyses by what holds exactly, or to the last bit
+AIRSPEEDS = ("tas", "cas", "ias", "mach")
 # Of a pressure line its finder describes the course; the model tells which line it is.
 LINES = (frozenset((*LOSSES, "pitot_blocked")), frozenset(("static_blocked", "static_leak")))
 INERTIAL = "kinematics"  # the residual of the parity scan that rests on accelerometers
@@ -72,7 +77,7 @@ def weigh_events(flight: Flight, events: Sequence[Event]) -> Weighing:
     answers: list[Event | OrdinaryEvent | Note] = list(events)
     known: list[Event] = []
     for one in gross_errors(bench):
-        if not any(_is_of(event, one) and event.state == "declared" and _lasts(event) for event in events):
+        if not any(_is_of(event, one) and event.state == "declared" and _has_course(event) for event in events):
             swinging = _event_of_gross(flight, bench, one)
             known += [] if swinging is None else [swinging]
     swinging_events = tuple(known)
@@ -94,7 +99,9 @@ def weigh_events(flight: Flight, events: Sequence[Event]) -> Weighing:
         beside = [one.onset_s for one in (*known, *(events[j] for j in order if j != k))]
         later_s = min((at_s for at_s in beside if at_s > event.onset_s + APART_S), default=np.inf)
         alone = all(not event.onset_s - APART_S < at_s < event.onset_s + AFTER_S for at_s in others)
-        answer = answers[k] = _weighed(flight, bench, event, later_s - BEFORE_NEXT_S, may_be_sure=alone)
+        answer = answers[k] = _weighed(
+            flight, bench, event, min(later_s - BEFORE_NEXT_S, flight.to_s), may_be_sure=alone
+        )
         if isinstance(answer, Event) and answer.state == "declared" and answer.margin is not None:
             # A later fault of its channels was this one, grown.
             for j, later in enumerate(answers):
@@ -123,9 +130,9 @@ def _with_known(bench: Bench, event: Event) -> Bench:
     return bench.without(rows_of(bench, event.channels), event.onset_ci95[0] - BEFORE_NEXT_S, until_s)
 
 
-def _lasts(event: Event) -> bool:
-    """Return whether an event is more than the gross errors that a flight shows for a minute."""
-    return event.offset_s is None or event.offset_s > event.onset_s + APART_S
+def _has_course(event: Event) -> bool:
+    """Return whether an event is more than the gross errors of a minute: it lasts, or its line is seen to rest."""
+    return "holds" in event.stages or event.offset_s is None or event.offset_s > event.onset_s + APART_S
 
 
 def _can_be_weighed(event: Event) -> bool:
@@ -174,28 +181,23 @@ def _weighed(
         and not within(np.array([event.onset_s]), flight_stretches(flight.phases)).any()
     ):
         return _ordinary(event, ON_GROUND, {})
-    judgement = judge(
-        bench,
-        event.onset_s,
-        event.offset_s,
-        until_s=until_s,
-        named=event.among,
-        frozen=event.fault if event.shape == "frozen" else "",
-    )
-    names = (FROZEN,) if event.shape == "frozen" else _names(event)
-    weights = [] if judgement is None else [one for name in names if (one := judgement.weight(name)) is not None]
+    judgement = _judgement(bench, event, until_s)
+    if event.offset_s is None and EXACT & {*event.stages} and event.window_s[1] < until_s:
+        # An equation that is broken shows no end of it: the fault may be over after what its finder saw.
+        seen = _judgement(bench, event, event.window_s[1])
+        if seen is not None and (judgement is None or _most(seen, event) > _most(judgement, event)):
+            judgement = seen
+    weights = [] if judgement is None else _weights(judgement, event)
     if judgement is None or not weights:
         return event
     weight = max(weights, key=lambda one: (not one.refused, one.margin))
     best = judgement.weights[0]
-    lead = (
-        SURE * DECLARED if "holds" in event.stages else DECLARED
-    )  # that a reading rests is worth nothing to the model
-    if event.state == "declared" and event.shape != "frozen" and best.margin > max(DECLARED, weight.margin + lead):
+    may_be = _may_be_renamed(event, best.fault) and event.state == "declared"
+    if may_be and best.margin > max(DECLARED, weight.margin + DECLARED):
         return _renamed(bench, event, best, judgement.among)
     if weight.margin > DECLARED and not weight.refused:
         return _confirmed(event, weight, judgement, may_be_sure=may_be_sure)
-    if _knows_more(bench, event):
+    if _knows_more(bench, event) or (_rests_by_itself(flight, event) and weight.margin > -DECLARED):
         return replace(event, margin=weight.margin)
     rival = _rival(bench, event, weight, judgement)
     if rival and weight.margin > -DECLARED:
@@ -218,9 +220,42 @@ def _knows_more(bench: Bench, event: Event) -> bool:
 
     Accelerations at the log's rate; and without a ground velocity a lost airspeed is as well a change of speed.
     """
-    by_lift = event.fault in LOSSES and not {"velocity_north", "ground_speed"} & {*bench.model.rows}
+    by_lift = event.fault in (*LOSSES, *AIRSPEEDS) and not {"velocity_north", "ground_speed"} & {*bench.model.rows}
     inertial = event.evidence.get(INERTIAL, 0.0) > DECLARED
     return (by_lift or inertial) and not set(event.stages) <= SEES_NO_MORE
+
+
+def _judgement(bench: Bench, event: Event, until_s: float) -> Judgement | None:
+    """Return what the flight model says of the place of an event, up to a time."""
+    held = event.fault if event.shape == "frozen" else ""
+    return judge(bench, event.onset_s, event.offset_s, until_s=until_s, named=event.among, frozen=held)
+
+
+def _weights(judgement: Judgement, event: Event) -> list[Weight]:
+    """Return the weights of the faults that an event may be."""
+    names = (FROZEN,) if event.shape == "frozen" else _names(event)
+    return [one for name in names if (one := judgement.weight(name)) is not None]
+
+
+def _most(judgement: Judgement, event: Event) -> float:
+    """Return the margin of the best of the faults that an event may be."""
+    return max((one.margin for one in _weights(judgement, event) if not one.refused), default=-np.inf)
+
+
+def _may_be_renamed(event: Event, fault: str) -> bool:
+    """Return whether the model may call an event another fault than its finder does.
+
+    A line that is seen to rest or to run out is named by its own physics, and of an equation between air data the
+    channels that break it are known; what only fits best may be another that the model knows of.
+    """
+    if "holds" in event.stages or event.shape == "frozen":
+        return False
+    return fault in event.among or not EXACT & {*event.stages}
+
+
+def _rests_by_itself(flight: Flight, event: Event) -> bool:
+    """Return whether a line is stiller than a flight at a rate that the model, a second apart, does not see."""
+    return "holds" in event.stages and flight.log.rate_hz > FASTER_HZ
 
 
 def _confirmed(event: Event, weight: Weight, judgement: Judgement, *, may_be_sure: bool) -> Event:
@@ -228,7 +263,10 @@ def _confirmed(event: Event, weight: Weight, judgement: Judgement, *, may_be_sur
     alike = judgement.among if weight.fault in judgement.among else event.among
     family = _line(event)
     among = [name for name in alike if name != FROZEN and name not in family]
-    among = [*(name for name in event.among if name in family), *among]
+    # What the finder leaves open is closed by a lead alone that is more than the misfit of a large fault.
+    lead = max(DECLARED, CLOSE * weight.margin)
+    near = [one.fault for one in judgement.weights if not one.refused and one.margin > weight.margin - lead]
+    among = [*(name for name in event.among if name in family or name in near), *among]
     # What a window alone left open is told by the whole record.
     sure = event.state == "declared" or (may_be_sure and weight.margin > SURE * DECLARED)
     return replace(
@@ -254,13 +292,14 @@ def _without_rival(event: Event, weight: Weight) -> Event | Note:
     against = _against(weight)
     if not (_could_tell(event, weight) or set(event.stages) <= SEES_NO_MORE or weight.margin < -DECLARED):
         return replace(event, margin=weight.margin)
-    if weight.margin < 0.0 or weight.refused:
+    if (weight.margin < 0.0 or weight.refused) and "static relations" not in event.stages:
         because = f"{' and '.join(against)} contradict it" if against else "a flight without it does as well"
         return Note.method(
             f"'{event.fault}' from {event.onset_s:.0f} s was proposed and is refuted: {weight.refused or because} "
             f"(log density {weight.margin:+.0f} beside no fault)"
         )
-    note = f"no fault explains it nearly as well: log density {weight.margin:+.1f} beside the best ordinary explanation"
+    note = f"{' and '.join(against)} contradict it" if weight.margin < 0.0 and against else "no fault explains it as well"
+    note += f": log density {weight.margin:+.1f} beside the best ordinary explanation"
     return replace(event, state="suspected", margin=weight.margin, refuted_by=against, note=note)
 
 

@@ -237,7 +237,7 @@ diagnose_false_alarm  --false-alarm  diagnose.false_alarm  P  number
 diagnose_calibration  --calibration  diagnose.calibration  FILE  text
     Air data of this aircraft by bfi calibrate: angle of zero lift, thresholds.  [default: the flight, shipped tables]
 judge  --judge/--no-judge  diagnose.judge  -  choice
-    Weigh events in one likelihood of all channels, against ordinary causes.  [default: no-judge]
+    Weigh events in one likelihood of all channels, against ordinary causes.  [default: judge]
 turns  --turns/--no-turns  detect.turns  -  choice
     Explain turns by roll and yaw_rate.  [default: turns]
 magnitude  --magnitude  diagnosability.magnitude  Z  number

@@ -270,7 +270,7 @@ class Diagnose(Rules):
     """Accepted probability of a false alarm in a whole healthy flight, over all windows and analyses."""
     calibration: PathText | None = None
     """A file of `bfi calibrate` with the air data of the aircraft; default the shipped tables and the flight itself."""
-    judge: StrictBool = False
+    judge: StrictBool = True
     """Whether events are weighed in one likelihood of all channels, against ordinary causes and other faults."""
 
 

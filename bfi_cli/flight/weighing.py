@@ -35,8 +35,6 @@ DECLARED = 20.0
 SURE = 15.0
 # Seconds by which a next fault must be later to be left out of what is weighed, and that its onset may be earlier.
 APART_S, BEFORE_NEXT_S = 60.0, 20.0
-# Share of a margin by which a rival that its finder names must stay behind: loadings are linear, sizes constant.
-CLOSE = 0.05
 SLOW = ("pitot_icing", "static_leak", "pitot_leak")
 # About a candidate, in which no level of the flight's noise is taken.
 ABOUT_S = 90.0
@@ -263,9 +261,8 @@ def _confirmed(event: Event, weight: Weight, judgement: Judgement, *, may_be_sur
     alike = judgement.among if weight.fault in judgement.among else event.among
     family = _line(event)
     among = [name for name in alike if name != FROZEN and name not in family]
-    # What the finder leaves open is closed by a lead alone that is more than the misfit of a large fault.
-    lead = max(DECLARED, CLOSE * weight.margin)
-    near = [one.fault for one in judgement.weights if not one.refused and one.margin > weight.margin - lead]
+    # What an equation leaves open stays open for every fault that the record does not refute.
+    near = [one.fault for one in judgement.weights if not one.refused and one.margin > 0.0]
     among = [*(name for name in event.among if name in family or name in near), *among]
     # What a window alone left open is told by the whole record.
     sure = event.state == "declared" or (may_be_sure and weight.margin > SURE * DECLARED)

@@ -295,7 +295,9 @@ def _without_rival(event: Event, weight: Weight) -> Event | Note:
             f"'{event.fault}' from {event.onset_s:.0f} s was proposed and is refuted: {weight.refused or because} "
             f"(log density {weight.margin:+.0f} beside no fault)"
         )
-    note = f"{' and '.join(against)} contradict it" if weight.margin < 0.0 and against else "no fault explains it as well"
+    note = (
+        f"{' and '.join(against)} contradict it" if weight.margin < 0.0 and against else "no fault explains it as well"
+    )
     note += f": log density {weight.margin:+.1f} beside the best ordinary explanation"
     return replace(event, state="suspected", margin=weight.margin, refuted_by=against, note=note)
 

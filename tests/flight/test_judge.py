@@ -20,6 +20,7 @@ from bfi_cli.flight.tables import LEVELS
 from bfi_cli.flight.weighing import DECLARED
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.injection import inject
+from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.bounded_filter import Stack, filter_stack
 
 ONSET_S, END_S = 420.0, 520.0
@@ -83,6 +84,33 @@ def test_what_is_injected_is_the_best_explanation(
     if size is not None:
         assert weight.sd is not None
         assert weight.size == pytest.approx(size, abs=max(5.0 * weight.sd, 0.05 * size))
+
+
+def test_a_blocked_tube_is_seen_where_one_airspeed_is_in_whole_knots(journey: FlightLog) -> None:
+    """Airspeeds of the same pressures are held against each other, by the rounding of the coarser one."""
+    knot = 1852.0 / 3600.0
+    blocked = inject(journey, [parse_spec(f"pitot_blocked,onset_s={ONSET_S}")])
+    tas = blocked.channel("tas")
+    coarse = replace(tas, values=frozen_array(np.round(tas.values / knot) * knot))
+    bench = bench_of(model_of(replace(blocked, channels={**blocked.channels, "tas": coarse})))
+    judgement = judge(bench, ONSET_S, None)
+    assert judgement is not None
+    assert judgement.weights[0].fault == "pitot_blocked"
+    assert judgement.weights[0].margin > DECLARED
+    assert judgement.weights[0].shares["tas"] > -DECLARED
+
+
+def test_without_an_attitude_no_parabola_is_a_gross_error(healthy: Bench) -> None:
+    model = healthy.model
+    innovation = healthy.innovation.copy()
+    part = slice(400, 420)
+    innovation[part, [model.row(name) for name in ("altitude", "altitude_rate", "tas")]] = 20.0
+    for name in model.rows:
+        if name not in ("altitude", "altitude_rate", "tas", "cas", "mach"):
+            innovation[part, model.row(name)] = 0.0
+    assert gross_errors(replace(healthy, innovation=innovation))
+    unseen = replace(model, rows=tuple("yaw" if name == "pitch" else name for name in model.rows))
+    assert not gross_errors(replace(healthy, model=unseen, innovation=innovation))
 
 
 def test_a_step_of_the_altitude_is_as_well_an_altimeter_that_is_set(with_fault: Callable[[str], Bench]) -> None:

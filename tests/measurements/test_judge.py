@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from bfi_cli.config import Config, merge
+from bfi_cli.config import Config
 from bfi_cli.flight import diagnose_flight
 from bfi_cli.flight.result import DiagnoseResult
 from bfi_cli.flightlog import read_log
@@ -24,7 +24,6 @@ JETS = ("citation_20170308_084248", "citation_20180312_f1", "citation_20190305_v
 JETS += ("citation_20190312_123416",)
 HEALTHY = (*LIGHT, *(JETS if os.environ.get("BFI_FULL") else ()))
 # Of the healthy flights one may end with a fault, and a third with something suspected.
-JUDGED = merge(Config(), {"diagnose.judge": True})
 MOST_DECLARED, MOST_SUSPECTED = 1, len(HEALTHY) // 3
 EVENT = "gnxi_pa28_240720"
 WITHIN_S = 15.0
@@ -38,7 +37,7 @@ pytestmark = [
 
 @pytest.fixture(scope="module")
 def answers() -> Mapping[str, DiagnoseResult]:
-    return {name: diagnose_flight(read_log(FLIGHTS / f"{name}.h5"), JUDGED) for name in HEALTHY}
+    return {name: diagnose_flight(read_log(FLIGHTS / f"{name}.h5"), Config()) for name in HEALTHY}
 
 
 @pytest.mark.parametrize(("state", "most"), [("declared", MOST_DECLARED), ("suspected", MOST_SUSPECTED)])
@@ -56,7 +55,7 @@ def test_few_healthy_flights_end_with_a_fault(answers: Mapping[str, DiagnoseResu
 def test_the_event_of_the_static_line_is_the_one_answer(without: tuple[str, ...]) -> None:
     log = read_log(FLIGHTS / f"{EVENT}.h5")
     log = replace(log, channels={name: one for name, one in log.channels.items() if name not in without})
-    answer = diagnose_flight(log, JUDGED)
+    answer = diagnose_flight(log, Config())
     (event,) = answer.events
     print(event.fault, event.among, event.onset_s, event.offset_s, event.margin, dict(event.effect))
     assert event.state == "declared"

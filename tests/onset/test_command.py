@@ -108,7 +108,7 @@ def test_the_files(bfi, calibrated: Path, tmp_path: Path):
     figures = {f"{name}{end}" for name in ("profile", "outputs", "hidden") for end in (".svg", ".png", "_figure.csv")}
     tables = {f"{name}.csv" for name in ("faults", "candidates", "profile", "shapes")}
     assert set(files) == {*figures, *tables, "report.html", "result.json"}
-    assert b"a bias of 4.0" in files["report.html"]
+    assert b"true airspeed reads 4.0" in files["report.html"]
     whole = json.loads(files["result.json"])
     assert json.loads(outcome.stdout) == {key: whole[key] for key in whole if key not in ("series", "profile")}
     (row,) = csv.DictReader(io.StringIO(files["faults.csv"].decode().removeprefix("# written by bfi\n")))

@@ -329,7 +329,7 @@ LINES: dict[str, tuple[list[str], str, int]] = {
     "calibration": (["start-time", "log.h5", "-c", "c.yaml", "--calibration", "x"], json.dumps({"kind": BAD}), 2),
     "command": ([BAD], "", 2),
     "option": (["info", f"--{BAD}"], "", 2),
-    "argument": (["info", "log.h5", BAD], "", 2),
+    "argument": (["start-time", "log.h5", BAD], "", 2),
     "log": (["info", BAD], "", 3),
     "config": (["identify", "log.h5", "-c", BAD], "", 2),
     "dictionary": (["identify", "log.h5", "-d", BAD], "", 2),

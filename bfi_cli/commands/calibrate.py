@@ -34,11 +34,13 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
 
     Where the logs have air data, FILE also holds the aircraft's angle of zero lift and the tables of bfi diagnose.
     """
+    from ..config import merge
     from ..decision.calibration import join_tables, load_tables, save_tables, summary, table_notes
     from ..errors import LogError
     from ..files import aside, check_files
     from ..onset import calibration_windows, table_of_windows
     from ..parity.calibration import calibrate_air_data
+    from ..preprocessing.defaults import default_inputs
     from ..provenance import provenance
 
     config = config_of(config_path, options)
@@ -48,6 +50,8 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
         load_tables(out)
     check_files([out], inputs=inputs_of(config, *logs), force=appended or options["force"], option="-o")
     flights = [log_of(log, config) for log in logs]
+    if "inputs" not in config.model_fields_set:
+        config = merge(config, {"inputs": default_inputs(flights[0], config)})
     with stages(wanted=options["progress"]) as progress:
         progress("air data", 0.0)
         air_data, reason = calibrate_air_data(flights), None

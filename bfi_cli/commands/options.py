@@ -159,7 +159,7 @@ config_path  -c,--config  -  FILE  text
 dictionary  -d,--dictionary  dictionary  FILE  text
     YAML dictionary of the faults to look for.  [default: the onset scan]
 inputs  --input  inputs  NAME  texts
-    An input; repeatable.  [default: elevator]
+    An input; repeatable; auto is every trusted channel.  [default: auto; of published methods elevator]
 outputs  --output  outputs  NAME  texts
     An output; repeatable.  [default: tas]
 from_s  --from  window.from_s  S  number

@@ -237,13 +237,18 @@ def _told(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> int | None:
 
 
 def _excluded_by(fault: FaultEstimate, others: Sequence[Evidence]) -> tuple[str, Candidate] | None:
-    """Return the source, and its candidate, that excludes the error which a slow fault makes on its channel."""
+    """Return the source, and its candidate, that excludes the error which a slow fault makes on its channel.
+
+    What is excluded from an onset that is stated says nothing of a fault that begins at another.
+    """
     if SHAPES[fault.fault.shape].kind != "slow" or fault.effect is None:
         return None
+    first_s, last_s = fault.onset_ci95 or (fault.fault.onset_s, fault.fault.onset_s)
     for other in others:
         for one in other.candidates:
             alike = one.kind == "slow" and one.channel == fault.fault.channel and one.state in ("excluded", "not_seen")
-            if alike and one.limit is not None and one.limit < fault.effect:
+            there = one.onset_s is None or first_s <= one.onset_s <= last_s
+            if alike and there and one.limit is not None and one.limit < fault.effect:
                 return other.source, one
     return None
 

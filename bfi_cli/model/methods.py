@@ -19,6 +19,7 @@ class Method:
     candidates : whether it estimates the magnitude of every entry, declared or not.
     feedthrough : whether the inputs act in the same sample too by default.
     needs : keys of the configuration without which it cannot work.
+    is_published : whether it is one of the papers', whose input is the elevator; others take every trusted channel.
     """
 
     summary: str
@@ -28,6 +29,7 @@ class Method:
     candidates: bool = True
     feedthrough: bool = True
     needs: tuple[str, ...] = ()
+    is_published: bool = False
 
 
 METHODS = {
@@ -35,28 +37,35 @@ METHODS = {
     "risro": Method(
         "rank-constrained least squares (risro)",
         "model.risro:identify_by_risro",
+        is_published=True,
         intervals=False,
         feedthrough=False,
     ),
     "risro-as-published": Method(
         "rank-constrained least squares to the letter of the thesis (risro-as-published)",
         "model.risro:identify_by_risro",
+        is_published=True,
         intervals=False,
         several_outputs=False,
         feedthrough=False,
     ),
     "mf2d": Method(
-        "nuclear norm and l1 norm, re-solved on their support (mf2d)", "lab.mf2d:identify_by_mf2d", intervals=False
+        "nuclear norm and l1 norm, re-solved on their support (mf2d)",
+        "lab.mf2d:identify_by_mf2d",
+        is_published=True,
+        intervals=False,
     ),
     "mfddfd": Method(
         "group lasso on time courses whose channels nobody knows (mfddfd)",
         "lab.mfddfd:identify_by_mfddfd",
+        is_published=True,
         intervals=False,
         candidates=False,
     ),
     "dmae": Method(
         "double-model adaptive estimation (dmae)",
         "lab.dmae:identify_by_dmae",
+        is_published=True,
         intervals=False,
         several_outputs=False,
         candidates=False,

@@ -1,8 +1,8 @@
 """Output, inputs and window of an analysis where the user names none, and advice on what would make it decide more.
 
-The defaults of the configuration (output tas, input elevator, the whole log) suit the logs of most aircraft, and stand
-wherever the log has them. Where a log lacks them, as an autopilot's without a true airspeed or a Garmin's without an
-elevator, the nearest channels are taken, and a note names them.
+The output is tas, the inputs are the trusted channels that the log has, of published methods the elevator, and the
+window is the whole log. Where a log lacks them, as an autopilot's without a true airspeed or a Garmin's without an
+elevator, the nearest channels are taken. What differs from the configuration is named in a note.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from ..flightlog.phases import HOVER, TRANSITION, airborne_stretches, phases_of
 from ..flightlog.quality import advice_on_windows, gap_starts, held_hz
 from ..flightlog.signs import HEIGHTS
 from ..kernels.runs import runs, within
+from ..model.methods import METHODS
 from ..notes import Note
 from ..report.text import instant
 from ..shapes import Kind
@@ -53,9 +54,7 @@ def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[Note
     """Return the configuration with what a log has in place of defaults that it lacks, and notes that name it.
 
     1. Output: tas; in a log without it the airspeed with the highest rate of its own, of equal ones cas before ias.
-    2. Inputs: elevator; where the log has none, or one that never moves, another elevator surface, throttle or N1,
-       pitch and longitudinal acceleration, those that are there and move. Where the pilot moves throttle or N1 in the
-       window, these beside the elevator.
+    2. Inputs: see `default_inputs`.
     3. Window, where neither end is given: from take-off to landing, if the log shows a ground speed or an altitude
        that tells them; an airspeed alone may be the faulty channel. Of a log whose messages have clocks of their own,
        the longest stretch therein without a gap.
@@ -68,9 +67,11 @@ def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[Note
         output = max(others, key=lambda channel: channel.own_rate_hz or log.rate_hz).name
         notes.append(Note.method(f"no 'tas' in the log: the output is '{output}', the fastest airspeed there is"))
         config = merge(config, {"outputs": [output]})
-    if "inputs" not in chosen and (inputs := _inputs(log, config)):
-        why = "'elevator' does not move" if "elevator" in log.channels else "'elevator' is not in the log"
-        if "elevator" in inputs:
+    if "inputs" not in chosen and (inputs := default_inputs(log, config)) != config.inputs:
+        why = "all trusted channels"
+        if "elevator" not in inputs:
+            why = f"'elevator' {'does not move' if 'elevator' in log.channels else 'is not in the log'}"
+        elif METHODS[config.method].is_published:
             why = f"'{inputs[1]}' moves, which changes the airspeed too"
         notes.append(Note.method(f"{why}: the inputs are {', '.join(inputs)}"))
         config = merge(config, {"inputs": list(inputs)})
@@ -80,18 +81,30 @@ def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[Note
     return config, tuple(notes)
 
 
-def _inputs(log: FlightLog, config: Config) -> tuple[str, ...]:
-    """Return the inputs to take in place of the elevator; none where it alone moves, or nothing else does."""
-    groups = IN_PLACE_OF_ELEVATOR
+def default_inputs(log: FlightLog, config: Config) -> tuple[str, ...]:
+    """Return the inputs where the user names none: those that are there, move, and follow from no output.
+
+    The elevator; where the log has none, or one that never moves, another elevator surface, throttle or N1, pitch and
+    longitudinal acceleration. Where the pilot moves throttle or N1 in the window, these beside the elevator. Beside
+    these, but for published methods, the trusted channels that are finite throughout the window.
+    """
+    groups: tuple[tuple[str, ...], ...] = IN_PLACE_OF_ELEVATOR
     if "elevator" in log.channels and np.ptp(_finite(log.channels["elevator"])) > 0.0:
-        if not _thrust_is_moved(log, config):
-            return ()
-        groups = (("elevator",), *IN_PLACE_OF_ELEVATOR[1:])
+        groups = (("elevator",), *(IN_PLACE_OF_ELEVATOR[1:] if _thrust_is_moved(log, config) else ()))
+    usable = [
+        name
+        for name, channel in log.channels.items()
+        if name not in config.outputs and not {*channel.derived_from} & {*config.outputs}
+    ]
     inputs = []
     for group in groups:
-        names = (name for name in group if name in log.channels and name not in config.outputs)
-        inputs += [name for name in names if _moves(log, log.channels[name])][:1]
-    return tuple(inputs)
+        inputs += [name for name in group if name in usable and _moves(log, log.channels[name])][:1]
+    if not METHODS[config.method].is_published:
+        part = log.window(config.window.from_s, config.window.to_s)
+        beside = [name for name in TRUSTED if name in usable and name not in inputs]
+        beside = [name for name in beside if np.isfinite(part.channels[name].values).all()]
+        inputs += [name for name in beside if _moves(log, log.channels[name])]
+    return tuple(inputs) or config.inputs
 
 
 def _thrust_is_moved(log: FlightLog, config: Config) -> bool:

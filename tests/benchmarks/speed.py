@@ -55,16 +55,8 @@ class Row:
     program: tuple[str, ...] = ("-m", "bfi_cli")
 
 
-# What a script imports: up to 0.2.0 the module, now the calls, whose own modules are loaded when they are first called.
-LIBRARY = """
-try:
-    from bfi_cli import identify, start_time
-except ImportError:
-    import bfi_cli.analysis
-"""
 ROWS = {
-    "import of the library": Row(words=(), program=("-c", LIBRARY), against="0.2.0", bar=0.5),
-    "import of all that searches": Row(words=(), program=("-c", "import bfi_cli.analysis"), against="0.2.0", bar=1.0),
+    "import of the library": Row(words=(), program=("-c", "import bfi_cli.analysis"), against="0.2.0", bar=0.5),
     "identify, readme, --json": Row(words=(*IDENTIFY_README, "--json"), against="0.1.0", bar=0.7),
     "identify, readme, report": Row(words=(*IDENTIFY_README, "--out", "TMP/report"), against="0.1.0", bar=1.2),
     "start-time, readme": Row(words=("start-time", "data/citation_bias.h5", "--json"), against="0.2.0", bar=0.25),

@@ -163,7 +163,7 @@ def test_the_files_hold_what_the_document_says(bfi, tmp_path: Path):
         ([THESIS, "absent.h5"], 3, "absent.h5: no such file"),
         ([THESIS, ""], 3, "no such file; give the path of a log"),
         ([THESIS, BIAS, "--output", "nothing"], 3, "no channel 'nothing'"),
-        ([THESIS, BIAS, "--from", 20, "--to", 20.2], 3, ""),
+        ([THESIS, BIAS, "--from", 20, "--to", 20.2, "--input", "elevator"], 3, "does not move"),
         ([THESIS, BIAS, "--output", "pitch"], 2, "no live atom"),
         ([THESIS, BIAS, "--duration", 3], 2, "give --from and --to"),
         ([THESIS, BIAS, "--rate", "fast"], 2, "--rate"),

@@ -384,7 +384,7 @@ def test_names_and_units_of_other_recorders(
     scale = 1.0 if "stick" in header else 1.0 / DEGREE
     log = as_csv(tmp_path / "log.csv", header, tas=1.0 / KNOT, elevator=scale)
     document = identify(log, "-d", FEW, "--order", 4, *options)
-    plain = once("plain", lambda: identify(BIAS, "-d", FEW, "--order", 4))
+    plain = once("plain", lambda: identify(BIAS, "-d", FEW, "--order", 4, "--input", "elevator"))
     assert (document["model"]["inputs"], document["model"]["outputs"]) == (["elevator"], ["tas"])
     assert document["faults"][0]["magnitude"] == pytest.approx(plain["faults"][0]["magnitude"], rel=1e-6)
     assert document["faults"][0]["unit"] == "m/s"
@@ -445,7 +445,7 @@ def test_without_a_dictionary_the_scan_proposes_the_faults(identify: Callable):
     assert fault["onset_s"] == pytest.approx(13.8, abs=0.011)
     assert fault["magnitude"] == pytest.approx(4.0, abs=0.02)
     assert document["truth"]["isolated"] is True
-    assert "no dictionary: 1 declared by the search over all onsets" in texts(document["notes"])[0]
+    assert any("no dictionary: 1 declared by the search over all onsets" in text for text in texts(document["notes"]))
 
 
 def test_what_the_conclusion_only_suspects_stays_in_the_corrected_signal(
@@ -467,8 +467,8 @@ def test_without_a_dictionary_and_without_a_fault_the_limits_of_the_scan_are_sho
     assert (document["decision"], document["faults"]) == ("inconclusive", [])
     limit = {one["name"]: one["minimal_detectable_scan"] for one in document["candidates"]}
     assert {"bias", "drift", "sine"} <= set(limit)
-    assert 0.05 < limit["bias"] < 0.5
-    assert "the search over all onsets declares none" in texts(document["notes"])[0]
+    assert 0.01 < limit["bias"] < 0.5
+    assert any("the search over all onsets declares none" in text for text in texts(document["notes"]))
 
 
 def test_where_the_window_is_not_scanned_onsets_known_to_a_tolerance_exclude_nothing(

@@ -123,6 +123,16 @@ def test_a_slow_fault_that_another_source_excludes_is_suspected(limit, declared)
     assert len(texts(said.notes)) == (not declared)
 
 
+@pytest.mark.parametrize(("onset_s", "declared"), [(50.3, False), (30.0, True)])
+def test_what_an_entry_excludes_at_its_onset_says_nothing_of_another(onset_s: float, declared: bool):
+    drift = estimate("drift", effect=3.0)
+    sources = [
+        Evidence(source="dictionary", candidates=(candidate("slow", 1.0, onset_s=onset_s),)),
+        Evidence(source="scan", faults=(drift,), candidates=(candidate("slow", None, "declared"),)),
+    ]
+    assert bool(conclude(sources, KINDS).faults) == declared
+
+
 def test_the_smallest_limit_of_a_slow_error_counts_for_all_sources():
     loose, tight = candidate("slow", 20.0, excluded_above=0.2), candidate("slow", 1.5)
     sources = [Evidence(source="scan", candidates=(loose, *QUIET[:2])), Evidence(source="physics", candidates=(tight,))]

@@ -28,6 +28,9 @@ SPEED, ALTITUDE, WAVE = 100.0 * FLIGHT, 1000.0 * FLIGHT, np.sin(TIME_S)
 UNITS = {"tas": "m/s", "cas": "m/s", "ias": "m/s", "ground_speed": "m/s", "altitude": "m"}
 
 
+PUBLISHED = merge(Config(), {"method": "risro"})
+
+
 def log_of(**signals: np.ndarray) -> FlightLog:
     return made_log(TIME_S, units={name: UNITS.get(name, "rad") for name in signals}, **signals)
 
@@ -41,9 +44,23 @@ def with_rates(log: FlightLog, **rates_hz: float) -> FlightLog:
 
 
 @pytest.mark.parametrize("rest", [{}, {"cas": SPEED, "pitch": WAVE, "throttle": 0.02 * WAVE, "longitudinal_acc": WAVE}])
-def test_a_log_with_the_defaults_is_left_as_it_is(rest: dict):
-    log, config = log_of(tas=100.0 + WAVE, elevator=WAVE, **rest), Config()
-    assert with_defaults_of(log, config) == (config, ())
+def test_of_published_methods_a_log_with_the_defaults_is_left_as_it_is(rest: dict):
+    log = log_of(tas=100.0 + WAVE, elevator=WAVE, **rest)
+    assert with_defaults_of(log, PUBLISHED) == (PUBLISHED, ())
+
+
+def test_the_inputs_are_the_trusted_channels_that_move_and_are_there_throughout_the_window():
+    holes = np.where(TIME_S < 400.0, np.nan, WAVE)
+    log = log_of(tas=100.0 + WAVE, elevator=WAVE, pitch=WAVE, pitch_rate=0.0 * WAVE, aoa=holes, cas=SPEED)
+    derived = replace(log.channels["pitch"], name="longitudinal_acc", derived_from=("tas",))
+    log = replace(log, channels={**log.channels, "longitudinal_acc": derived})
+    config, notes = with_defaults_of(log, Config())
+    assert config.inputs == ("elevator", "pitch")
+    assert "all trusted channels: the inputs are elevator, pitch" in texts(notes)
+    late = with_defaults_of(log, merge(Config(), {"window.from_s": 500.0}))[0]
+    assert late.inputs == ("elevator", "pitch", "aoa")
+    alone = log_of(tas=100.0 + WAVE, elevator=WAVE)
+    assert with_defaults_of(alone, Config()) == (Config(), ())
 
 
 def test_what_was_asked_for_is_left_as_it_is():
@@ -73,7 +90,7 @@ def test_the_output_is_the_fastest_airspeed_where_there_is_no_tas(rates_hz: dict
         ({"elevator": 0.0 * WAVE, "elevator_inner_left": WAVE, "pitch": WAVE}, ("elevator_inner_left", "pitch")),
         ({"throttle": np.round(WAVE[np.arange(TIME_S.size) // 10 * 10], 6), "pitch": WAVE}, ("pitch",)),
         ({"elevator": 0.0 * WAVE}, ("elevator",)),
-        ({"elevator": np.where(TIME_S < 3.0, np.nan, WAVE), "pitch": WAVE}, ("elevator",)),
+        ({"elevator": np.where(TIME_S < 3.0, np.nan, WAVE), "pitch": WAVE}, ("elevator", "pitch")),
     ],
     ids=["nothing", "n1", "other surface", "held", "no other", "elevator"],
 )
@@ -90,12 +107,12 @@ def test_a_lever_that_is_moved_is_an_input_beside_the_elevator(lever: str):
     """And pitch and acceleration, since thrust lags behind it; only if it moves in the window."""
     moved = np.where(TIME_S < 600.0, 0.6, 0.7)
     log = log_of(tas=100.0 + WAVE, elevator=WAVE, pitch=WAVE, longitudinal_acc=WAVE, **{lever: moved + 0.001 * WAVE})
-    config, (said,) = with_defaults_of(log, Config())
+    config, (said,) = with_defaults_of(log, PUBLISHED)
     assert config.inputs == ("elevator", lever, "pitch", "longitudinal_acc")
     assert said.text == (
         f"'{lever}' moves, which changes the airspeed too: the inputs are elevator, {lever}, pitch, longitudinal_acc"
     )
-    before = merge(Config(), {"window.to_s": 500.0})
+    before = merge(PUBLISHED, {"window.to_s": 500.0})
     assert with_defaults_of(log, before) == (before, ())
     asked = merge(Config(), {"inputs": ["elevator"]})
     assert with_defaults_of(log, asked) == (asked, ())
@@ -187,7 +204,8 @@ def test_logs_of_autopilots_are_identified_as_typed(bfi: Callable, tmp_path: Pat
     assert document["model"]["outputs"] == [output]
     assert set(document["model"]["inputs"]) <= set(has)
     assert any("the output is 'ias'" in note for note in texts(document["notes"])) == (output == "ias")
-    assert any("the inputs are" in note for note in texts(document["notes"])) == ("elevator" not in has)
+    said = any("the inputs are" in note for note in texts(document["notes"]))
+    assert said == (document["model"]["inputs"] != ["elevator"])
 
 
 def test_a_missing_last_sample_of_a_short_log_leaves_nothing_out():

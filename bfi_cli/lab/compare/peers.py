@@ -17,6 +17,7 @@ from ...faults import Decision, Fault, FaultEstimate
 from ...flightlog import FlightLog
 from ...model.identify import identify_faults
 from ...model.result import IdentifyResult
+from ...preprocessing.defaults import default_inputs
 from ..dmae import dmae_of
 from .result import SPREAD_S, Statement, Suspect
 
@@ -76,6 +77,8 @@ def by_entries(problem: Problem, *, method: str) -> Statement:
     if problem.dictionary is None or not problem.dictionary.exact.atoms:
         raise ConfigError("needs a dictionary whose entries state their onsets; give one with --dictionary")
     config = merge(problem.config, {"method": method})
+    if "inputs" not in problem.asked.model_fields_set:
+        config = merge(config, {"inputs": default_inputs(problem.log, merge(problem.asked, {"method": method}))})
     return _identified(identify_faults(problem.log, problem.dictionary.exact, config))
 
 

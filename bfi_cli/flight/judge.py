@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .bench import FAULT_STATES, Bench, Place, jump, jump_seconds, place_of, run_place
+from .bench import FAULT_STATES, SHOWN_S, Bench, Place, jump, jump_seconds, place_of, run_place
 from .lines import line_weights
 from .model import second_airspeed
 from .tables import MANOEUVRE, ORDINARY, ROWS, Loads
@@ -218,6 +218,8 @@ def _channel_weights(place: Place, ordinary: Ordinary, named: Collection[str]) -
         which, at = (moved, k) if moved.log_likelihood[k] > run.log_likelihood[h] else (run, h)
         margin, shares = against(place, ordinary, which.log_density[:, at])
         size = float(which.mean[end, at, -FAULT_STATES])
+        # What grows on is beyond any instrument in the end: it is asked what it is after a minute.
+        early = min(end, place.onset + SHOWN_S) if kinds[h][1] == np.inf else end
         yield Weight(
             fault=name,
             margin=margin,
@@ -225,7 +227,7 @@ def _channel_weights(place: Place, ordinary: Ordinary, named: Collection[str]) -
             size=size,
             sd=float(np.sqrt(max(which.final_covariance[at, -FAULT_STATES, -FAULT_STATES], 0.0))),
             growth_s=kinds[h][1],
-            refused=_refused(name, faults[name], size),
+            refused=_refused(name, faults[name], float(which.mean[early, at, -FAULT_STATES])),
         )
 
 

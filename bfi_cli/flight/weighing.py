@@ -88,7 +88,8 @@ def weigh_events(flight: Flight, events: Sequence[Event]) -> Weighing:
         event = events[k]
         cause = next((one for one in known if _follows(bench, event, one)), None)
         if cause is not None:
-            answers[k] = _after(event, cause)
+            # A line that is seen to rest is no after-effect of what only makes the same channels wrong.
+            answers[k] = event if "holds" in event.stages and cause.stages != (MODEL,) else _after(event, cause)
             continue
         line = _line(event)
         rest = [events[j] for j in order if j != k and isinstance(answers[j], Event)]

@@ -136,7 +136,8 @@ def error_in_words(
         low, high = sorted(sign * end / factor for end in ends)
         between = (low, high)
     spread = None if between is None else 0.5 * (between[1] - between[0])
-    said = entry.says.format(
+    says = entry.says or f"{entry.plainly} by {{size}}"
+    said = says.format(
         size=with_unit(number(size, spread=spread), unit),
         side="high" if sign > 0.0 else "low",
         way="up" if sign > 0.0 else "down",

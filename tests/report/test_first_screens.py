@@ -20,8 +20,9 @@ from bfi_cli.model.report import CHANGES, READINGS, identify_screen
 from bfi_cli.onset.report import onset_from_document, onset_screen
 from bfi_cli.provenance import provenance
 from bfi_cli.report.content import ReportContent
-from bfi_cli.report.first_screen import Screen
+from bfi_cli.report.first_screen import Screen, error_in_words
 from bfi_cli.serialization import SCHEMA, from_plain, to_plain
+from bfi_cli.shapes import SHAPES
 
 ANSWERS = Path(__file__).parents[1] / "lock" / "answers"
 KINDS = ("identify", "start_time", "detect", "diagnose")
@@ -92,3 +93,13 @@ def test_a_blocked_line_names_what_is_wrong_and_what_to_look_at():
     assert lines["Wrong from then on"] == ("calibrated airspeed, Mach number, static air temperature, true airspeed",)
     assert lines["Look at"] == ("pitot tube, drain, heater, line",)
     assert any("the fault there masks others" in part for part in lines["Not checked"])
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_every_shape_has_a_sentence_with_its_size_and_without(shape: str):
+    sized, between = error_in_words(shape, "tas", 213.0, (43.0, 384.0), SI.of("Pa"), frequency_hz=0.2, seconds=17.0)
+    assert "21" in sized
+    assert between == "43 to 384"
+    for said in (sized, error_in_words(shape, "tas", None, None, SI.of("Pa"))[0]):
+        assert len(said.split()) > 1
+        assert said == said.strip()

@@ -21,7 +21,7 @@ from ..report.first_screen import (
     lines_of,
     note_lines,
 )
-from ..report.text import change, instant, interval, number
+from ..report.text import change, duration, instant, interval, number
 from ..shapes import SHAPES
 from .limits import AIRSPEEDS
 from .result import DiagnoseResult, Event, FlightLimit, OrdinaryEvent
@@ -172,7 +172,7 @@ def event_in_words(event: Event, units: Units) -> str:
 
 def _short_defects(event: Event) -> str:
     """Return short defects in words: "drops out 5 times from 812 to 3021 s, 9.3 s in all"."""
-    what, lasts = SHORT[event.shape], f"{number(event.duration_s, digits=2)} s"
+    what, lasts = SHORT[event.shape], duration(event.duration_s)
     if event.count == 1:
         return f"{what} at {second(event.onset_s)} s for {lasts}"
     return f"{what} {event.count} times from {second(event.onset_s)} to {second(event.offset_s)} s, {lasts} in all"

@@ -18,7 +18,7 @@ from ..notes import Note
 from ..provenance import Provenance
 from ..report.clock import with_clock
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, shown_notes
-from ..report.text import capital, change, instant, number, with_unit
+from ..report.text import capital, change, duration, instant, number, with_unit
 from ..serialization import csv_lines, document_of, from_plain, mapping, member, to_plain
 from .first_screen import TEXT_OF_CAUSE, diagnose_screen, event_in_words, second
 from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse, OrdinaryEvent
@@ -191,7 +191,7 @@ def _interval(event: Event, units: Units) -> str:
 
 def _lasts(event: Event) -> str:
     """Return the time constant or the duration of a course in words, "" where it has none."""
-    return "" if event.constant_s is None else f" over {number(event.constant_s, digits=2)} s"
+    return "" if event.constant_s is None else f" over {duration(event.constant_s)}"
 
 
 def _channel(fault: str) -> str:

@@ -18,7 +18,7 @@ from ..notes import Note
 from ..plausibility.finding import Implausible
 from ..printable import shortened
 from ..shapes import SHAPES, Kind
-from .text import capital, change, instant, interval, number, with_unit
+from .text import capital, change, duration, instant, interval, number, with_unit
 
 State = Literal["fault", "deviation", "suspected", "no_fault_found", "cannot_tell"]
 Label = Literal[
@@ -142,7 +142,7 @@ def error_in_words(
         side="high" if sign > 0.0 else "low",
         way="up" if sign > 0.0 else "down",
         frequency="" if frequency_hz is None else f" at {number(frequency_hz)} Hz",
-        seconds="" if seconds is None else f"{number(seconds, digits=2)} s",
+        seconds="" if seconds is None else duration(seconds),
     )
     return f"{subject}{said}", "" if between is None else interval(between)
 

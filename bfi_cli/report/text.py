@@ -42,6 +42,11 @@ def capital(sentence: str) -> str:
     return f"{sentence[:1].upper()}{sentence[1:]}"
 
 
+def duration(seconds: float | None) -> str:
+    """Return a length of time to two digits, without an exponent: "220 s"; "- s" for None."""
+    return "- s" if seconds is None else f"{instant(float(f'{seconds:.2g}'))} s"
+
+
 def instant(time_s: float) -> str:
     """Return a time in s to six digits, or to 10 ms on an axis that counts from 1970."""
     return f"{time_s:.6g}" if abs(time_s) < 1e5 else f"{time_s:.2f}".rstrip("0").rstrip(".")

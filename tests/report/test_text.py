@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bfi_cli.report.text import axis_label, instant, interval, number, quantity, shortened
+from bfi_cli.report.text import axis_label, duration, instant, interval, number, quantity, shortened
 
 
 @pytest.mark.parametrize(
@@ -71,3 +71,8 @@ def test_shortened_fits_on_one_line(text, width):
 
 def test_a_unit_nobody_stated_is_not_invented():
     assert axis_label("tas", "") == "tas [unit not stated]"
+
+
+@pytest.mark.parametrize(("seconds", "said"), [(223.4, "220 s"), (17.5, "18 s"), (0.123, "0.12 s"), (None, "- s")])
+def test_a_length_of_time_has_two_digits_and_no_exponent(seconds: float | None, said: str):
+    assert duration(seconds) == said

@@ -123,10 +123,10 @@ LINES = (
     ),
     Line(
         "decision/limits.py",
-        "if worst.effect is not None and (other.effect is None or other.effect > worst.effect):",
+        'if one.state == "excluded" and (one.shape, one.channel) in rivals',
         (
-            "if worst.effect is not None and (other.effect is None or other.effect < worst.effect):",
-            "if worst.effect is not None and other.effect is not None and other.effect > worst.effect:",
+            'if one.state == "excluded" or (one.shape, one.channel) in rivals',
+            'if one.state == "excluded" and (one.shape, one.channel) not in rivals',
         ),
         ("tests/decision/test_limits.py",),
     ),

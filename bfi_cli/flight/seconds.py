@@ -14,6 +14,7 @@ from ..kernels.quantisation import find_quantum
 from ..kernels.runs import bridged
 from ..parity.record import Record, over_seconds, record_of, seconds_of_samples
 
+GROUND_VELOCITY = frozenset(("velocity_north", "velocity_east"))
 ANGLES = ("yaw", "track")  # that jump by a turn
 BESIDE = ("gps_altitude", "baro_setting")  # channels that no residual of a record needs
 # Mach numbers beyond which a temperature that is computed from a total one would divide by little.
@@ -71,6 +72,8 @@ def seconds_of(log: FlightLog) -> Seconds | None:
     for name in BESIDE:
         if name in log.channels:
             channels[name] = over_seconds(log.channels[name].values, seconds, n, expected)
+    if not channels.keys() >= GROUND_VELOCITY:  # one component alone is no velocity
+        channels = {name: values for name, values in channels.items() if name not in GROUND_VELOCITY}
     if "tas" not in channels or not {"altitude", "p_static"} & channels.keys():
         return None
     rounding = {}

@@ -290,7 +290,9 @@ def _without_rival(event: Event, weight: Weight) -> Event | Note:
     against = _against(weight)
     if not (_could_tell(event, weight) or set(event.stages) <= SEES_NO_MORE or weight.margin < -DECLARED):
         return replace(event, margin=weight.margin)
-    if (weight.margin < 0.0 or weight.refused) and "static relations" not in event.stages:
+    # What a finder declares is taken back by as much as what it suspects needs to be declared.
+    least = -SURE * DECLARED if event.state == "declared" else 0.0
+    if (weight.margin < least or weight.refused) and "static relations" not in event.stages:
         because = f"{' and '.join(against)} contradict it" if against else "a flight without it does as well"
         return Note.method(
             f"'{event.fault}' from {event.onset_s:.0f} s was proposed and is refuted: {weight.refused or because} "

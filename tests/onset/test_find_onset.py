@@ -14,7 +14,7 @@ from bfi_cli.config import Config, StartTime, merge
 from bfi_cli.decision import KINDS, decide
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault
-from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.flightlog.record import FlightLog, frozen_array
 from bfi_cli.onset import find_onset
 from bfi_cli.onset.scan import scan_hypotheses
 from bfi_cli.onset.scan_record import prepare_record
@@ -274,10 +274,17 @@ def test_an_error_may_be_any_where_it_exceeds_all_that_a_speed_reads(flown, chan
 
 @pytest.mark.slow
 def test_a_limit_beyond_all_that_a_speed_reads_is_none(flown):
-    """Nothing is said by "115 m/s could hide" of an airspeed that reads 109 at most."""
+    """Nothing is said by "12.3 m/s could hide" of an airspeed that reads 10 at most."""
     log = flown(replace(BIAS, magnitude=4.0, onset_s=8.0)).window(0.0, 12.0)
-    asked = {"conditioning.rate_hz": 10.0, "model.order": 12, "start_time.shapes": ("bias",)}
-    result = find_onset(log, merge(Config(), asked))
-    assert result.decision == "fault"
-    lag = next(one for one in result.candidates if one.shape == "lagged_bias")
-    assert (lag.state, lag.effect, lag.excluded_above) == ("not_seen", None, None)
+    asked = {"conditioning.rate_hz": 10.0, "model.order": 12, "start_time.shapes": ("bias", "drift")}
+
+    def limit_of_drifts(log: FlightLog) -> float | None:
+        result = find_onset(log, merge(Config(), {**asked, "tolerances": {"tas": 3.0}}))
+        assert result.decision == "fault"
+        return next(one.effect for one in result.candidates if one.shape == "drift")
+
+    limit = limit_of_drifts(log)
+    assert limit is not None
+    tas = log.channel("tas")
+    low = frozen_array(tas.values - tas.values.max() + 0.8 * limit)
+    assert limit_of_drifts(replace(log, channels={**log.channels, "tas": replace(tas, values=low)})) is None

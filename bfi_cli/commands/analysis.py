@@ -210,7 +210,7 @@ def _with_reason(content_in: Callable[[Units], ReportContent], why: str, units: 
         return content
     headline = content.screen.headline
     headline = replace(headline, text=f"{headline.text}; --strict: {why}")
-    return replace(content, verdict=headline.text, screen=replace(content.screen, headline=headline))
+    return content.headed(replace(content.screen, headline=headline))
 
 
 def log_of(path: str, config: Config) -> FlightLog:

@@ -122,10 +122,7 @@ def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str
     content = ReportContent(
         category="Detection of a failing channel",
         title=result.log.path,
-        heading=screen.headline.head,
-        verdict=screen.headline.text,
         tone=result.decision,
-        screen=screen,
         lead=len(hidden),
         facts=_facts(result),
         tables=tuple(tables),
@@ -136,7 +133,7 @@ def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str
             **_files(result),
         },
     )
-    return with_clock(content, result.log.clock, start_s=result.log.start_s, stop_s=result.log.stop_s)
+    return with_clock(content.headed(screen), result.log.clock, start_s=result.log.start_s, stop_s=result.log.stop_s)
 
 
 def _facts(result: DetectResult) -> tuple[tuple[str, str], ...]:

@@ -102,10 +102,7 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
     content = ReportContent(
         category="Diagnosis of a flight",
         title=log.path,
-        heading=screen.headline.head,
-        verdict=screen.headline.text,
         tone=result.decision,
-        screen=screen,
         lead=1 if drawings else 0,
         facts=tuple(facts),
         tables=(
@@ -134,7 +131,7 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
             **({"limits.csv": _columns(result.limits, LIMIT_COLUMNS)} if result.limits else {}),
         },
     )
-    return with_clock(content, log.clock, start_s=log.start_s, stop_s=log.stop_s)
+    return with_clock(content.headed(screen), log.clock, start_s=log.start_s, stop_s=log.stop_s)
 
 
 def _zoom(result: DiagnoseResult, drawings: Sequence[Drawing], units: Units) -> tuple[Drawing, ...]:

@@ -80,10 +80,7 @@ def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent
     content = ReportContent(
         category="Fault identification",
         title=result.log.path,
-        heading=screen.headline.head,
-        verdict=screen.headline.text,
         tone=result.decision,
-        screen=screen,
         lead=len(hidden),
         facts=_facts(result, units),
         tables=tuple(_tables(result, units)),
@@ -99,7 +96,7 @@ def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent
         notes=shown_notes(result.notes, units),
         data=_data(result),
     )
-    return with_clock(content, result.log.clock, start_s=result.log.start_s, stop_s=result.log.stop_s)
+    return with_clock(content.headed(screen), result.log.clock, start_s=result.log.start_s, stop_s=result.log.stop_s)
 
 
 def identify_screen(result: IdentifyResult, units: Units = SI) -> Screen:

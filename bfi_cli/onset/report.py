@@ -136,10 +136,7 @@ def onset_content(document: Plain, units: Units = SI, *, where: str = "result") 
     content = ReportContent(
         category="Onset of a fault",
         title=result.log.path,
-        heading=screen.headline.head,
-        verdict=screen.headline.text,
         tone=result.decision,
-        screen=screen,
         lead=len(hidden),
         facts=tuple(_facts(result, units, own)),
         tables=(*_fault_tables(result, units, own), *candidate_tables(candidates, units), _shape_table(drawn)),
@@ -147,7 +144,7 @@ def onset_content(document: Plain, units: Units = SI, *, where: str = "result") 
         notes=shown_notes(result.notes, units),
         data=_data(result),
     )
-    return with_clock(content, result.log.clock, start_s=result.log.start_s, stop_s=result.log.stop_s)
+    return with_clock(content.headed(screen), result.log.clock, start_s=result.log.start_s, stop_s=result.log.stop_s)
 
 
 def onset_screen(result: OnsetResult, units: Units = SI) -> Screen:

@@ -217,8 +217,8 @@ class ReportContent:
 
     category: str
     title: str
-    heading: str
-    verdict: str
+    heading: str = ""
+    verdict: str = ""
     tone: Tone | None = None
     lead: int = 0
     facts: tuple[tuple[str, str], ...] = ()
@@ -228,6 +228,10 @@ class ReportContent:
     screen: Screen | None = None
     zoom: tuple[Drawing, ...] = ()
     data: Mapping[str, Columns | Callable[[], Columns]] = field(default_factory=dict)
+
+    def headed(self, screen: Screen) -> ReportContent:
+        """Return the report with its first screen, which gives heading and verdict."""
+        return replace(self, heading=screen.headline.head, verdict=screen.headline.text, screen=screen)
 
 
 def notes_of(document: Mapping[str, Any], units: Units = SI) -> tuple[Note, ...]:

@@ -67,9 +67,20 @@ def test_a_call_gives_the_document_of_its_command(bfi: Any, words: tuple[Any, ..
     assert called == commanded
 
 
-def test_a_simulation_is_that_of_the_command(bfi: Any, tmp_path: Path) -> None:
-    bfi("simulate", "citation", "-o", tmp_path / "log.csv", "--duration", 5, "--noise", "tas=0.01", "--seed", 3)
-    write_log(bfi_cli.simulate("citation", duration_s=5.0, noise_sd={"tas": 0.01}, seed=3), tmp_path / "called.csv")
+@pytest.mark.parametrize(
+    ("words", "settings"),
+    [
+        ((), {}),
+        (
+            ("--duration", 5, "--noise", "tas=0.01", "--seed", 3),
+            {"duration_s": 5.0, "noise_sd": {"tas": 0.01}, "seed": 3},
+        ),
+    ],
+    ids=["defaults", "noise"],
+)
+def test_a_simulation_is_that_of_the_command(bfi: Any, tmp_path: Path, words: tuple[Any, ...], settings: Any) -> None:
+    assert bfi("simulate", "citation", "-o", tmp_path / "log.csv", *words).code == 0
+    write_log(bfi_cli.simulate("citation", **settings), tmp_path / "called.csv")
     assert (tmp_path / "called.csv").read_text() == (tmp_path / "log.csv").read_text()
 
 

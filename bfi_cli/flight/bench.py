@@ -102,7 +102,7 @@ def _filtered(bench: Bench) -> Bench:
     first, last = int(flown[0]), int(flown[-1]) + 1
     mean, covariance = model.start, model.start_covariance()
     takeoffs = {start for start, _ in runs(model.frame.airborne)}
-    edges = sorted({*range(first, last, CHECK_S), *(one for one in takeoffs if first <= one < last), last})
+    edges = sorted({*range(first, last, CHECK_S), *(takeoff for takeoff in takeoffs if first <= takeoff < last), last})
     for start, end in pairwise(edges):
         if start in takeoffs and start > first:
             mean, covariance = _after_ground(model, mean, covariance, start)

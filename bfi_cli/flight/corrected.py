@@ -79,7 +79,7 @@ def course_of(flight: Flight, event: Event, index: int) -> Course | None:
         return None
     part = flight.record.between(*event.window_s)
     fault, named = _amount(event, part.time_s)
-    hypothesis = next((one for one in hypotheses(part) if one.fault == fault), None)
+    hypothesis = next((hypothesis for hypothesis in hypotheses(part) if hypothesis.fault == fault), None)
     scan = flight.scan(event.window_s)
     if hypothesis is None or scan is None or event.window_s[1] - event.onset_s < FEWEST_S:
         return None
@@ -111,7 +111,7 @@ def _smoother(part: Record, scan: WindowScan, hypothesis: Hypothesis) -> Callabl
     """
     faulty = with_fault(part, hypothesis.fault, np.full(part.time_s.shape, hypothesis.size))
     times, values, gains, columns, blocks = [], [], [], [], []
-    for kind, residual, known, of_residual in zip(scan.kinds, scan.residuals, scan.known, scan.columns, strict=True):
+    for kind, residual, known, nuisances in zip(scan.kinds, scan.residuals, scan.known, scan.columns, strict=True):
         if kind.rate is not None and np.any(np.nan_to_num(kind.rate(faulty) - kind.rate(part))):
             continue
         gain = (kind.values(faulty, scan.constants) - kind.values(part, scan.constants))[known] / hypothesis.size
@@ -122,7 +122,7 @@ def _smoother(part: Record, scan: WindowScan, hypothesis: Hypothesis) -> Callabl
         values.append(residual_values(part, part, scan.constants, kind)[known])
         gains.append(gain)
         # Independent ones: a straight flight shows the wind along its track only.
-        u, s, _ = np.linalg.svd(of_residual / np.linalg.norm(of_residual, axis=0).clip(min=1e-300), full_matrices=False)
+        u, s, _ = np.linalg.svd(nuisances / np.linalg.norm(nuisances, axis=0).clip(min=1e-300), full_matrices=False)
         columns.append(u[:, s > 1e-3 * s[0]])
         blocks.append(correlated_noise(t, sd=residual.level, time_constant_s=FAST_S) + kind.slow(t - t[0]))
     if not times:
@@ -152,12 +152,14 @@ def events_to_correct(path: Path, log: FlightLog) -> tuple[Event, ...]:
     if not isinstance(origin, Mapping) or origin.get("log_sha256") != log.sha256:
         raise ConfigError(f"{path}: the diagnosis of another log than {log.path}; run bfi diagnose {log.path} first")
     try:
-        changed = [one for one in document.get("plausibility", ()) if one["fixed"] and one["what"] in ("unit", "sign")]
+        changed = [
+            entry for entry in document.get("plausibility", ()) if entry["fixed"] and entry["what"] in ("unit", "sign")
+        ]
         events = from_plain(tuple[Event, ...], document["events"], where=str(path))
     except (KeyError, TypeError) as error:
         raise ConfigError(f"{path}: damaged, {error!r}; run bfi diagnose again") from None
     if changed:
-        names = ", ".join(name for one in changed for name in one["channels"])
+        names = ", ".join(name for entry in changed for name in entry["channels"])
         raise ConfigError(
             f"{path}: --fix-units changed {names}; state their units with --unit in both commands, and run bfi "
             "diagnose again"
@@ -180,7 +182,7 @@ def corrected_log(log: FlightLog, events: Sequence[Event]) -> FlightLog:
         gained=None,
         airspeed="tas" if "tas" in values else "",
     )
-    for k, event in enumerate(sorted(events, key=lambda one: one.onset_s), start=1):
+    for k, event in enumerate(sorted(events, key=lambda event: event.onset_s), start=1):
         inside = (t >= event.onset_s) & (t < (np.inf if event.offset_s is None else event.offset_s))
         name = f"event_{k}_{event.fault}"
         flags[name] = Channel(name=name, values=frozen_array(inside), unit="1", source=name)
@@ -192,17 +194,17 @@ def corrected_log(log: FlightLog, events: Sequence[Event]) -> FlightLog:
             known, clean = np.zeros_like(inside), record
         for channel in event.channels:
             if channel in values:
-                told = known & (channel in clean.channels)
+                correctable = known & (channel in clean.channels)
                 right = clean.channels.get(channel, values[channel])
-                values[channel] = np.where(told, right, np.where(inside, np.nan, values[channel]))
+                values[channel] = np.where(correctable, right, np.where(inside, np.nan, values[channel]))
         if (
             "baro_altitude" in event.channels and {"altitude", "baro_altitude"} <= values.keys()
         ):  # apart by what the setting makes, a constant
             values["baro_altitude"] = log.channels["baro_altitude"].values + (
                 values["altitude"] - log.channels["altitude"].values
             )
-        record = replace(record, channels={one: values[one] for one in record.channels})
-        lost = ", ".join(one for one in event.channels if one in values)
+        record = replace(record, channels={channel: values[channel] for channel in record.channels})
+        lost = ", ".join(channel for channel in event.channels if channel in values)
         size = "corrected" if known.any() else "left empty, nothing tells the size"
         notes.append(Note.method(f"{event.fault} from {event.onset_s:.1f} s: {lost} {size}"))
     wrong = [name for name, channel in log.channels.items() if values[name] is not channel.values]

@@ -59,7 +59,7 @@ FloatArray = NDArray[np.float64]
 
 AROUND_HOLD_S = 60.0  # shown beside a held line
 # What an event says as the finding that describes it does.
-TOLD = tuple({one.name for one in fields(Finding)} & {one.name for one in fields(Event)})
+SHARED = tuple({field.name for field in fields(Finding)} & {field.name for field in fields(Event)})
 
 
 def diagnose_flight(
@@ -112,7 +112,7 @@ def diagnose_flight(
     lasting = events_of(flight, [*drafts, *glanced])
     proposed = (*events_of_defects(flight), *lasting)
     answer = weigh_events(flight, proposed) if config.diagnose.judge else Weighing(events=proposed)
-    events = tuple(one for one in answer.events if one.beyond_tolerance is not False)
+    events = tuple(event for event in answer.events if event.beyond_tolerance is not False)
 
     # 6. What could not have been seen, and the conclusion.
     bounds = bounds_of(flight, slow.scanned, static, lasting)
@@ -129,16 +129,16 @@ def diagnose_flight(
         verdicts=conclusion.verdicts,
         summary=conclusion.summary,
         events=events,
-        deviations=tuple(one for one in answer.events if one.beyond_tolerance is False),
+        deviations=tuple(event for event in answer.events if event.beyond_tolerance is False),
         limits=limits,
-        unwatched=tuple((one.from_s, one.to_s, one.why) for one in (*unwatched, *without_steps)),
+        unwatched=tuple((stretch.from_s, stretch.to_s, stretch.why) for stretch in (*unwatched, *without_steps)),
         phases=flight.part_phases,
-        windows=tuple(one.look for one in slow.scanned),
+        windows=tuple(scan.look for scan in slow.scanned),
         missing=(
             *flight.unused,
             *missing_sentences(flight, slow.scanned, limits),
             *glances_missing,
-            *dict.fromkeys(sentence for one in static for sentence in one[1].missing),
+            *dict.fromkeys(sentence for _, relations in static for sentence in relations.missing),
         ),
         false_alarm=flight.false_alarm,
         zero_lift_rad=flight.zero_lift,
@@ -194,18 +194,18 @@ def lasting_faults(flight: Flight, progress: Progress) -> tuple[list[Draft], Sta
     """Return what sensors, pressure lines, static relations, lift and inertia show, the relations, and the scan."""
     part = (flight.from_s, flight.to_s)
     drafts = [
-        Draft(finding=one, window=part, until_s=one.offset_s or part[1])
-        for one in flight.resting
-        if one.onset_s < part[1] and (one.offset_s is None or one.offset_s > part[0])
+        Draft(finding=finding, window=part, until_s=finding.offset_s or part[1])
+        for finding in flight.resting
+        if finding.onset_s < part[1] and (finding.offset_s is None or finding.offset_s > part[0])
     ]
     drafts += [
         Draft(
-            finding=one,
-            window=flight.around(one.onset_s, one.onset_s, AROUND_HOLD_S),
-            until_s=one.onset_ci95[1] + AFTER_HOLD_S,
+            finding=finding,
+            window=flight.around(finding.onset_s, finding.onset_s, AROUND_HOLD_S),
+            until_s=finding.onset_ci95[1] + AFTER_HOLD_S,
         )
-        for one in flight.stepped
-        if part[0] <= one.onset_s < part[1]
+        for finding in flight.stepped
+        if part[0] <= finding.onset_s < part[1]
     ]
     held: list[Draft] = []
     for hold in flight.held.findings:
@@ -218,7 +218,7 @@ def lasting_faults(flight: Flight, progress: Progress) -> tuple[list[Draft], Sta
     static = find_relations(flight, series, report=partial(progress, "static relations"))
     drafts += drafts_of_relations(flight, series, static)
     slow = find_slow_faults(flight, drafts, static, report=partial(progress, "lift and inertia"))
-    drafts = [one for one in drafts if not _follows_from_leak(flight, one, slow.drafts)]
+    drafts = [draft for draft in drafts if not _follows_from_leak(flight, draft, slow.drafts)]
     return [*drafts, *slow.drafts], static, slow
 
 
@@ -230,14 +230,14 @@ def events_of(flight: Flight, drafts: Sequence[Draft]) -> list[Event]:
 
 def _shown(flight: Flight) -> list[str]:
     """Return the channels that are drawn over the flight, those with short defects too."""
-    wrong = (one.channel for one in flight.defects)
+    wrong = (defect.channel for defect in flight.defects)
     return [name for name in dict.fromkeys((*SHOWN, *wrong)) if name in flight.record.channels]
 
 
 def _measured(recorded: FlightLog, flight: Flight) -> dict[str, FloatArray]:
     """Return the channels that are shown once a second, with the short defects that the analyses leave out."""
     shown = _shown(flight)
-    wrong = [name for name in dict.fromkeys(one.channel for one in flight.defects) if name in shown]
+    wrong = [name for name in dict.fromkeys(defect.channel for defect in flight.defects) if name in shown]
     as_recorded = record_of(replace(recorded, channels={name: recorded.channels[name] for name in wrong}))
     return {name: (as_recorded if name in wrong else flight.record).channels[name] for name in shown}
 
@@ -256,7 +256,9 @@ def _follows_from_leak(flight: Flight, line: Draft, slow: Sequence[Draft]) -> bo
     """
     if line.finding.stage != "holds" or line.finding.fault == "static_blocked":
         return False
-    leaks = [one.finding for one in slow if one.finding.fault == STATIC_LEAK and _state(flight, one)[0] == "declared"]
+    leaks = [
+        draft.finding for draft in slow if draft.finding.fault == STATIC_LEAK and _state(flight, draft)[0] == "declared"
+    ]
     return any(begins_within(line.finding, leak) for leak in leaks)
 
 
@@ -295,61 +297,63 @@ def _glances(
 
 
 def _event(flight: Flight, draft: Draft) -> Event:
-    one = draft.finding
-    stages = tuple(dict.fromkeys((one.stage, *(other.stage for other in draft.also))))
-    evidence = dict(one.evidence)
+    finding = draft.finding
+    stages = tuple(dict.fromkeys((finding.stage, *(other.stage for other in draft.also))))
+    evidence = dict(finding.evidence)
     for other in draft.also:
         for name, value in other.evidence.items():
             evidence.setdefault(name, value)
     state, note = _state(flight, draft)
     ci95 = None
-    if one.magnitude is not None and one.sd is not None:
-        ci95 = (one.magnitude - TWO_SIDED_95 * one.sd, one.magnitude + TWO_SIDED_95 * one.sd)
-    told = {name: getattr(one, name) for name in TOLD}
+    if finding.magnitude is not None and finding.sd is not None:
+        ci95 = (finding.magnitude - TWO_SIDED_95 * finding.sd, finding.magnitude + TWO_SIDED_95 * finding.sd)
+    shared = {name: getattr(finding, name) for name in SHARED}
     return Event(
-        **(told | {"evidence": evidence, "effect": dict(one.effect)}),
+        **(shared | {"evidence": evidence, "effect": dict(finding.effect)}),
         state=state,
-        kind=SHAPES[one.shape].kind if one.shape in SHAPES else "abrupt",
+        kind=SHAPES[finding.shape].kind if finding.shape in SHAPES else "abrupt",
         stages=stages,
         ci95=ci95,
         beyond_tolerance=beyond_its_tolerance(flight, draft),
         seen_until_s=draft.until_s,
         window_s=draft.window,
         note=note,
-        repeat=repeat_advice(one.among),
+        repeat=repeat_advice(finding.among),
     )
 
 
 def _state(flight: Flight, draft: Draft) -> tuple[State, str]:
     """Return whether an event is declared, or only suspected: something may imitate it, or its interval holds none."""
-    one = draft.finding
-    if one.doubt:
-        return "suspected", one.doubt
+    finding = draft.finding
+    if finding.doubt:
+        return "suspected", finding.doubt
     if not is_certain(draft) and draft.lasting:
         return "suspected", f"it may be an after-effect of the fault of {' and '.join(draft.lasting)}"
     if not is_certain(draft):
         return "suspected", "a healthy flight of this length shows as much once on average"
-    if one.magnitude is not None and one.sd is not None and abs(one.magnitude) < TWO_SIDED_95 * one.sd:
+    if finding.magnitude is not None and finding.sd is not None and abs(finding.magnitude) < TWO_SIDED_95 * finding.sd:
         return "suspected", "its size cannot be told from none"
-    if one.stage == "scan" and one.p_value is None:
+    if finding.stage == "scan" and finding.p_value is None:
         return "suspected", "no shipped table fits this log, so that the rate of false alarms of steps is not known"
-    if one.stage == "scan" and overlaps(draft.window, flight.moved):
+    if finding.stage == "scan" and overlaps(draft.window, flight.moved):
         return "suspected", "flaps or gear that move disturb the airspeed as a step would"
-    others = [f"of {name} {quantity(size, unit_of(flight.log, name))}" for name, size in errors_of_rivals(one).items()]
-    return "declared", vote_against(one, flight.recorded) or (f"or an error {', '.join(others)}" if others else "")
+    others = [
+        f"of {name} {quantity(size, unit_of(flight.log, name))}" for name, size in errors_of_rivals(finding).items()
+    ]
+    return "declared", vote_against(finding, flight.recorded) or (f"or an error {', '.join(others)}" if others else "")
 
 
 def _strips(scanned: Sequence[Scanned], static: StaticWindows) -> tuple[Strip, ...]:
     """Return how near every analysis came to its threshold, once for a window in its middle."""
-    found = []
+    strips = []
     for length_s in LENGTHS_S:
-        of_length = [one for one in scanned if round(one.to_s - one.from_s) == length_s]
-        if of_length:
-            found.append(
+        scans = [scan for scan in scanned if round(scan.to_s - scan.from_s) == length_s]
+        if scans:
+            strips.append(
                 Strip(
                     name=f"parity {length_s:g} s",
-                    time_s=np.array([0.5 * (one.from_s + one.to_s) for one in of_length]),
-                    share=np.array([one.statistic / one.threshold.level for one in of_length]),
+                    time_s=np.array([0.5 * (scan.from_s + scan.to_s) for scan in scans]),
+                    share=np.array([scan.statistic / scan.threshold.level for scan in scans]),
                 )
             )
     names = dict.fromkeys(relation.name for _, answer in static for relation in answer.relations)
@@ -360,8 +364,8 @@ def _strips(scanned: Sequence[Scanned], static: StaticWindows) -> tuple[Strip, .
             for relation in answer.relations
             if relation.name == name
         ]
-        found.append(Strip(name=name, time_s=np.array([t for t, _ in pairs]), share=np.array([s for _, s in pairs])))
-    return tuple(found)
+        strips.append(Strip(name=name, time_s=np.array([t for t, _ in pairs]), share=np.array([s for _, s in pairs])))
+    return tuple(strips)
 
 
 def _share(relation: RelationAnswer) -> float:

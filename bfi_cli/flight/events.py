@@ -67,10 +67,12 @@ def clusters(windows: Sequence[Window]) -> list[list[int]]:
 def join(drafts: Sequence[Draft]) -> list[Draft]:
     """Return the drafts of one analysis with those of overlapping windows joined; the strongest describes them."""
     joined = []
-    for cluster in clusters([one.window for one in drafts]):
+    for cluster in clusters([draft.window for draft in drafts]):
         members = [drafts[k] for k in cluster]
-        best = max(members, key=lambda one: (not one.finding.doubt, one.finding.statistic / one.finding.threshold))
-        until_s = max(one.until_s for one in members)
+        best = max(
+            members, key=lambda draft: (not draft.finding.doubt, draft.finding.statistic / draft.finding.threshold)
+        )
+        until_s = max(draft.until_s for draft in members)
         joined.append(replace(best, until_s=until_s))
     return joined
 
@@ -87,25 +89,25 @@ def merge_stages(drafts: Sequence[Draft], small: Sequence[Draft] = ()) -> list[D
     """
     events: list[Draft] = []
     # What is only suspected describes no event that is certain.
-    order = partial(sorted, key=lambda one: (not is_certain(one), RANK[one.finding.stage], one.finding.onset_s))
-    for one in (*order(drafts), *order(small)):
+    order = partial(sorted, key=lambda draft: (not is_certain(draft), RANK[draft.finding.stage], draft.finding.onset_s))
+    for draft in (*order(drafts), *order(small)):
         for k, event in enumerate(events):
-            if explains(event, one):
-                best, other = (one, event) if _sizes_better(one, event) else (event, one)
+            if explains(event, draft):
+                best, other = (draft, event) if _sizes_better(draft, event) else (event, draft)
                 events[k] = replace(
                     best,
-                    until_s=max(event.until_s, one.until_s),
+                    until_s=max(event.until_s, draft.until_s),
                     also=(*best.also, other.finding, *other.also),
                 )
                 break
         else:
-            events.append(one)
+            events.append(draft)
     return sorted(events, key=lambda event: event.finding.onset_s)
 
 
-def _sizes_better(one: Draft, event: Draft) -> bool:
+def _sizes_better(draft: Draft, event: Draft) -> bool:
     """Return whether a draft is the same change as an event, of the same trust, and tells its size better."""
-    a, b = one.finding, event.finding
+    a, b = draft.finding, event.finding
     if a.sd is None or b.sd is None or "drift" in (a.shape, b.shape):
         return False
     same = (a.fault, a.stage, a.doubt) == (b.fault, b.stage, b.doubt)
@@ -118,20 +120,20 @@ def with_ends(drafts: Sequence[Draft]) -> list[Draft]:
     Inside of an oscillation no window shows a change; where it ends the next one does, of the same frequency.
     """
     ended_drafts: list[Draft] = []
-    for one in sorted(drafts, key=lambda draft: draft.finding.onset_s):
+    for draft in sorted(drafts, key=lambda draft: draft.finding.onset_s):
         last = ended_drafts[-1] if ended_drafts else None
-        if last is not None and last.finding.offset_s is None and _same_frequency(last.finding, one.finding):
-            ended = replace(last.finding, offset_s=one.finding.onset_s)
-            ended_drafts[-1] = replace(last, finding=ended, until_s=one.until_s, also=(*last.also, one.finding))
+        if last is not None and last.finding.offset_s is None and _same_frequency(last.finding, draft.finding):
+            ended = replace(last.finding, offset_s=draft.finding.onset_s)
+            ended_drafts[-1] = replace(last, finding=ended, until_s=draft.until_s, also=(*last.also, draft.finding))
         else:
-            ended_drafts.append(one)
+            ended_drafts.append(draft)
     return ended_drafts
 
 
 def is_certain(draft: Draft) -> bool:
     """Return whether a draft is above its threshold and beyond doubt."""
-    one = draft.finding
-    return not one.doubt and (one.stage != "parity" or one.statistic > one.threshold)
+    finding = draft.finding
+    return not finding.doubt and (finding.stage != "parity" or finding.statistic > finding.threshold)
 
 
 def as_one(events: Sequence[Draft]) -> list[Draft]:
@@ -141,74 +143,79 @@ def as_one(events: Sequence[Draft]) -> list[Draft]:
     changes no more is not seen by any analysis, so that nothing else says how long it lasts.
     """
     faults: list[Draft] = []
-    for one in events:
+    for event in events:
         for k, earlier in enumerate(faults):
             begun = is_certain(earlier) and earlier.finding.offset_s is None
-            if begun and _fails_further(one.finding, earlier.finding):
-                back = is_return(one.finding, earlier.finding)
-                finding = replace(earlier.finding, offset_s=one.finding.onset_s) if back else earlier.finding
+            if begun and _fails_further(event.finding, earlier.finding):
+                back = is_return(event.finding, earlier.finding)
+                finding = replace(earlier.finding, offset_s=event.finding.onset_s) if back else earlier.finding
                 faults[k] = replace(
                     earlier,
                     finding=finding,
-                    until_s=max(earlier.until_s, one.until_s),
-                    also=(*earlier.also, one.finding, *one.also),
+                    until_s=max(earlier.until_s, event.until_s),
+                    also=(*earlier.also, event.finding, *event.also),
                 )
                 break
         else:
-            faults.append(one)
+            faults.append(event)
     return faults
 
 
-def _fails_further(one: Finding, earlier: Finding) -> bool:
+def _fails_further(finding: Finding, earlier: Finding) -> bool:
     """Return whether an event of the slow kind names the sensor of an earlier one, or cannot tell it from that."""
-    if one.stage not in LASTING or earlier.stage not in LASTING:
+    if finding.stage not in LASTING or earlier.stage not in LASTING:
         return False
-    return hypothesis_of(one.fault)[0] == hypothesis_of(earlier.fault)[0] or (
-        len(one.among) > 1 and earlier.fault in one.among
+    return hypothesis_of(finding.fault)[0] == hypothesis_of(earlier.fault)[0] or (
+        len(finding.among) > 1 and earlier.fault in finding.among
     )
 
 
-def is_return(one: Finding, earlier: Finding) -> bool:
+def is_return(finding: Finding, earlier: Finding) -> bool:
     """Return whether a finding is the end of an earlier one: its sensor goes back to where it was before that.
 
     It goes back at once or within seconds, in the other direction, by what the earlier fault has grown to by then.
     """
-    since_s, course = one.onset_s - earlier.onset_s, course_for(earlier.shape, earlier.constant_s)
-    if one.magnitude is None or earlier.magnitude is None or earlier.offset_s is not None or since_s <= 0.0:
+    since_s, course = finding.onset_s - earlier.onset_s, course_for(earlier.shape, earlier.constant_s)
+    if finding.magnitude is None or earlier.magnitude is None or earlier.offset_s is not None or since_s <= 0.0:
         return False
-    (sensor, sign), (failed, sign_of_failure) = hypothesis_of(one.fault), hypothesis_of(earlier.fault)
-    if sensor != failed or one.shape == "drift" or course is None or course_for(one.shape, one.constant_s) is None:
+    (sensor, sign), (failed, sign_of_failure) = hypothesis_of(finding.fault), hypothesis_of(earlier.fault)
+    if (
+        sensor != failed
+        or finding.shape == "drift"
+        or course is None
+        or course_for(finding.shape, finding.constant_s) is None
+    ):
         return False
     grown = float(course(np.array([since_s]))[0])
-    size, step = sign_of_failure * earlier.magnitude * grown, sign * one.magnitude
+    size, step = sign_of_failure * earlier.magnitude * grown, sign * finding.magnitude
     # Of an impact pressure both are shares, the second of what the first has left.
     left = (1.0 + size) * (1.0 + step) - 1.0 if sensor == "q_impact" else size + step
-    sd = float(np.hypot(one.sd or 0.0, grown * (earlier.sd or 0.0)))
+    sd = float(np.hypot(finding.sd or 0.0, grown * (earlier.sd or 0.0)))
     return size * step < 0.0 and abs(left) <= min(max(STEP_BACK * abs(size), SURE * sd), MOST_LEFT * abs(size))
 
 
-def _same_frequency(one: Finding, other: Finding) -> bool:
-    if one.frequency_hz is None or other.frequency_hz is None or one.fault != other.fault:
+def _same_frequency(finding: Finding, other: Finding) -> bool:
+    if finding.frequency_hz is None or other.frequency_hz is None or finding.fault != other.fault:
         return False
-    return abs(one.frequency_hz - other.frequency_hz) <= FREQUENCY_TOLERANCE * one.frequency_hz
+    return abs(finding.frequency_hz - other.frequency_hz) <= FREQUENCY_TOLERANCE * finding.frequency_hz
 
 
-def explains(event: Draft, one: Draft) -> bool:
+def explains(event: Draft, draft: Draft) -> bool:
     """Return whether an event accounts for what another analysis found at its time: by its stage, or by what errs."""
-    overlaps = one.from_s <= event.until_s and one.until_s >= event.from_s - BEFORE_S
+    overlaps = draft.from_s <= event.until_s and draft.until_s >= event.from_s - BEFORE_S
     if not overlaps:
         return False
     # While a line is held, whatever is compared with its pressure disagrees.
     if event.finding.stage == "holds":
-        return one.finding.onset_ci95[1] >= event.from_s - BEFORE_S
+        return draft.finding.onset_ci95[1] >= event.from_s - BEFORE_S
     if event.finding.stage == "sensors":  # it lasts as long as the flight, and nothing else uses the channel
         return False
-    if one.finding.stage == "scan":
+    if draft.finding.stage == "scan":
         # Relations between channels say nothing of an oscillation that all of them have, but of one that errs alone.
-        swings = one.finding.frequency_hz is not None and event.finding.frequency_hz is None
-        own = event.finding.fault in one.finding.among
-        return own or not (swings and event.finding.stage == "static relations")
-    alike = {*one.finding.among, *one.finding.channels} & {*event.finding.among, *event.finding.channels}
+        swings = draft.finding.frequency_hz is not None and event.finding.frequency_hz is None
+        named = event.finding.fault in draft.finding.among
+        return named or not (swings and event.finding.stage == "static relations")
+    alike = {*draft.finding.among, *draft.finding.channels} & {*event.finding.among, *event.finding.channels}
     return bool(alike)
 
 
@@ -219,17 +226,21 @@ def beyond_its_tolerance(flight: Flight, draft: Draft) -> bool | None:
     it. None where the interval holds that, where no size or no tolerance is known, and where another channel that may
     be the one at fault would err by more than its own.
     """
-    share, one = _share(flight, draft), draft.finding
-    if share is None or one.magnitude is None or one.sd is None:
+    share, finding = _share(flight, draft), draft.finding
+    if share is None or finding.magnitude is None or finding.sd is None:
         return None
-    surely = beyond_tolerance(share, one.magnitude, one.sd, 1.0)
-    other = _share(flight, replace(draft, finding=replace(one, effect=errors_of_rivals(one))))
+    surely = beyond_tolerance(share, finding.magnitude, finding.sd, 1.0)
+    other = _share(flight, replace(draft, finding=replace(finding, effect=errors_of_rivals(finding))))
     return None if surely is False and other is not None and other > 1.0 else surely
 
 
-def errors_of_rivals(one: Finding) -> dict[str, float]:
+def errors_of_rivals(finding: Finding) -> dict[str, float]:
     """Return the largest error of every other channel that may be the one at fault."""
-    return {name: size * one.effect.get(one.fault, 0.0) for name, size in one.rivals.items() if name in one.among}
+    return {
+        name: size * finding.effect.get(finding.fault, 0.0)
+        for name, size in finding.rivals.items()
+        if name in finding.among
+    }
 
 
 def growth(shape: str, constant_s: float | None, *, shown_s: float, until_s: float) -> float:
@@ -259,13 +270,13 @@ def _share(flight: Flight, draft: Draft) -> float | None:
 
     What grows in the window that describes it may grow on: until the last window that shows it.
     """
-    one = draft.finding
-    until_s = draft.until_s if one.offset_s is None else one.offset_s
-    shown_s, until_s = draft.window[1] - one.onset_s, until_s - one.onset_s
-    grown = growth(one.shape, one.constant_s, shown_s=shown_s, until_s=until_s)
+    finding = draft.finding
+    until_s = draft.until_s if finding.offset_s is None else finding.offset_s
+    shown_s, until_s = draft.window[1] - finding.onset_s, until_s - finding.onset_s
+    grown = growth(finding.shape, finding.constant_s, shown_s=shown_s, until_s=until_s)
     shares = [
         abs(size) * grown / tolerance
-        for channel, size in one.effect.items()
+        for channel, size in finding.effect.items()
         if (tolerance := flight.tolerance(channel, draft.window)) is not None and tolerance > 0.0
     ]
     return max(shares, default=None)

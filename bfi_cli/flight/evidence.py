@@ -97,7 +97,9 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
     faults: list[FaultEstimate] = []
     notes: list[Note] = []
     for event in events:
-        estimates = [one for name in outputs if (one := _estimate(event, name, flight, tolerances[name])) is not None]
+        estimates = [
+            estimate for name in outputs if (estimate := _estimate(event, name, flight, tolerances[name])) is not None
+        ]
         if event.state == "declared" and event.beyond_tolerance is not False and estimates:
             faults += estimates
         else:
@@ -106,7 +108,7 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
     if too_short:
         notes += _silent(why).notes
     unbounded = [name for name, candidate in candidates_of.items() if candidate is None]
-    if unbounded and any(one.state == "declared" for one in events):
+    if unbounded and any(event.state == "declared" for event in events):
         named = ", ".join(unbounded)
         notes.append(Note.limit(f"physics bounds no slow fault of {named} beside the declared ones"))
     else:
@@ -149,8 +151,8 @@ def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> F
     if effect is not None:
         effect *= growth(event.shape, event.constant_s, shown_s=shown_s, until_s=until_s)
     constant_s = event.constant_s or event.evidence.get("time_constant_s")
-    of_line = event.fault in SHAPES and (event.shape == "drift" or not SHAPES[event.fault].has_magnitude)
-    shape = event.fault if of_line else event.shape
+    is_line_fault = event.fault in SHAPES and (event.shape == "drift" or not SHAPES[event.fault].has_magnitude)
+    shape = event.fault if is_line_fault else event.shape
     if shape not in SHAPES or any(key.required and key.name not in _CONSTANTS for key in SHAPES[shape].keys):
         return None
     fault = Fault(
@@ -164,7 +166,7 @@ def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> F
     relative = np.nan if not event.magnitude or event.sd is None else event.sd / abs(event.magnitude)
     if not SHAPES[shape].has_magnitude:
         magnitude, relative = 1.0, np.nan
-    elif event.magnitude is not None and (of_line or event.fault == channel):
+    elif event.magnitude is not None and (is_line_fault or event.fault == channel):
         magnitude = event.magnitude
     elif effect and (course := course_for(event.shape, event.constant_s)) is not None:
         magnitude = effect / float(course(np.array([max(until_s, shown_s)]))[0])
@@ -177,14 +179,14 @@ def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> F
         STANDARD[channel].unit,
         effect=None if effect is None else abs(effect),
         tolerance=tolerance,
-        name=event.fault if of_line else f"{event.shape} of {channel}",
+        name=event.fault if is_line_fault else f"{event.shape} of {channel}",
         onset_ci95=event.onset_ci95,
         statistic=event.statistic,
         p_value=event.p_value,
         among=event.among,
         source=SOURCE,
     )
-    is_own = of_line or event.fault == channel
+    is_own = is_line_fault or event.fault == channel
     return replace(estimate, unit=event.unit if is_own else estimate.physical_unit)
 
 
@@ -215,9 +217,16 @@ def _candidate(
 ) -> Candidate | None:
     """Return what became of slow faults of an output, None where nothing bounds them."""
     declared = next(
-        (one for one in faults if one.fault.channel == channel and SHAPES[one.fault.shape].kind == "slow"), None
+        (
+            estimate
+            for estimate in faults
+            if estimate.fault.channel == channel and SHAPES[estimate.fault.shape].kind == "slow"
+        ),
+        None,
     )
-    suspected = [one for one in events if one.state == "suspected" and channel in one.channels and one.kind == "slow"]
+    suspected = [
+        event for event in events if event.state == "suspected" and channel in event.channels and event.kind == "slow"
+    ]
     starts = np.arange(flight.from_s, flight.to_s - BIN_S + 1e-6, BIN_S)
     errors = _hidden_errors(flight, bounds, channel, starts)
     known = np.flatnonzero(np.isfinite(errors))
@@ -261,7 +270,7 @@ def _hidden_errors(flight: Flight, bounds: Sequence[Bounds], channel: str, start
     probe that of the air.
     """
     part = flight.record.between(flight.from_s, flight.to_s)
-    slopes = {(one.fault, one.bounds): hidden_slopes(one, starts) for one in bounds if one.shape == "drift"}
+    slopes = {(bound.fault, bound.bounds): hidden_slopes(bound, starts) for bound in bounds if bound.shape == "drift"}
     nothing = np.full(len(starts), np.inf)
     since_s = flight.to_s - starts
     related = slopes.get((channel, "disagreement"), nothing) * since_s
@@ -292,7 +301,7 @@ def error_of_probe(part: Record, channel: str) -> float:
 
 def _reach(part: Record, fault: str, channel: str) -> tuple[float, float]:
     """Return the largest error of a channel by a fault of a line of size 1, and by one that grows by 1 a second."""
-    hypothesis = next((one for one in hypotheses(part) if one.fault == fault), None)
+    hypothesis = next((hypothesis for hypothesis in hypotheses(part) if hypothesis.fault == fault), None)
     if hypothesis is None or channel not in DEPENDS_ON or channel not in part.channels:
         return 0.0, 0.0
     turning = climbing(part, hypothesis.size) if fault == STATIC_LEAK and channel == "altitude_rate" else part
@@ -310,7 +319,7 @@ def _what_would_help(flight: Flight, channel: str, unbounded: Sequence[str]) -> 
     useful = {name: lacks for name, lacks in lacking.items() if channel in _READS[name]}
     if not useful:
         return Note.limit(f"physics bounds no slow fault of {channel} in this window")
-    name = min(useful, key=lambda one: useful[one].count(","))
-    alike = ", ".join(one for one in unbounded if one in _READS[name])
+    name = min(useful, key=lambda name: useful[name].count(","))
+    alike = ", ".join(output for output in unbounded if output in _READS[name])
     lacking_here = useful[name].replace(", ", " and ")
     return Note.advice(f"record {lacking_here}: {WORDS[name]} would bound slow faults of {alike}")

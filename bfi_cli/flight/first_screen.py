@@ -48,17 +48,17 @@ def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
     contradicted = contradiction(result.plausibility, result.notes, units)
     if contradicted is not None:
         return contradicted
-    declared = [one for one in result.events if one.state == "declared"]
-    suspected = [one for one in result.events if one.state == "suspected"]
+    declared = [event for event in result.events if event.state == "declared"]
+    suspected = [event for event in result.events if event.state == "suspected"]
     small = [*result.deviations]
     listed = [
-        *(event_in_words(one, units) for one in declared),
-        *(f"suspected: {event_in_words(one, units)}" for one in suspected),
-        *(f"within its tolerance: {event_in_words(one, units)}" for one in small),
+        *(event_in_words(event, units) for event in declared),
+        *(f"suspected: {event_in_words(event, units)}" for event in suspected),
+        *(f"within its tolerance: {event_in_words(event, units)}" for event in small),
     ]
     first = next(iter([*declared, *suspected, *small]), None)
     if first is None:
-        headline = _of_quiet_flight(result, units)
+        headline = _quiet_headline(result, units)
     else:
         state: State = "fault" if declared else "suspected" if suspected else "deviation"
         text, doubt = event_in_words(first, units), ""
@@ -81,11 +81,11 @@ def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
                 **bounds,
                 "Not checked": [*_unwatched_in_words(result.unwatched), *map(units.sentence, result.missing)],
                 "Caution": [
-                    *(units.sentence(one.note) for one in declared if one.note),
+                    *(units.sentence(event.note) for event in declared if event.note),
                     *notes["Caution"],
                 ],
-                "To decide": [*(one.repeat for one in result.events if one.repeat), *notes["To decide"]],
-                "Look at": [LOOK_AT.get(one.fault, "") for one in declared],
+                "To decide": [*(event.repeat for event in result.events if event.repeat), *notes["To decide"]],
+                "Look at": [LOOK_AT.get(event.fault, "") for event in declared],
             }
         ),
     )
@@ -93,16 +93,16 @@ def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
 
 def is_quiet(result: DiagnoseResult) -> bool:
     """Return whether nothing is declared, suspected or in doubt, and most of the flight was watched for every fault."""
-    is_open = any(one.is_open for one in result.plausibility)
+    is_open = any(finding.is_open for finding in result.plausibility)
     seconds = np.arange(result.log.start_s, result.log.stop_s)
     watched = ~within(seconds, [(from_s, to_s) for from_s, to_s, _ in result.unwatched])
     quiet = result.decision != "fault" and not result.events and not result.deviations and not is_open
     return quiet and bool(2 * np.count_nonzero(watched) > seconds.size)
 
 
-def _of_quiet_flight(result: DiagnoseResult, units: Units) -> Headline:
+def _quiet_headline(result: DiagnoseResult, units: Units) -> Headline:
     """Return the headline of a flight in which nothing is found."""
-    phases = {one.phase for one in result.phases}
+    phases = {phase.phase for phase in result.phases}
     span = f"{instant(round(result.log.start_s))} to {instant(round(result.log.stop_s))} s"
     if is_quiet(result):
         part = "from take-off to landing" if {"take-off", "landing"} <= phases else f"from {span}"
@@ -116,11 +116,14 @@ def _of_quiet_flight(result: DiagnoseResult, units: Units) -> Headline:
 def _worst(limits: Sequence[FlightLimit]) -> FlightLimit | None:
     """Return what bounds slow faults of an airspeed least, in most of the flight."""
     mostly = [
-        one
-        for one in limits
-        if one.bounds == "error" and one.shape == "drift" and one.holds_in < 1.0 and one.channel in AIRSPEEDS[:3]
+        limit
+        for limit in limits
+        if limit.bounds == "error"
+        and limit.shape == "drift"
+        and limit.holds_in < 1.0
+        and limit.channel in AIRSPEEDS[:3]
     ]
-    return max(mostly, key=lambda one: beside_tolerance(one.effect, one.tolerance), default=None)
+    return max(mostly, key=lambda limit: beside_tolerance(limit.effect, limit.tolerance), default=None)
 
 
 def _bounds_in_words(result: DiagnoseResult, units: Units, state: State) -> dict[Label, list[str]]:
@@ -147,7 +150,7 @@ def event_in_words(event: Event, units: Units) -> str:
         return f"{subject} {_short_defects(event)}{_reach(event, event.fault, units)}"
     shown = units.of(event.unit, channel=_channel(event.fault))
     shape = event.fault if event.fault in SHAPES else event.shape
-    said, size = error_in_words(
+    text, size = error_in_words(
         shape if shape in SHAPES else "bias",
         _channel(event.fault),
         event.magnitude,
@@ -164,10 +167,10 @@ def event_in_words(event: Event, units: Units) -> str:
     spread = 0.5 * (high - low)
     onset = number(event.onset_s, spread=spread) if spread > 0.0 else second(event.onset_s)
     between = interval((low, high)) if spread > 0.0 else ""
-    airspeed = next((one for one in AIRSPEEDS if one in event.effect and one != event.fault), "")
+    airspeed = next((name for name in AIRSPEEDS if name in event.effect and name != event.fault), "")
     reach = _reach(event, airspeed, units) if airspeed and event.fault not in event.effect else ""
     rivals = f" (or {others})" if others else ""
-    return f"{said} from {onset}{until} s{intervals(size, between)}{rivals}{reach}"
+    return f"{text} from {onset}{until} s{intervals(size, between)}{rivals}{reach}"
 
 
 def _short_defects(event: Event) -> str:
@@ -199,18 +202,18 @@ def _channel(fault: str) -> str:
 
 def _tolerance_of(event: Event, limits: Sequence[FlightLimit], units: Units) -> str:
     """Return " of 3.1 m/s", "" where no limit states the tolerance of the channel."""
-    known = next((one for one in limits if one.channel == event.fault and one.tolerance is not None), None)
+    known = next((limit for limit in limits if limit.channel == event.fault and limit.tolerance is not None), None)
     return "" if known is None else f" of {change(known.tolerance, units.of(known.effect_unit, channel=known.channel))}"
 
 
-def _ordinary_in_words(one: OrdinaryEvent) -> str:
+def _ordinary_in_words(event: OrdinaryEvent) -> str:
     """Return what happens in any flight, and when: "flaps or gear move at 4780 s"."""
-    text = TEXT_OF_CAUSE.get(one.cause, one.cause.replace("_", " "))
-    at = f"at {one.from_s:.0f} s" if one.to_s is None else f"from {one.from_s:.0f} to {one.to_s:.0f} s"
+    text = TEXT_OF_CAUSE.get(event.cause, event.cause.replace("_", " "))
+    at = f"at {event.from_s:.0f} s" if event.to_s is None else f"from {event.from_s:.0f} to {event.to_s:.0f} s"
     return f"{text} {at}"
 
 
 def _unwatched_in_words(unwatched: Sequence[tuple[float, float, str]]) -> list[str]:
     """Return the stretches that were not checked and why, the longest first."""
-    longest = sorted(unwatched, key=lambda one: one[0] - one[1])
+    longest = sorted(unwatched, key=lambda stretch: stretch[0] - stretch[1])
     return [f"{from_s:.0f} to {to_s:.0f} s: {why}" for from_s, to_s, why in longest]

@@ -56,7 +56,7 @@ def fitted_levels(
     precision = 1.0 / (2.0 * PRIOR_SD) ** 2  # of the logarithm of a variance
     used = np.arange(STRETCH_S) >= SETTLING_S
     for _ in range(STEPS):
-        R, Q = (np.swapaxes(one[rows], 0, 1) for one in model.noise(levels))
+        R, Q = (np.swapaxes(variances[rows], 0, 1) for variances in model.noise(levels))
         stack = Stack(y=y, Z=Z, R=R, Q=Q)
         run = filter_stack(stack, transition, mean=mean, covariance=covariance, with_gains=True)
         scores = variance_scores(stack, transition, run)
@@ -64,7 +64,7 @@ def fitted_levels(
         information = dict.fromkeys(levels, 0.0)
         for share in model.frame.shares:
             weight = levels[share.level] ** 2 * np.swapaxes(share.weight[rows], 0, 1)
-            score, expected = (scores.R, scores.R_information) if share.of_row else (scores.Q, scores.Q_information)
+            score, expected = (scores.R, scores.R_information) if share.is_row else (scores.Q, scores.Q_information)
             change[share.level] += float(np.sum((weight * score[..., share.index])[used]))
             information[share.level] += float(np.sum((weight**2 * expected[..., share.index])[used]))
         for name in levels:

@@ -137,9 +137,9 @@ class Flight:
     def part_phases(self) -> tuple[Phase, ...]:
         """Phases of the part that is diagnosed, cut to it."""
         return tuple(
-            replace(one, from_s=max(one.from_s, self.from_s), to_s=min(one.to_s, self.to_s))
-            for one in self.phases
-            if one.to_s > self.from_s and one.from_s < self.to_s
+            replace(phase, from_s=max(phase.from_s, self.from_s), to_s=min(phase.to_s, self.to_s))
+            for phase in self.phases
+            if phase.to_s > self.from_s and phase.from_s < self.to_s
         )
 
     def tolerance(self, channel: str, window: Window) -> float | None:
@@ -172,14 +172,16 @@ class Flight:
 
     def lasting_in(self, window: Window) -> tuple[str, ...]:
         """Return the faults known so far that began before a window and may last in it."""
-        return tuple(dict.fromkeys(name for one in self.lasting if one.is_in(window) for name in one.faults))
+        return tuple(dict.fromkeys(name for fault in self.lasting if fault.is_in(window) for name in fault.faults))
 
     def with_lasting(self, fault: LastingFault) -> Flight:
         """Return the flight in which a fault is known, its angle of zero lift from the time without it.
 
         A fault that was known already is the same but for its end.
         """
-        others = tuple(one for one in self.lasting if (one.faults, one.begun_s) != (fault.faults, fault.begun_s))
+        others = tuple(
+            other for other in self.lasting if (other.faults, other.begun_s) != (fault.faults, fault.begun_s)
+        )
         flight = replace(self, lasting=(*others, fault))
         if self.zero_lift_from not in ORIGINS or not TELL_ZERO_LIFT & {*fault.faults}:
             return flight
@@ -214,7 +216,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     resting = frozen_sensors(log, record_of(log), phases)
     log = without_frozen(log, resting)
     # What one airspeed says against all others is no sign of a pressure line.
-    overruled = {one.channel for one in parts.disagreements if one.alone}
+    overruled = {disagreement.channel for disagreement in parts.disagreements if disagreement.alone}
     held = find_holds(without(log, *overruled), start_s, stop_s)
     held = replace(held, findings=_doubted_in_stalls(_until_free(held.findings, phases, stop_s), phases))
     coarse = coarse_positions(log)
@@ -258,7 +260,10 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
 
 def held_stretches(held: Sequence[Finding]) -> list[Window]:
     """Return the stretches in which a pressure line is held, or leaks."""
-    return [(one.onset_ci95[0] - BRIDGE_S, np.inf if one.offset_s is None else one.offset_s + BRIDGE_S) for one in held]
+    return [
+        (finding.onset_ci95[0] - BRIDGE_S, np.inf if finding.offset_s is None else finding.offset_s + BRIDGE_S)
+        for finding in held
+    ]
 
 
 def _check_channels(log: FlightLog, config: Config) -> None:
@@ -278,7 +283,9 @@ def _zero_lift(flight: Flight) -> tuple[float | None, str]:
     Stretches in which a pressure line is held, and what follows a fault that may last, are left out.
     """
     without = held_stretches(flight.held.findings)
-    spoilt: list[Window] = [(one.begun_s, one.until_s) for one in flight.lasting if TELL_ZERO_LIFT & {*one.faults}]
+    spoilt: list[Window] = [
+        (fault.begun_s, fault.until_s) for fault in flight.lasting if TELL_ZERO_LIFT & {*fault.faults}
+    ]
     without += spoilt
     outside = (OUTSIDE, [*without, (flight.from_s, flight.to_s)])
     lasts = any(end_s == np.inf for _, end_s in spoilt)
@@ -292,47 +299,47 @@ def _zero_lift(flight: Flight) -> tuple[float | None, str]:
 
 def _without_frozen(log: FlightLog) -> tuple[list[str], FlightLog]:
     """Return the log without the channels that hold one value although they are looked at, and a sentence on each."""
-    said = {}
+    sentences = {}
     for name in (name for name in (*USED, *INPUTS) if name in log.channels):
         values = log.channels[name].values
         known = values[np.isfinite(values)]
         if not known.size or known.min() == known.max():
             held = "holds one value" if known.size else "holds no number"
-            said[name] = f"'{name}' is not used: it {held} through the whole log"
-    return list(said.values()), without(log, *said)
+            sentences[name] = f"'{name}' is not used: it {held} through the whole log"
+    return list(sentences.values()), without(log, *sentences)
 
 
-def _until_free(found: Sequence[Finding], phases: Sequence[Phase], stop_s: float) -> tuple[Finding, ...]:
+def _until_free(holds: Sequence[Finding], phases: Sequence[Phase], stop_s: float) -> tuple[Finding, ...]:
     """Return the holds with those joined between which the airspeed reads nothing.
 
     A total pressure that is trapped below the static one leaves no airspeed: that is no end of the hold.
     """
-    lost = [(one.from_s, one.to_s) for one in phases if one.phase == NO_AIRSPEED]
+    lost = [(phase.from_s, phase.to_s) for phase in phases if phase.phase == NO_AIRSPEED]
     last: dict[str, Finding] = {}
     ended: list[Finding] = []
-    for one in sorted(found, key=lambda finding: finding.onset_s):
-        earlier, hold = last.get(one.fault), one
-        if earlier is not None and _reaches(earlier, one.onset_s):
-            hold = replace(earlier, offset_s=None if earlier.offset_s is None else one.offset_s)
+    for finding in sorted(holds, key=lambda finding: finding.onset_s):
+        earlier, hold = last.get(finding.fault), finding
+        if earlier is not None and _reaches(earlier, finding.onset_s):
+            hold = replace(earlier, offset_s=None if earlier.offset_s is None else finding.offset_s)
         elif earlier is not None:
             ended.append(earlier)
-        for first, end in lost if one.fault == "pitot_blocked" else ():
+        for first, end in lost if finding.fault == "pitot_blocked" else ():
             if hold.offset_s is not None and hold.offset_s < end and _reaches(hold, first):
                 hold = replace(hold, offset_s=end if end < stop_s - BRIDGE_S else None)
-        last[one.fault] = hold
+        last[finding.fault] = hold
     return tuple(sorted((*ended, *last.values()), key=lambda finding: finding.onset_s))
 
 
-def _doubted_in_stalls(found: Sequence[Finding], phases: Sequence[Phase]) -> tuple[Finding, ...]:
+def _doubted_in_stalls(findings: Sequence[Finding], phases: Sequence[Phase]) -> tuple[Finding, ...]:
     """Return the findings, those of a leak that ends with a stall doubted: the aircraft loses its airspeed then."""
-    stalls = [one for one in phases if one.phase == "stall"]
+    stalls = [phase for phase in phases if phase.phase == "stall"]
     return tuple(
-        replace(one, doubt=one.doubt or STALLS)
-        if one.fault.endswith("_leak")
-        and one.offset_s is not None
-        and any(stall.from_s <= one.offset_s <= stall.to_s + BRIDGE_S for stall in stalls)
-        else one
-        for one in found
+        replace(finding, doubt=finding.doubt or STALLS)
+        if finding.fault.endswith("_leak")
+        and finding.offset_s is not None
+        and any(stall.from_s <= finding.offset_s <= stall.to_s + BRIDGE_S for stall in stalls)
+        else finding
+        for finding in findings
     )
 
 
@@ -342,29 +349,29 @@ def _reaches(hold: Finding, time_s: float) -> bool:
 
 def without_other_conventions(log: FlightLog, phases: Sequence[Phase]) -> tuple[FlightLog, tuple[str, ...]]:
     """Return the log without channels whose median or mean over the flight no aircraft has, and a sentence on each."""
-    said = []
+    sentences = []
     flown = within(log.time_s, flight_stretches(phases))
     for name, channel in log.channels.items():
         if name in IN_FLIGHT and channel.unit in (STANDARD[name].unit, ""):
             middle = impossible_median(name, channel.values[flown])
             if middle is not None:
-                said.append(sentence_of_impossible(name, middle))
+                sentences.append(sentence_of_impossible(name, middle))
                 log = without(log, name)
     record = record_of(log)
     if record.gained is not None and "tas" in record.channels:
         off = _mean_rate(record, phases)
         if abs(off) > MEAN_RATE:
-            said.append(
+            sentences.append(
                 f"'longitudinal_acc' is not used: with the attitude it gives {off:.2g} m/s^2 more than the airspeed "
                 "gains in the mean over the flight; it should be the specific force along body x, forward"
             )
             log = without(log, "longitudinal_acc")
-    return log, tuple(said)
+    return log, tuple(sentences)
 
 
 def without(log: FlightLog, *names: str) -> FlightLog:
     """Return a log without some of its channels."""
-    return replace(log, channels={name: one for name, one in log.channels.items() if name not in names})
+    return replace(log, channels={name: channel for name, channel in log.channels.items() if name not in names})
 
 
 def _mean_rate(record: Record, phases: Sequence[Phase]) -> float:

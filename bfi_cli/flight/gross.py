@@ -59,15 +59,15 @@ def gross_errors(bench: Bench) -> tuple[Gross, ...]:
     leaving = (size[:, heights] > HEIGHTS).sum(axis=1) + (size[:, speeds].max(axis=1) > SPEEDS)
     errs = (leaving >= 2) & (size[:, others].max(axis=1) < STAYS) & _settled(bench)
     places = np.flatnonzero(errs)
-    found = []
+    stretches = []
     for group in np.split(places, np.flatnonzero(np.diff(places) > APART_S) + 1):
         if group.size and max(np.searchsorted(group, group + WITHIN_S) - np.arange(group.size)) >= FEWEST_S:
-            found.append(
+            stretches.append(
                 Gross(
                     from_s=float(model.time_s[group[0]]), to_s=float(model.time_s[group[-1]]) + 1.0, seconds=group.size
                 )
             )
-    return tuple(found)
+    return tuple(stretches)
 
 
 def _settled(bench: Bench) -> BoolArray:
@@ -101,7 +101,7 @@ def swings_of(bench: Bench, gross: Gross) -> Swings | None:
     errors = _largest_errors(bench, gross)
     if not _returns(bench, gross, errors):
         return None
-    weights = sorted(_weights(place, ordinary_of(place)), key=lambda one: -one.margin)
+    weights = sorted(_weights(place, ordinary_of(place)), key=lambda weight: -weight.margin)
     return Swings(gross=gross, weights=tuple(weights), errors=errors)
 
 

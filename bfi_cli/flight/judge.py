@@ -62,13 +62,13 @@ class Judgement:
 
     def weight(self, fault: str) -> Weight | None:
         """Return what a fault is worth, None where the model does not know it."""
-        return next((one for one in self.weights if one.fault == fault), None)
+        return next((weight for weight in self.weights if weight.fault == fault), None)
 
     @property
     def among(self) -> tuple[str, ...]:
         """The faults within ten to one of the best."""
-        possible = [one for one in self.weights if not one.refused]
-        return tuple(one.fault for one in possible if one.margin >= possible[0].margin - ALIKE)
+        possible = [weight for weight in self.weights if not weight.refused]
+        return tuple(weight.fault for weight in possible if weight.margin >= possible[0].margin - ALIKE)
 
 
 def judge(
@@ -99,7 +99,7 @@ def judge(
         *_channel_weights(place, ordinary, named),
         *line_weights(place, ordinary),
     ]
-    order = sorted(weights, key=lambda one: (bool(one.refused), -one.margin))
+    order = sorted(weights, key=lambda weight: (bool(weight.refused), -weight.margin))
     return Judgement(weights=tuple(order), cause=ordinary.cause, gain=ordinary.gain)
 
 

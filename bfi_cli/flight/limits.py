@@ -92,11 +92,11 @@ def bounds_of(
     own after it. A limit of the scan holds at 95 % for a fault of any onset.
     """
     left_out = [
-        (one.onset_s, one.seen_until_s if one.offset_s is None else one.offset_s)
-        for one in events
-        if one.state == "declared" and one.stages[0] != "sensors"
+        (event.onset_s, event.seen_until_s if event.offset_s is None else event.offset_s)
+        for event in events
+        if event.state == "declared" and event.stages[0] != "sensors"
     ]
-    found: dict[tuple[str, str, Bound], Bounds] = {}
+    bounds: dict[tuple[str, str, Bound], Bounds] = {}
     tolerance = cache(flight.tolerance)
     largest = cache(lambda channel: _largest_error(flight, channel))
 
@@ -118,22 +118,22 @@ def bounds_of(
             tolerance=tolerance(kind.channel, window),
         )
         key = (kind.fault, kind.shape, kind.bounds)
-        known = found.get(key, kind)
-        found[key] = replace(known, windows=(*known.windows, hidden))
+        known = bounds.get(key, kind)
+        bounds[key] = replace(known, windows=(*known.windows, hidden))
 
-    for one in scanned:
-        window = one.window
-        told = () if overlaps(window, left_out) else one.magnitude
-        for name in [name for name in told if name not in one.lasting]:
+    for scan in scanned:
+        window = scan.window
+        magnitudes = () if overlaps(window, left_out) else scan.magnitude
+        for name in [name for name in magnitudes if name not in scan.lasting]:
             kind, scale = _drift_of(flight, name, window)
             # The statistic, which a rougher flight raises, goes with the square of a slope.
-            spreads = EXCEEDED_BY * np.sqrt(one.threshold.scale) * one.sd[name]
-            sizes = np.abs(one.magnitude[name]) + spreads
-            offer(kind, window, one.onsets_s, sizes, spreads, scale)
-            if name in AIRSPEEDS and name == flight.record.airspeed and "q_impact" not in one.magnitude:
+            spreads = EXCEEDED_BY * np.sqrt(scan.threshold.scale) * scan.sd[name]
+            sizes = np.abs(scan.magnitude[name]) + spreads
+            offer(kind, window, scan.onsets_s, sizes, spreads, scale)
+            if name in AIRSPEEDS and name == flight.record.airspeed and "q_impact" not in scan.magnitude:
                 # Where one airspeed stands for the line, what bounds the channel bounds a loss of impact pressure.
                 line, scale = replace(kind, fault=PITOT_LINE, unit="1/s"), 0.5 * _speed(flight, window, name)
-                offer(line, window, one.onsets_s, sizes / scale, spreads / scale, scale)
+                offer(line, window, scan.onsets_s, sizes / scale, spreads / scale, scale)
     for window, answer in static:
         for limit in () if overlaps(window, left_out) else answer.limits:
             kind = Bounds(
@@ -146,7 +146,7 @@ def bounds_of(
             )
             sizes = np.array(limit.sizes)
             offer(kind, window, np.array(limit.onsets_s), sizes, sizes)
-    return tuple(found.values())
+    return tuple(bounds.values())
 
 
 def limits_of(flight: Flight, bounds: Sequence[Bounds]) -> tuple[FlightLimit, ...]:
@@ -155,27 +155,27 @@ def limits_of(flight: Flight, bounds: Sequence[Bounds]) -> tuple[FlightLimit, ..
     Of the windows over a stretch that with the least error over its tolerance counts, of the stretches the one with the
     most. A third limit is that of a fault that grows on until a later window would have shown it.
     """
-    rows = [row for one in bounds for row in _rows(flight, one)]
+    rows = [row for bound in bounds for row in _rows(flight, bound)]
     return tuple(
         sorted(rows, key=lambda row: (row.bounds != "error", row.shape, row.fault, -row.holds_in, row.grows_on))
     )
 
 
-def hidden_slopes(one: Bounds, starts: FloatArray) -> FloatArray:
+def hidden_slopes(bound: Bounds, starts: FloatArray) -> FloatArray:
     """Return (n_starts,) the steepest drifts that may begin unseen in the stretches from these times on."""
-    if not one.windows:
+    if not bound.windows:
         return np.full(len(starts), np.inf)
-    sizes, spreads, _, _ = _of_windows(one.windows, starts, one.shape)
+    sizes, spreads, _, _ = _limits_by_window(bound.windows, starts, bound.shape)
     return np.asarray(sizes[np.arange(len(starts)), np.argmin(spreads, axis=1)])
 
 
 def limit_courses(flight: Flight, bounds: Sequence[Bounds]) -> tuple[LimitCourse, ...]:
     """Return the limits over time of drifts of every airspeed, and of icing, that the scan of the flight bounds."""
-    starts, found = _stretches(flight), []
-    for one in bounds:
-        if one.shape != "drift" or one.bounds != "error" or one.fault not in (*AIRSPEEDS, PITOT_LINE):
+    starts, courses = _stretches(flight), []
+    for bound in bounds:
+        if bound.shape != "drift" or bound.bounds != "error" or bound.fault not in (*AIRSPEEDS, PITOT_LINE):
             continue
-        sizes, spreads, _, inside = _of_windows(one.windows, starts, one.shape)
+        sizes, spreads, _, inside = _limits_by_window(bound.windows, starts, bound.shape)
         best = np.argmin(np.where(inside, spreads, np.inf), axis=1)
         slopes = np.where(inside, sizes, np.nan)[np.arange(len(starts)), best]
         known = np.sort(slopes[np.isfinite(slopes)])
@@ -183,17 +183,17 @@ def limit_courses(flight: Flight, bounds: Sequence[Bounds]) -> tuple[LimitCourse
             mostly, worst = known[[int(np.ceil(MOSTLY * len(known))) - 1, -1]].tolist()
             middle_s = starts + 0.5 * BIN_S
             course = LimitCourse(
-                fault=one.fault, unit=one.unit, time_s=middle_s, excluded_above=slopes, mostly=mostly, worst=worst
+                fault=bound.fault, unit=bound.unit, time_s=middle_s, excluded_above=slopes, mostly=mostly, worst=worst
             )
-            found.append(course)
-    return tuple(found)
+            courses.append(course)
+    return tuple(courses)
 
 
-def _rows(flight: Flight, one: Bounds) -> list[FlightLimit]:
-    windows, starts = sorted(one.windows, key=lambda hidden: hidden.window[1]), _stretches(flight)
+def _rows(flight: Flight, bound: Bounds) -> list[FlightLimit]:
+    windows, starts = sorted(bound.windows, key=lambda hidden: hidden.window[1]), _stretches(flight)
     if not windows:
         return []
-    sizes, spreads, reach, inside = _of_windows(windows, starts, one.shape)
+    sizes, spreads, reach, inside = _limits_by_window(windows, starts, bound.shape)
     k = np.flatnonzero(inside.any(axis=1))
     if not k.size:
         return []
@@ -207,13 +207,13 @@ def _rows(flight: Flight, one: Bounds) -> list[FlightLimit]:
     for holds_in, at in ((1.0, order[-1]), (MOSTLY, order[int(np.ceil(MOSTLY * len(order))) - 1])):
         hidden, size = windows[best[at]], float(sizes[at, best[at]])
         rows.append(
-            _row(flight, one, hidden, size, size * float(reach[at, best[at]]), hidden.window, holds_in=holds_in)
+            _row(flight, bound, hidden, size, size * float(reach[at, best[at]]), hidden.window, holds_in=holds_in)
         )
-    if one.shape == "drift":
+    if bound.shape == "drift":
         size, share, first, last = _grown(sizes, spreads, per_tolerance, best)
         effect = share * (windows[last].tolerance or 1.0)
         span = (float(starts[k[first]]), windows[last].window[1])
-        rows.append(_row(flight, one, windows[last], size, effect, span, grows_on=True))
+        rows.append(_row(flight, bound, windows[last], size, effect, span, grows_on=True))
     return rows
 
 
@@ -222,7 +222,7 @@ def _stretches(flight: Flight) -> FloatArray:
     return np.arange(flight.from_s, flight.to_s - BIN_S + 1e-6, BIN_S)
 
 
-def _of_windows(
+def _limits_by_window(
     windows: Sequence[Hidden], starts: FloatArray, shape: str
 ) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
     """Return by stretch and window the largest sizes that may begin there, their spreads, and the error by size 1.
@@ -235,10 +235,10 @@ def _of_windows(
     for j, hidden in enumerate(windows):
         first = np.maximum(np.searchsorted(hidden.onsets_s, starts, side="right") - 1, 0)
         last = np.searchsorted(hidden.onsets_s, starts + BIN_S - 1e-6)
-        for rows, of_onsets in ((sizes, hidden.sizes), (spreads, hidden.spreads)):
-            rows[last == 0, j] = of_onsets[0]
+        for rows, by_onset in ((sizes, hidden.sizes), (spreads, hidden.spreads)):
+            rows[last == 0, j] = by_onset[0]
             for k in np.flatnonzero((last > 0) & (last < len(hidden.onsets_s))).tolist():
-                rows[k, j] = of_onsets[first[k] : last[k] + 1].max()
+                rows[k, j] = by_onset[first[k] : last[k] + 1].max()
         reach[:, j] = hidden.scale * (hidden.window[1] - starts if shape == "drift" else 1.0)
         inside[:, j] = starts >= hidden.window[0] - 1e-6
     return sizes, spreads, reach, (inside > 0.0) & np.isfinite(sizes)
@@ -272,7 +272,7 @@ def _grown(
 
 def _row(
     flight: Flight,
-    one: Bounds,
+    bound: Bounds,
     hidden: Hidden,
     size: float,
     effect: float,
@@ -281,18 +281,18 @@ def _row(
     holds_in: float = 1.0,
     grows_on: bool = False,
 ) -> FlightLimit:
-    any_size = effect > _largest_error(flight, one.channel)
+    any_size = effect > _largest_error(flight, bound.channel)
     return FlightLimit(
-        fault=one.fault,
-        shape=one.shape,
-        channel=one.channel,
-        bounds=one.bounds,
+        fault=bound.fault,
+        shape=bound.shape,
+        channel=bound.channel,
+        bounds=bound.bounds,
         holds_in=holds_in,
         grows_on=grows_on,
         excluded_above=None if any_size else size,
-        unit=one.unit,
+        unit=bound.unit,
         effect=None if any_size else effect,
-        effect_unit=_unit(flight, one.channel),
+        effect_unit=_unit(flight, bound.channel),
         tolerance=hidden.tolerance,
         within_tolerance=not any_size and hidden.tolerance is not None and effect <= hidden.tolerance,
         from_s=span[0],
@@ -315,7 +315,7 @@ def _drift_of(flight: Flight, fault: str, window: Window) -> tuple[Bounds, float
     name, channel, scale = fault, fault, 1.0
     if fault == "q_impact":
         # A share of the impact pressure is half as large a share of the airspeed.
-        name, channel = PITOT_LINE, next((one for one in AIRSPEEDS if one in flight.recorded), "tas")
+        name, channel = PITOT_LINE, next((airspeed for airspeed in AIRSPEEDS if airspeed in flight.recorded), "tas")
         scale = 0.5 * _speed(flight, window, channel)
     elif fault == STATIC_LEAK:
         channel = "altitude"

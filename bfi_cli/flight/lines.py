@@ -109,20 +109,22 @@ def line_weights(place: Place, ordinary: Ordinary) -> Iterator[Weight]:
         run = run_place(
             place,
             shocks=shocks,
-            y=np.stack([one.y for one in rows] * freedoms, axis=1),
-            Z=np.stack([one.Z for one in rows] * freedoms, axis=1),
-            R=np.stack([one.R for one in rows] * freedoms, axis=1),
-            extra=np.stack([one.extra for one in rows] * freedoms, axis=1),
+            y=np.stack([law_rows.y for law_rows in rows] * freedoms, axis=1),
+            Z=np.stack([law_rows.Z for law_rows in rows] * freedoms, axis=1),
+            R=np.stack([law_rows.R for law_rows in rows] * freedoms, axis=1),
+            extra=np.stack([law_rows.extra for law_rows in rows] * freedoms, axis=1),
             extra_Q=np.stack(moves * freedoms, axis=1),
             extra_start=np.stack(starts * freedoms),
         )
-        for j, (law, one) in enumerate(zip(LAWS, rows, strict=True)):
+        for j, (law, law_rows) in enumerate(zip(LAWS, rows, strict=True)):
             fault = law.fault
             h = max(range(j, run.log_likelihood.size, len(rows)), key=lambda h: run.log_likelihood[h])
-            density = floored_density(ordinary, run.log_density[:, h], run.innovation[:, h], run.sd[:, h], one.floored)
+            density = floored_density(
+                ordinary, run.log_density[:, h], run.innovation[:, h], run.sd[:, h], law_rows.floored
+            )
             anything = -np.log(UNREADABLE * model.frame.middle_speed)
-            density = np.where(one.unread, np.fmax(density, anything), density)
-            margin, shares = against(place, ordinary, density, without=one.free)
+            density = np.where(law_rows.unread, np.fmax(density, anything), density)
+            margin, shares = against(place, ordinary, density, without=law_rows.free)
             size = float(run.mean[last, h, -FAULT_STATES])
             weight = Weight(fault=fault, margin=margin, shares=shares, size=size, refused=_refused(fault, size))
             first = fault == STATIC_BLOCKED and k == 0  # it does not read the airspeeds yet
@@ -378,9 +380,9 @@ def _static_blocked(place: Place, corrected: FlightModel, course: FloatArray, k:
 def _pitot_blocked(place: Place, corrected: FlightModel, course: FloatArray, _: int) -> _Rows:
     model, rows = place.bench.model, _start_rows(place, corrected)
     during, air = place.during, model.seconds.air
-    pressures = [filled(one) for one in (air.p_static, air.q_impact, air.tat)]
+    pressures = [filled(signal) for signal in (air.p_static, air.q_impact, air.tat)]
     as_flown = _readings(*pressures)
-    p_static, q_impact, tat = (one[place.part] for one in pressures)
+    p_static, q_impact, tat = (signal[place.part] for signal in pressures)
     total = (p_static + q_impact)[place.onset : place.onset + REFERENCE_S]
     trapped = float(np.median(total))
     made = [_readings(p_static, np.maximum(trapped + more - p_static, 0.0), tat) for more in (0.0, 30.0)]
@@ -392,7 +394,7 @@ def _pitot_blocked(place: Place, corrected: FlightModel, course: FloatArray, _: 
         per_pa = np.clip((made[1][name] - made[0][name]) / 30.0, 1e-6, 0.3)
         readings.append((j, share * made[0][name], per_pa))
     # The pressures that err are those of the airspeed that is read best: others are held against what it reads.
-    best = min(readings, key=lambda one: float(np.median(place.R[:, one[0]] / one[2] ** 2)))[0]
+    best = min(readings, key=lambda reading: float(np.median(place.R[:, reading[0]] / reading[2] ** 2)))[0]
     speed = model.state("airspeed")
     for j, predicted, per_pa in readings:
         recorded = model.y[place.part, j]

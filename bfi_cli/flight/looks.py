@@ -138,21 +138,21 @@ def scan_flight(
     threshold : of a window, see `thresholds_of`.
     kept : scans at the same angle of zero lift, used again where the same faults last.
     """
-    done = {(one.window, one.lasting): one for one in kept}
-    found = []
+    done = {(scanned.window, scanned.lasting): scanned for scanned in kept}
+    scans = []
     for k, window in enumerate(windows):
         report(k / len(windows))
         lasting = flight.lasting_in(window)
         if (window, lasting) in done:
-            found.append(done[window, lasting])
+            scans.append(done[window, lasting])
             continue
         scan = flight.scan(window)
         if scan is None:
             continue
         best = max(scan.ratios, key=lambda fault: float(scan.ratios[fault].ratio.max()))
-        estimates = {fault: one.weighted(scan.weights) for fault, one in scan.ratios.items()}
+        estimates = {fault: ratio.weighted(scan.weights) for fault, ratio in scan.ratios.items()}
         key = key_of(scan, window, beside=bool(lasting))
-        found.append(
+        scans.append(
             Scanned(
                 from_s=window[0],
                 to_s=window[1],
@@ -168,7 +168,7 @@ def scan_flight(
                 threshold=threshold(key),
             )
         )
-    return found
+    return scans
 
 
 def scale_of(flight: Flight) -> float:
@@ -227,6 +227,6 @@ def _glance_in(part: FlightLog, *, config: Config) -> Glance | str:
         return str(unusable)
 
 
-def summary_of(found: Sequence[tuple[Window, Glance | str]]) -> Mapping[str, int]:
+def summary_of(glances: Sequence[tuple[Window, Glance | str]]) -> Mapping[str, int]:
     """Return how many windows failed for each reason."""
-    return Counter(answer for _, answer in found if isinstance(answer, str))
+    return Counter(answer for _, answer in glances if isinstance(answer, str))

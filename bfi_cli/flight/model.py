@@ -64,10 +64,10 @@ START_SLOPE = (0.01, 0.25)  # rad per load factor, between which wings lie
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Share:
-    """What a level makes of a variance: level^2 times (n,) `weight`; `of_row` or of a state, by its index."""
+    """What a level makes of a variance: level^2 times (n,) `weight`, of a row where `is_row` and else of a state."""
 
     level: str
-    of_row: bool
+    is_row: bool
     index: int
     weight: FloatArray
 
@@ -144,7 +144,7 @@ class FlightModel:
         """Return (n, n_rows) and (n, n_states) variances of the rows and of what moves the states, at some levels."""
         R, Q = self.frame.fixed_R.copy(), self.frame.fixed_Q.copy()
         for share in self.frame.shares:
-            (R if share.of_row else Q)[:, share.index] += levels[share.level] ** 2 * share.weight
+            (R if share.is_row else Q)[:, share.index] += levels[share.level] ** 2 * share.weight
         return R, Q
 
     @property
@@ -407,7 +407,7 @@ def _model(seconds: Seconds, frame: Frame) -> FlightModel:
         name: values for name, values in measured.items() if np.isfinite(values[frame.airborne]).mean() > LEAST_RECORDED
     }
     loads = {name: ROWS[name].loads(c) for name in enough}
-    needed = {"height", "climb", "climb_rate", "airspeed"} | {name for one in loads.values() for name in one}
+    needed = {"height", "climb", "climb_rate", "airspeed"} | {name for loadings in loads.values() for name in loadings}
     states = tuple(name for name in STATES if name in needed)
     rows, n = tuple(enough), seconds.time_s.size
     y, Z = np.full((n, len(rows)), np.nan), np.zeros((n, len(rows), len(states)))
@@ -459,7 +459,7 @@ def _with_noise(model: FlightModel) -> Frame:
     fixed_R, fixed_Q, shares = np.zeros((n, len(model.rows))), np.zeros((n, len(model.states))), []
     for j, name in enumerate(model.rows):
         row = ROWS[name]
-        shares.append(Share(level=row.level, of_row=True, index=j, weight=courses[row.widened] ** 2))
+        shares.append(Share(level=row.level, is_row=True, index=j, weight=courses[row.widened] ** 2))
         step = _step(model.seconds, name)
         moved = np.abs(c.rates[name])
         fixed_R[:, j] = step**2 / 12.0 + (LAG_S * np.minimum(moved, np.quantile(moved[frame.airborne], 0.95))) ** 2
@@ -469,10 +469,10 @@ def _with_noise(model: FlightModel) -> Frame:
         if state.level:
             kept = 1.0 if state.memory_s == np.inf else 1.0 - np.exp(-2.0 / state.memory_s)
             kept = 1.0 if name == "climb_rate" else kept  # a walk that forgets
-            shares.append(Share(level=state.level, of_row=False, index=j, weight=kept * weight))
+            shares.append(Share(level=state.level, is_row=False, index=j, weight=kept * weight))
         if state.climb_level:
             climb = np.abs(rate_of(smoothed(c.height, LOAD_S), 1))
-            shares.append(Share(level=state.climb_level, of_row=False, index=j, weight=climb * weight))
+            shares.append(Share(level=state.climb_level, is_row=False, index=j, weight=climb * weight))
     rows, states = model.rows, model.states
     if "altitude" in rows:
         fixed_R[:, rows.index("altitude")] += (PORT * c.position_m) ** 2
@@ -544,6 +544,6 @@ def gathered(shares: Sequence[Share], levels: Mapping[str, float], R: FloatArray
     """Return by level the sum of (n, n_rows) and (n, n_states) values over what the level makes of each variance."""
     sums = dict.fromkeys(levels, 0.0)
     for share in shares:
-        values = (R if share.of_row else Q)[:, share.index]
+        values = (R if share.is_row else Q)[:, share.index]
         sums[share.level] += float(levels[share.level] ** 2 * (share.weight @ values))
     return sums

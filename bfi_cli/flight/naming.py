@@ -36,7 +36,7 @@ def names_of(fits: Sequence[Fit], record: Record) -> tuple[str, ...]:
     A log with one airspeed cannot tell a fault of its channel from one of the pitot line: a loss may be icing.
     """
     names: list[str] = []
-    alone = not any(one.fault == "q_impact" for one in hypotheses(record))
+    alone = not any(hypothesis.fault == "q_impact" for hypothesis in hypotheses(record))
     for fit in fits:
         names.append(fault_name(fit))
         if alone and fit.fault.fault == record.airspeed and fit.magnitude < 0.0:
@@ -104,7 +104,7 @@ def finding_of_fit(
     )
 
 
-def finding_of_glance(found: Glance, recorded: Collection[str], *, relations: bool, to_s: float, unit: str) -> Finding:
+def finding_of_glance(glance: Glance, recorded: Collection[str], *, relations: bool, to_s: float, unit: str) -> Finding:
     """Return the finding of a window in which a step, a drift or an oscillation of the airspeed stands out.
 
     Parameters
@@ -112,28 +112,28 @@ def finding_of_glance(found: Glance, recorded: Collection[str], *, relations: bo
     relations : whether the airspeed agrees with Mach number or calibrated airspeed in the window, so that what errs is
         the pressure that all are computed from.
     """
-    others = [name for name in IMPACT_SOURCES if name in recorded and name != found.channel]
-    line = "pitot_water" if SHAPES[found.shape].kind == "oscillating" else "q_impact"
-    among = (line,) if relations and others else (found.channel, line)
-    seconds = to_s - found.onset_s if found.shape == "drift" else 1.0
+    others = [name for name in IMPACT_SOURCES if name in recorded and name != glance.channel]
+    line = "pitot_water" if SHAPES[glance.shape].kind == "oscillating" else "q_impact"
+    among = (line,) if relations and others else (glance.channel, line)
+    seconds = to_s - glance.onset_s if glance.shape == "drift" else 1.0
     return Finding(
         fault=among[0],
         among=among,
         channels=channels_of(among[0], recorded),
         stage="scan",
-        shape=found.shape,
-        frequency_hz=found.frequency_hz,
-        magnitude=found.magnitude,
-        sd=found.sd,
-        unit=SHAPES[found.shape].magnitude_unit(unit, slope=None),
-        effect={found.channel: found.magnitude * seconds},
-        onset_s=found.onset_s,
-        onset_ci95=(found.onset_s - ONSET_STEP_S, found.onset_s + ONSET_STEP_S),
-        statistic=found.statistic,
-        threshold=found.threshold,
-        p_value=found.p_value,
-        evidence={"steps and oscillations": round(found.statistic, 2)},
-        doubt=found.doubt,
+        shape=glance.shape,
+        frequency_hz=glance.frequency_hz,
+        magnitude=glance.magnitude,
+        sd=glance.sd,
+        unit=SHAPES[glance.shape].magnitude_unit(unit, slope=None),
+        effect={glance.channel: glance.magnitude * seconds},
+        onset_s=glance.onset_s,
+        onset_ci95=(glance.onset_s - ONSET_STEP_S, glance.onset_s + ONSET_STEP_S),
+        statistic=glance.statistic,
+        threshold=glance.threshold,
+        p_value=glance.p_value,
+        evidence={"steps and oscillations": round(glance.statistic, 2)},
+        doubt=glance.doubt,
     )
 
 
@@ -186,7 +186,7 @@ def repeat_advice(among: Collection[str]) -> str:
 def vote_against(finding: Finding, recorded: Collection[str]) -> str:
     """Return which sensors agree with each other and not with the one that errs, "" for less than two."""
     others = [name for name in recorded if name != finding.fault and quantity_of(name) == quantity_of(finding.fault)]
-    pairs = [finding.evidence.get(f"{one} - {other}", np.inf) for one, other in combinations(others, 2)]
+    pairs = [finding.evidence.get(f"{name} - {other}", np.inf) for name, other in combinations(others, 2)]
     if len(finding.among) > 1 or not pairs or max(pairs) >= finding.threshold:
         return ""
     return f"{', '.join(others[:-1])} and {others[-1]} agree with each other and not with it"

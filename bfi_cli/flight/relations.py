@@ -62,13 +62,13 @@ def drafts_of_relations(flight: Flight, series: Series, answers: StaticWindows) 
 
 def _less_refuted(flight: Flight, draft: Draft) -> Draft:
     """Return a draft of a step, without the altitude among what may be at fault where its recorded rate denies that."""
-    one, size = draft.finding, errors_of_rivals(draft.finding).get("altitude")
-    if size is None or one.shape != "bias" or "altitude_rate" not in flight.recorded:
+    finding, size = draft.finding, errors_of_rivals(draft.finding).get("altitude")
+    if size is None or finding.shape != "bias" or "altitude_rate" not in flight.recorded:
         return draft
     without = held_stretches(flight.held.findings)
-    if size <= altitude_step_within(flight.record, flight.phases, without, one.onset_ci95):
+    if size <= altitude_step_within(flight.record, flight.phases, without, finding.onset_ci95):
         return draft
-    return replace(draft, finding=replace(one, among=tuple(name for name in one.among if name != "altitude")))
+    return replace(draft, finding=replace(finding, among=tuple(name for name in finding.among if name != "altitude")))
 
 
 def _stuck(flight: Flight, joined: Draft, members: Sequence[Draft]) -> Draft:
@@ -76,10 +76,12 @@ def _stuck(flight: Flight, joined: Draft, members: Sequence[Draft]) -> Draft:
 
     What is stuck has the course of its twin. Windows that begin when it is stuck already do not tell since when.
     """
-    same = [one for one in members if (one.finding.fault, one.finding.magnitude) == (joined.finding.fault, None)]
-    begins = [one for one in same if np.isfinite(one.finding.onset_ci95[0])]
-    best = max(begins, key=lambda one: one.finding.statistic) if begins else same[0]
-    effect = {best.finding.fault: max(one.finding.effect[best.finding.fault] for one in same)}
+    same = [
+        draft for draft in members if (draft.finding.fault, draft.finding.magnitude) == (joined.finding.fault, None)
+    ]
+    begins = [draft for draft in same if np.isfinite(draft.finding.onset_ci95[0])]
+    best = max(begins, key=lambda draft: draft.finding.statistic) if begins else same[0]
+    effect = {best.finding.fault: max(draft.finding.effect[best.finding.fault] for draft in same)}
     first_s, last_s = best.finding.onset_ci95
     finding = replace(
         best.finding,
@@ -95,21 +97,25 @@ def _with_course(flight: Flight, series: Series, draft: Draft) -> Draft:
 
     A ramp that still grows where the window ends may stop later: the window goes on while it does.
     """
-    one = draft.finding
-    shown = [told for told in series[0] if told.relation.declares and one.fault in told.effects]
-    best = max(shown, key=lambda told: one.evidence.get(told.relation.name, 0.0))
+    finding = draft.finding
+    shown = [
+        relation_series
+        for relation_series in series[0]
+        if relation_series.relation.declares and finding.fault in relation_series.effects
+    ]
+    best = max(shown, key=lambda relation_series: finding.evidence.get(relation_series.relation.name, 0.0))
     (first_s, last_s), length_s = draft.window, draft.window[1] - draft.window[0]
     _, end_s = _stretch(flight, draft.window)
     while True:
-        told = with_course(best, one, (first_s, last_s), unit_of(flight.log, one.fault))
-        if told.shape != "drift" or last_s >= min(end_s, first_s + LONGEST * length_s):
-            return replace(draft, finding=told, window=(first_s, last_s), until_s=max(draft.until_s, last_s))
+        described = with_course(best, finding, (first_s, last_s), unit_of(flight.log, finding.fault))
+        if described.shape != "drift" or last_s >= min(end_s, first_s + LONGEST * length_s):
+            return replace(draft, finding=described, window=(first_s, last_s), until_s=max(draft.until_s, last_s))
         last_s = min(last_s + 0.5 * length_s, end_s)
 
 
 def _stretch(flight: Flight, window: Window) -> Window:
     """Return the stretch of flight that a window lies in."""
-    return next((one for one in flight_stretches(flight.part_phases) if overlaps(window, [one])), window)
+    return next((stretch for stretch in flight_stretches(flight.part_phases) if overlaps(window, [stretch])), window)
 
 
 def _from_the_start(flight: Flight, series: Series, joined: Draft, first: Draft) -> Draft:
@@ -141,13 +147,13 @@ def drafts_of_disagreements(flight: Flight, held: Sequence[Draft]) -> list[Draft
     """
     together: dict[tuple[float, float], list[Disagreement]] = {}
     drafts = []
-    for one in flight.disagreements:
-        if one.to_s <= flight.from_s or one.from_s >= flight.to_s:
+    for disagreement in flight.disagreements:
+        if disagreement.to_s <= flight.from_s or disagreement.from_s >= flight.to_s:
             continue
-        if one.alone:
-            drafts.append(_overruled(flight, one, (one.channel,), (one.channel,)))
+        if disagreement.alone:
+            drafts.append(_overruled(flight, disagreement, (disagreement.channel,), (disagreement.channel,)))
         else:
-            together.setdefault((one.from_s, one.to_s), []).append(one)
+            together.setdefault((disagreement.from_s, disagreement.to_s), []).append(disagreement)
     for (from_s, to_s), those in together.items():
         if not any(draft.from_s < to_s and draft.until_s > from_s for draft in held):
             alone = () if len(those) > 1 or "p_total" in flight.recorded else (those[0].channel,)
@@ -156,7 +162,7 @@ def drafts_of_disagreements(flight: Flight, held: Sequence[Draft]) -> list[Draft
     return drafts
 
 
-def _overruled(flight: Flight, one: Disagreement, among: tuple[str, ...], channels: tuple[str, ...]) -> Draft:
+def _overruled(flight: Flight, disagreement: Disagreement, among: tuple[str, ...], channels: tuple[str, ...]) -> Draft:
     """Return one stretch as a fault, without an end: an airspeed that may be that of a flight again may still err."""
     finding = Finding(
         fault=among[0],
@@ -164,14 +170,16 @@ def _overruled(flight: Flight, one: Disagreement, among: tuple[str, ...], channe
         channels=channels,
         stage="sensors",
         shape="bias" if among[0] in STANDARD else among[0],
-        unit=STANDARD[one.channel].unit if among[0] in STANDARD else "",
-        onset_s=one.from_s,
+        unit=STANDARD[disagreement.channel].unit if among[0] in STANDARD else "",
+        onset_s=disagreement.from_s,
         # What falls slowly has begun before it says "ground".
-        onset_ci95=(one.from_s - one.least_s - ONSET_S, one.latest_s + ONSET_S),
-        statistic=one.to_s - one.from_s,
-        threshold=one.least_s,
-        doubt="" if one.certain else "at least as many signs of the log say that the aircraft is on the ground",
-        effect={} if one.error is None else {one.channel: abs(one.error)},
+        onset_ci95=(disagreement.from_s - disagreement.least_s - ONSET_S, disagreement.latest_s + ONSET_S),
+        statistic=disagreement.to_s - disagreement.from_s,
+        threshold=disagreement.least_s,
+        doubt=""
+        if disagreement.certain
+        else "at least as many signs of the log say that the aircraft is on the ground",
+        effect={} if disagreement.error is None else {disagreement.channel: abs(disagreement.error)},
     )
-    window = flight.around(one.from_s, one.to_s, AROUND_S)
-    return Draft(finding=finding, window=window, until_s=min(flight.to_s, one.to_s))
+    window = flight.around(disagreement.from_s, disagreement.to_s, AROUND_S)
+    return Draft(finding=finding, window=window, until_s=min(flight.to_s, disagreement.to_s))

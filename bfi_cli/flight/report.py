@@ -24,7 +24,7 @@ from .first_screen import TEXT_OF_CAUSE, diagnose_screen, event_in_words, second
 from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse, OrdinaryEvent
 
 # Shapes that are named behind a channel; the others are faults by themselves.
-OF_A_CHANNEL = ("bias", "drift", "sine", "offset", "frozen", "pitot_blocked", "static_blocked")
+CHANNEL_SHAPES = ("bias", "drift", "sine", "offset", "frozen", "pitot_blocked", "static_blocked")
 # What a channel does that has short defects of a shape.
 SHORT = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}
 SERIES = ("time_s", "measured", "corrected", "units", "strips", "limit_courses", "courses")
@@ -68,10 +68,18 @@ def events_csv(events: Sequence[Event]) -> bytes:
     """
     rows = [
         (
-            *(one.onset_s, one.offset_s, one.fault, " ".join(one.channels), one.state, one.kind, one.shape),
-            *(one.magnitude, one.unit, *(one.ci95 or (None, None)), one.p_value),
+            *(
+                event.onset_s,
+                event.offset_s,
+                event.fault,
+                " ".join(event.channels),
+                event.state,
+                event.kind,
+                event.shape,
+            ),
+            *(event.magnitude, event.unit, *(event.ci95 or (None, None)), event.p_value),
         )
-        for one in sorted(events, key=lambda one: one.onset_s)
+        for event in sorted(events, key=lambda event: event.onset_s)
     ]
     return f"{EVENTS}\n{csv_lines(rows)}".encode()
 
@@ -98,7 +106,7 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
     drawings = [_timeline(result, units)] if result.time_s.size else []
     drawings += [_limits_figure(result, units)] if result.limit_courses else []
     pages = (_page(result, k, units) for k in range(min(len(events), MOST_PAGES)))
-    drawings += [one for one in pages if one.panels]  # none of what is neither drawn nor has evidence by residual
+    drawings += [page for page in pages if page.panels]  # none of what is neither drawn nor has evidence by residual
     content = ReportContent(
         category="Diagnosis of a flight",
         title=log.path,
@@ -117,11 +125,13 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
         notes=(
             *(Note.limit(f"missing: {units.sentence(sentence)}") for sentence in result.missing),
             *(
-                Note("method" if one.state == "declared" else "limit", f"{_name(one)}: {units.sentence(one.note)}")
-                for one in events
-                if one.note
+                Note(
+                    "method" if event.state == "declared" else "limit", f"{_name(event)}: {units.sentence(event.note)}"
+                )
+                for event in events
+                if event.note
             ),
-            *(Note.advice(f"{_name(one)}: next time, {one.repeat}") for one in events if one.repeat),
+            *(Note.advice(f"{_name(event)}: next time, {event.repeat}") for event in events if event.repeat),
             *shown_notes(result.notes, units),
         ),
         zoom=_zoom(result, drawings, units),
@@ -140,22 +150,22 @@ def _zoom(result: DiagnoseResult, drawings: Sequence[Drawing], units: Units) -> 
         return ()
     span = (result.log.start_s, result.log.stop_s)
     bands = (*bands_of(result.phases), *_lines(result.events))
-    panels = {one.name: one.panels for one in drawings}
-    limits = (replace(one, y_label=f"limit of {one.y_label}", bands=bands) for one in panels.get("limits", ()))
-    courses = (_course_panel(result, one, span, bands, units) for one in result.courses)
+    panels = {drawing.name: drawing.panels for drawing in drawings}
+    limits = (replace(panel, y_label=f"limit of {panel.y_label}", bands=bands) for panel in panels.get("limits", ()))
+    courses = (_course_panel(result, course, span, bands, units) for course in result.courses)
     return (replace(drawings[0], panels=(*panels["timeline"], *limits, *courses)),)
 
 
 def _columns(rows: Sequence[Event | FlightLimit], keys: Iterable[str]) -> dict[str, list[Any]]:
     """Return columns of rows."""
-    return {key: [_cell(getattr(one, key)) for one in rows] for key in keys}
+    return {key: [_cell(getattr(row, key)) for row in rows] for key in keys}
 
 
 def _cell(value: Any) -> Any:
     if isinstance(value, Mapping):
         return " ".join(f"{name}={size:.6g}" for name, size in value.items())
     if isinstance(value, tuple):
-        return " ".join(str(one) for one in value)
+        return " ".join(str(entry) for entry in value)
     return value
 
 
@@ -198,29 +208,29 @@ def _channel(fault: str) -> str:
 
 def _event_tables(name: str, title: str, events: Sequence[Event], units: Units) -> tuple[Table, ...]:
     rows = []
-    for one in events:
-        low, high = one.onset_ci95
-        among = ", ".join(one.among)
-        evidence = ", ".join(f"{name} {value:.3g}" for name, value in one.evidence.items())
-        effect = ", ".join(_error(name, value, units) for name, value in list(one.effect.items())[:3])
+    for event in events:
+        low, high = event.onset_ci95
+        among = ", ".join(event.among)
+        evidence = ", ".join(f"{name} {value:.3g}" for name, value in event.evidence.items())
+        effect = ", ".join(_error(name, value, units) for name, value in list(event.effect.items())[:3])
         rows.append(
             (
                 among,
-                one.state,
-                f"{second(one.onset_s)} ({second(low)} to {second(high)})",
-                "may last" if one.offset_s is None else second(one.offset_s),
-                f"{one.shape} {_magnitude(one, units)}{_interval(one, units)}{_lasts(one)}"
-                if one.magnitude is not None
-                else f"{one.shape}, {one.count} in all"
-                if one.count
+                event.state,
+                f"{second(event.onset_s)} ({second(low)} to {second(high)})",
+                "may last" if event.offset_s is None else second(event.offset_s),
+                f"{event.shape} {_magnitude(event, units)}{_interval(event, units)}{_lasts(event)}"
+                if event.magnitude is not None
+                else f"{event.shape}, {event.count} in all"
+                if event.count
                 else "held",
-                f"{effect} by {instant(round(one.window_s[1]))} s" if effect else "-",
-                "-" if one.p_value is None else f"{one.p_value:.2g}",
+                f"{effect} by {instant(round(event.window_s[1]))} s" if effect else "-",
+                "-" if event.p_value is None else f"{event.p_value:.2g}",
                 evidence or "-",
             )
         )
     heads = ("fault (or)", "state", "from [s]", "to [s]", "course (95 %)", "largest error", "p at most", "evidence")
-    times_s = tuple((one.onset_s, one.offset_s) for one in events)
+    times_s = tuple((event.onset_s, event.offset_s) for event in events)
     table = Table(name=name, title=title, heads=heads, rows=tuple(rows), times_s=times_s, last_time=3)
     return (table,) if rows else ()
 
@@ -228,16 +238,22 @@ def _event_tables(name: str, title: str, events: Sequence[Event], units: Units) 
 def _ordinary_table(ordinary: Sequence[OrdinaryEvent], units: Units) -> tuple[Table, ...]:
     """Return what looked like a fault and is explained by what happens in any flight."""
     rows = []
-    for one in ordinary:
-        shown = units.of(one.unit, channel=_channel(one.looks_like))
-        size = "-" if one.magnitude is None else with_unit(number(shown.change(one.magnitude)), shown.unit)
-        evidence = ", ".join(f"{name} {value:+.3g}" for name, value in one.evidence.items())
-        times = second(one.from_s), "-" if one.to_s is None else second(one.to_s)
+    for event in ordinary:
+        shown = units.of(event.unit, channel=_channel(event.looks_like))
+        size = "-" if event.magnitude is None else with_unit(number(shown.change(event.magnitude)), shown.unit)
+        evidence = ", ".join(f"{name} {value:+.3g}" for name, value in event.evidence.items())
+        times = second(event.from_s), "-" if event.to_s is None else second(event.to_s)
         rows.append(
-            (TEXT_OF_CAUSE.get(one.cause, one.cause), *times, one.looks_like.replace("_", " "), size, evidence or "-")
+            (
+                TEXT_OF_CAUSE.get(event.cause, event.cause),
+                *times,
+                event.looks_like.replace("_", " "),
+                size,
+                evidence or "-",
+            )
         )
     heads = ("what happens", "from [s]", "to [s]", "looks like", "of", "log density")
-    title, times_s = "Ordinary events, no faults", tuple((one.from_s, one.to_s) for one in ordinary)
+    title, times_s = "Ordinary events, no faults", tuple((event.from_s, event.to_s) for event in ordinary)
     table = Table(name="ordinary", title=title, heads=heads, rows=tuple(rows), times_s=times_s, last_time=2)
     return (table,) if rows else ()
 
@@ -252,12 +268,12 @@ def _limit_tables(limits: Sequence[FlightLimit], units: Units) -> tuple[Table, .
     tables = []
     for bounds, title in titles.items():
         by_fault: dict[tuple[str, str], list[FlightLimit]] = {}
-        for one in limits:
-            if one.bounds == bounds:
-                by_fault.setdefault((one.fault, one.shape), []).append(one)
-        rows = tuple(_limit_row(of_fault, units) for of_fault in by_fault.values())
+        for limit in limits:
+            if limit.bounds == bounds:
+                by_fault.setdefault((limit.fault, limit.shape), []).append(limit)
+        rows = tuple(_limit_row(fault_limits, units) for fault_limits in by_fault.values())
         worst = map(_worst, by_fault.values())
-        times_s = tuple((one.from_s, one.to_s) for one in worst)
+        times_s = tuple((limit.from_s, limit.to_s) for limit in worst)
         if rows:
             name = "limits" if bounds == "error" else "agreement"
             columns = (*heads, "within")
@@ -267,22 +283,22 @@ def _limit_tables(limits: Sequence[FlightLimit], units: Units) -> tuple[Table, .
     return tuple(tables)
 
 
-def _worst(of_fault: Sequence[FlightLimit]) -> FlightLimit:
+def _worst(limits: Sequence[FlightLimit]) -> FlightLimit:
     """Return the limit of the worst stretch."""
-    return next(one for one in of_fault if one.holds_in == 1.0 and not one.grows_on)
+    return next(limit for limit in limits if limit.holds_in == 1.0 and not limit.grows_on)
 
 
-def _limit_row(of_fault: Sequence[FlightLimit], units: Units) -> tuple[str, ...]:
+def _limit_row(limits: Sequence[FlightLimit], units: Units) -> tuple[str, ...]:
     """Return the limits of one fault and shape: the worst stretch, what holds mostly, and what grows on."""
-    worst = _worst(of_fault)
-    mostly = next((one for one in of_fault if one.holds_in < 1.0), None)
-    grown = next((one for one in of_fault if one.grows_on), None)
+    worst = _worst(limits)
+    mostly = next((limit for limit in limits if limit.holds_in < 1.0), None)
+    grown = next((limit for limit in limits if limit.grows_on), None)
     shown = units.of(worst.effect_unit, channel=worst.channel)
 
-    def hidden(one: FlightLimit | None) -> str:
-        return "-" if one is None else "any" if one.effect is None else change(one.effect, shown)
+    def hidden(limit: FlightLimit | None) -> str:
+        return "-" if limit is None else "any" if limit.effect is None else change(limit.effect, shown)
 
-    within = all(one.within_tolerance for one in of_fault)
+    within = all(limit.within_tolerance for limit in limits)
     return (
         worst.fault,
         worst.shape,
@@ -315,16 +331,18 @@ def _happening(event: Event) -> Happening:
 
 
 def _lines(events: Sequence[Event]) -> list[Block]:
-    return [line for one in events for line in lines_at(one.state, one.times_s or (one.onset_s, one.offset_s))]
+    return [
+        line for event in events for line in lines_at(event.state, event.times_s or (event.onset_s, event.offset_s))
+    ]
 
 
 def _timeline(result: DiagnoseResult, units: Units) -> Drawing:
     log, events = result.log, result.events
     limits = (log.start_s, log.stop_s)
-    lanes = lanes_of(result.phases, (), (), [_happening(one) for one in events], limits=limits)
+    lanes = lanes_of(result.phases, (), (), [_happening(event) for event in events], limits=limits)
     bands = (*bands_of(result.phases), *_lines(events))
     panels = [lane_panel(lanes, limits)] if lanes else []
-    wrong = [name for one in events for name in one.channels]
+    wrong = [name for event in events for name in event.channels]
     airspeeds = [name for name in ("tas", "cas", "ias") if name in result.measured]
     shown = [name for name in (*airspeeds[:1], "altitude") if name in result.measured]
     shown += [name for name in dict.fromkeys(wrong) if name in result.measured and name not in shown][:3]
@@ -354,18 +372,18 @@ def _limits_figure(result: DiagnoseResult, units: Units) -> Drawing:
     """Return the limits of drifts over the flight, what 95 % of it exclude, and the worst."""
     limits = (result.log.start_s, result.log.stop_s)
     panels = []
-    for one in result.limit_courses:
-        shown = units.of(one.unit, channel=_channel(one.fault))
-        slopes = shown.changes(one.excluded_above)
+    for course in result.limit_courses:
+        shown = units.of(course.unit, channel=_channel(course.fault))
+        slopes = shown.changes(course.excluded_above)
         levels = (
-            ("95 %", float(shown.change(one.mostly) or 0.0)),
-            ("worst", float(shown.change(one.worst) or 0.0)),
+            ("95 %", float(shown.change(course.mostly) or 0.0)),
+            ("worst", float(shown.change(course.worst) or 0.0)),
         )
         panels.append(
             Panel(
                 x_label="onset [s]",
-                y_label=f"{_name(one)}\n[{shown.unit}]",
-                curves=(curve("", one.time_s, slopes),),
+                y_label=f"{_name(course)}\n[{shown.unit}]",
+                curves=(curve("", course.time_s, slopes),),
                 levels=levels,
                 log_y=True,
                 bands=tuple(bands_of(result.phases)),
@@ -432,7 +450,7 @@ def _page(result: DiagnoseResult, k: int, units: Units) -> Drawing:
     low = max(result.log.start_s, event.window_s[0] - AROUND_S)
     high = min(result.log.stop_s, event.window_s[1] + AROUND_S)
     bands = (*bands_of(result.phases), *_lines([event]))
-    inside = tuple(one for one in bands if one.high >= low and one.low <= high)
+    inside = tuple(band for band in bands if band.high >= low and band.low <= high)
     names = [name for name in event.channels if name in result.measured][:3]
     panels = [_channel_panel(result, name, (low, high), inside, units) for name in names]
     for course in result.courses:
@@ -442,8 +460,8 @@ def _page(result: DiagnoseResult, k: int, units: Units) -> Drawing:
     # The panels above each other have one time axis; its name stands below the last.
     panels[:-1] = [replace(panel, x_label="") for panel in panels[:-1]]
     # A line is held where its pressure scatters least: no bar shows that.
-    told = bool(event.evidence) and event.stages[0] != "holds"
-    if told:
+    has_evidence = bool(event.evidence) and event.stages[0] != "holds"
+    if has_evidence:
         sizes = list(event.evidence.items())
         panels.append(
             Panel(
@@ -455,7 +473,7 @@ def _page(result: DiagnoseResult, k: int, units: Units) -> Drawing:
             )
         )
     caption = f"{capital(event_in_words(event, units))}; {event.state}."
-    if told:
+    if has_evidence:
         caption += (
             " Evidence for the fault by residual: twice its log-likelihood ratio; of other analyses their statistic."
         )

@@ -76,32 +76,32 @@ def find_slow_faults(
     known = [draft for draft in exact if beyond_its_tolerance(flight, draft) is not False]
     for draft in known:
         if draft.finding.shape != "bias":  # a constant is a nuisance of every residual anyway
-            back = next((one for one in known if is_return(one.finding, draft.finding)), None)
+            back = next((other for other in known if is_return(other.finding, draft.finding)), None)
             flight = flight.with_lasting(_lasting(draft, back))
     start, named, undone, stood_out = flight, list[Named](), list[Draft](), list[Draft]()
     answer = _scan_all(flight, report)
     for _ in range(2 * MOST):
         drafts = [fault.as_told for fault in named]
-        told = [*known, *drafts, *(fault.back for fault in named if fault.back is not None)]
-        runs = _runs_that_stand_out(answer.scanned, held, told)
-        described = [one for run in runs if (one := _described(flight, run, static)) is not None]
-        certain = [one for one in described if is_certain(one.draft) and not _is_among(one.draft, undone)]
+        reported = [*known, *drafts, *(fault.back for fault in named if fault.back is not None)]
+        runs = _runs_that_stand_out(answer.scanned, held, reported)
+        described = [fault for run in runs if (fault := _described(flight, run, static)) is not None]
+        certain = [fault for fault in described if is_certain(fault.draft) and not _is_among(fault.draft, undone)]
         if not certain or len(drafts) == MOST:
             break
-        strongest = max(certain, key=lambda one: one.strength)
+        strongest = max(certain, key=lambda fault: fault.strength)
         begun_s = strongest.draft.finding.onset_ci95[1]
-        stood_out += [one.draft for one in certain if one.draft.finding.onset_s > begun_s]
+        stood_out += [fault.draft for fault in certain if fault.draft.finding.onset_s > begun_s]
         candidates = _with_named(named, strongest, flight, answer)
-        named = _told_again(start, candidates, answer, static)
-        undone += [one.draft for one in candidates if not _is_among(one.draft, [kept.draft for kept in named])]
+        named = _name_again(start, candidates, answer, static)
+        undone += [fault.draft for fault in candidates if not _is_among(fault.draft, [kept.draft for kept in named])]
         flight = _with_all(start, named)
         answer = _scan_all(flight, silent, before=answer)
-    found = [one.draft for one in described]
-    return replace(answer, drafts=(*drafts, *found), notes=_set_aside(stood_out, [*told, *found], drafts))
+    rest = [fault.draft for fault in described]
+    return replace(answer, drafts=(*drafts, *rest), notes=_set_aside(stood_out, [*reported, *rest], drafts))
 
 
 def _runs_that_stand_out(
-    scanned: Sequence[Scanned], held: Sequence[Window], told: Sequence[Draft]
+    scanned: Sequence[Scanned], held: Sequence[Window], reported: Sequence[Draft]
 ) -> list[list[Scanned]]:
     """Return the runs of windows that stand out, without those that may hold an onset which is told already.
 
@@ -109,15 +109,15 @@ def _runs_that_stand_out(
     ----------
     held : stretches in which a pressure line is held.
     """
-    onsets = [draft.finding.onset_ci95 for draft in told]
+    onsets = [draft.finding.onset_ci95 for draft in reported]
     flagged = [
-        one
-        for one in scanned
-        if one.statistic > one.threshold.suspected
-        and not overlaps(one.window, held)
-        and not any(one.from_s < last_s and first_s < one.to_s for first_s, last_s in onsets)
+        scan
+        for scan in scanned
+        if scan.statistic > scan.threshold.suspected
+        and not overlaps(scan.window, held)
+        and not any(scan.from_s < last_s and first_s < scan.to_s for first_s, last_s in onsets)
     ]
-    return [[flagged[k] for k in run] for run in clusters([one.window for one in flagged])]
+    return [[flagged[k] for k in run] for run in clusters([scan.window for scan in flagged])]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,24 +152,24 @@ def _with_all(start: Flight, named: Sequence[Named]) -> Flight:
     return start
 
 
-def _told_again(start: Flight, named: Sequence[Named], answer: SlowFaults, static: StaticWindows) -> list[Named]:
+def _name_again(start: Flight, named: Sequence[Named], answer: SlowFaults, static: StaticWindows) -> list[Named]:
     """Return the faults named so far, each described with the others in the model, without those that these explain.
 
     The weakest goes first. One that is described in the same model already stays as it is.
     """
     kept = list(named)
-    for fault in sorted(named, key=lambda one: one.strength):
+    for fault in sorted(named, key=lambda fault: fault.strength):
         everything = _with_all(start, kept)
-        flight = _with_all(start, [one for one in kept if one is not fault])
+        flight = _with_all(start, [other for other in kept if other is not fault])
         flight = replace(flight, zero_lift=everything.zero_lift, zero_lift_from=everything.zero_lift_from)
         draft, k = fault.draft, kept.index(fault)
         # Another that begins in its window before it is in the model from there on.
         latest_s = draft.finding.onset_s - NEAR_START_S
-        from_s = max([draft.window[0], *(one.from_s for one in flight.lasting if one.from_s <= latest_s)])
+        from_s = max([draft.window[0], *(lasting.from_s for lasting in flight.lasting if lasting.from_s <= latest_s)])
         window = (from_s, draft.window[1])
         if (flight.zero_lift, flight.lasting_in(window)) == (fault.zero_lift, draft.lasting):
             continue
-        again = _told(flight, window, draft.finding.onset_s, fault.threshold, static, until_s=draft.until_s)
+        again = _name_fault(flight, window, draft.finding.onset_s, fault.threshold, static, until_s=draft.until_s)
         if again is None or not is_certain(again.draft):
             del kept[k]
         elif hypotheses_of(again.draft.finding) == hypotheses_of(draft.finding):
@@ -184,19 +184,19 @@ def _with_named(named: Sequence[Named], strongest: Named, flight: Flight, answer
 
     What was found after an end as if the fault still lasted is left out, since it can be found without that.
     """
-    going = [one for one in named if one.back is None]
-    ended = next((one for one in going if is_return(strongest.draft.finding, one.draft.finding)), None)
-    begun_after = next((one for one in going if is_return(one.draft.finding, strongest.draft.finding)), None)
+    going = [fault for fault in named if fault.back is None]
+    ended = next((fault for fault in going if is_return(strongest.draft.finding, fault.draft.finding)), None)
+    begun_after = next((fault for fault in going if is_return(fault.draft.finding, strongest.draft.finding)), None)
     if ended is not None:
-        others, pair = [one for one in named if one is not ended], replace(ended, back=strongest.draft)
+        others, pair = [fault for fault in named if fault is not ended], replace(ended, back=strongest.draft)
     else:
-        others = [one for one in named if one is not begun_after]
+        others = [fault for fault in named if fault is not begun_after]
         back = _return_of(flight, strongest.draft, answer) if begun_after is None else begun_after.draft
         pair = replace(strongest, back=back)
     if pair.back is None:
         return [*others, pair]
     end_s = pair.back.finding.onset_s
-    return [*(one for one in others if not (one.draft.lasting and one.draft.window[0] >= end_s)), pair]
+    return [*(fault for fault in others if not (fault.draft.lasting and fault.draft.window[0] >= end_s)), pair]
 
 
 def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | None:
@@ -210,23 +210,27 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
     ----------
     scanned : the windows, before the fault was known.
     """
-    one = draft.finding
-    course = course_for(one.shape, one.constant_s)
-    if one.magnitude is None or course is None:
+    finding = draft.finding
+    course = course_for(finding.shape, finding.constant_s)
+    if finding.magnitude is None or course is None:
         return None
-    (fault,) = hypotheses_of(replace(one, among=(one.fault,)))
-    _, sign = hypothesis_of(one.fault)
+    (fault,) = hypotheses_of(replace(finding, among=(finding.fault,)))
+    _, sign = hypothesis_of(finding.fault)
     stretches = flight_stretches(flight.part_phases)
     stretch = next((part for part in stretches if overlaps(draft.window, [part])), draft.window)
     length_s = draft.window[1] - draft.window[0]
-    last_s = draft.window[1] + length_s if one.shape == "drift" else stretch[1]
+    last_s = draft.window[1] + length_s if finding.shape == "drift" else stretch[1]
     explained = 0
     for look in scanned.scanned:
         window, threshold = look.window, look.threshold
-        if round(window[1] - window[0]) != RETURN_S or window[1] <= one.onset_s + NEAR_START_S or window[0] >= last_s:
+        if (
+            round(window[1] - window[0]) != RETURN_S
+            or window[1] <= finding.onset_s + NEAR_START_S
+            or window[0] >= last_s
+        ):
             continue
         part = flight.record.between(*window)
-        amount = sign * one.magnitude * course(part.time_s - one.onset_s)
+        amount = sign * finding.magnitude * course(part.time_s - finding.onset_s)
         # Of a size that no subsonic flight leaves, the fault cannot have lasted until here: nothing is known then.
         part = without_lasting(part, fault, np.maximum(amount, MOST_LOST) if fault == "q_impact" else amount)
         scan = scan_window(part, zero_lift=flight.zero_lift, only=look.residuals)
@@ -235,33 +239,33 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
         explained += 1
         fits = explain(scan, part)
         back = finding_of_fit(fits, part, threshold, flight.recorded, scan)
-        if back.onset_s > one.onset_ci95[1] and is_return(back, one):
+        if back.onset_s > finding.onset_ci95[1] and is_return(back, finding):
             return Draft(finding=back, window=window, until_s=window[1])
     return None
 
 
-def _set_aside(stood_out: Sequence[Draft], told: Sequence[Draft], lasting: Sequence[Draft]) -> tuple[Note, ...]:
+def _set_aside(stood_out: Sequence[Draft], reported: Sequence[Draft], lasting: Sequence[Draft]) -> tuple[Note, ...]:
     """Return a sentence on what stood out after a fault until what that may still do was left out."""
-    gone = [one for one in stood_out if not any(_same_onset(one, other) for other in told)]
+    gone = [draft for draft in stood_out if not any(_same_onset(draft, other) for other in reported)]
     strongest: list[Draft] = []
-    for one in sorted(gone, key=lambda draft: -draft.finding.statistic / draft.finding.threshold):
-        if not any(_same_onset(one, other) for other in strongest):
-            strongest.append(one)
+    for draft in sorted(gone, key=lambda draft: -draft.finding.statistic / draft.finding.threshold):
+        if not any(_same_onset(draft, other) for other in strongest):
+            strongest.append(draft)
     if not strongest:
         return ()
-    said = ", ".join(f"{one.finding.fault} from {one.finding.onset_s:.0f} s" for one in strongest[:SHOWN])
-    last = " and ".join(dict.fromkeys(one.finding.fault for one in lasting))
-    return (Note.limit(f"after {last} fails, {said} cannot be told from its after-effects and is not reported"),)
+    faults = ", ".join(f"{draft.finding.fault} from {draft.finding.onset_s:.0f} s" for draft in strongest[:SHOWN])
+    last = " and ".join(dict.fromkeys(draft.finding.fault for draft in lasting))
+    return (Note.limit(f"after {last} fails, {faults} cannot be told from its after-effects and is not reported"),)
 
 
 def _is_among(draft: Draft, others: Sequence[Draft]) -> bool:
     """Return whether one of the other drafts names the same fault."""
     names = hypotheses_of(draft.finding)
-    return any(hypotheses_of(one.finding) == names and _same_onset(one, draft) for one in others)
+    return any(hypotheses_of(other.finding) == names and _same_onset(other, draft) for other in others)
 
 
-def _same_onset(one: Draft, other: Draft) -> bool:
-    (first, last), (begun, ended) = one.finding.onset_ci95, other.finding.onset_ci95
+def _same_onset(draft: Draft, other: Draft) -> bool:
+    (first, last), (begun, ended) = draft.finding.onset_ci95, other.finding.onset_ci95
     return first <= ended and begun <= last
 
 
@@ -297,14 +301,14 @@ def _described(flight: Flight, run: Sequence[Scanned], static: StaticWindows) ->
     Of these it is the one with the most evidence: a long window may be nearer its threshold and tell more. A window
     that begins after the fault shows a ramp from its own start on, and often more of it.
     """
-    first_s, until_s = min(one.from_s for one in run), max(one.to_s for one in run)
-    early = [one for one in run if one.from_s <= first_s + max(LENGTHS_S)]
-    inside = [one for one in early if _well_inside(one.onset_s, one.window)]
-    clearest = max(inside or early, key=lambda one: one.statistic)
-    return _told(flight, clearest.window, clearest.onset_s, clearest.threshold, static, until_s=until_s)
+    first_s, until_s = min(scan.from_s for scan in run), max(scan.to_s for scan in run)
+    early = [scan for scan in run if scan.from_s <= first_s + max(LENGTHS_S)]
+    inside = [scan for scan in early if _well_inside(scan.onset_s, scan.window)]
+    clearest = max(inside or early, key=lambda scan: scan.statistic)
+    return _name_fault(flight, clearest.window, clearest.onset_s, clearest.threshold, static, until_s=until_s)
 
 
-def _told(
+def _name_fault(
     flight: Flight, window: Window, onset_s: float, threshold: Threshold, static: StaticWindows, *, until_s: float
 ) -> Named | None:
     """Return the fault that a window shows, told where its onset lies well inside; None without a residual."""
@@ -334,9 +338,9 @@ def _explained(flight: Flight, window: Window, scan: WindowScan, static: StaticW
 def _around(flight: Flight, onset_s: float, window: Window, threshold: Threshold) -> tuple[Window, WindowScan | None]:
     """Return the window, moved or begun earlier until the onset lies well inside while it stands out, and its scan."""
     stretches = flight_stretches(flight.part_phases)
-    low, high = next((one for one in stretches if one[0] <= onset_s < one[1]), window)
+    low, high = next((stretch for stretch in stretches if stretch[0] <= onset_s < stretch[1]), window)
     # Not back to before a fault that is named already, nor its end: the window would show that.
-    known_s = (time_s for one in flight.lasting for time_s in (one.from_s, one.until_s))
+    known_s = (time_s for fault in flight.lasting for time_s in (fault.from_s, fault.until_s))
     low = max(low, *(time_s for time_s in known_s if time_s <= window[0]), -np.inf)
     scan = flight.scan(window)
     for _ in range(MOVES):
@@ -348,7 +352,14 @@ def _around(flight: Flight, onset_s: float, window: Window, threshold: Threshold
             break
         ends = [start_s + length_s, window[1]] if start_s < window[0] else [start_s + length_s]
         others = (((start_s, end_s), flight.scan((start_s, end_s))) for end_s in ends)
-        better = next(((moved, one) for moved, one in others if one and one.statistic > threshold.suspected), None)
+        better = next(
+            (
+                (moved, moved_scan)
+                for moved, moved_scan in others
+                if moved_scan and moved_scan.statistic > threshold.suspected
+            ),
+            None,
+        )
         if better is None:
             break
         window, scan = better

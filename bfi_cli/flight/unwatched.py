@@ -51,10 +51,10 @@ def flown_of(flight: Flight) -> list[Window]:
 
     Time without a phase has no airspeed; it counts as flight where it follows or precedes flight.
     """
-    parts = sorted((one for one in flight.part_phases if one.phase in PARTS), key=lambda one: one.from_s)
-    airborne = [one.phase in AIRBORNE for one in parts]
-    flown = [(one.from_s, one.to_s) for one, flies in zip(parts, airborne, strict=True) if flies]
-    gaps = pairwise([flight.from_s, *(time_s for one in parts for time_s in (one.from_s, one.to_s)), flight.to_s])
+    parts = sorted((phase for phase in flight.part_phases if phase.phase in PARTS), key=lambda phase: phase.from_s)
+    airborne = [phase.phase in AIRBORNE for phase in parts]
+    flown = [(phase.from_s, phase.to_s) for phase, flies in zip(parts, airborne, strict=True) if flies]
+    gaps = pairwise([flight.from_s, *(time_s for phase in parts for time_s in (phase.from_s, phase.to_s)), flight.to_s])
     for (first, last), beside in zip([*gaps][::2], pairwise([False, *airborne, False]), strict=True):
         if last > first and any(beside):
             flown.append((first, last))
@@ -66,22 +66,22 @@ def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence
 
     An airspeed that no residual reads is bounded by its relation to one that is.
     """
-    drifts = {(one.fault, one.bounds): one.windows for one in bounds if one.shape == "drift"}
+    drifts = {(bound.fault, bound.bounds): bound.windows for bound in bounds if bound.shape == "drift"}
     unbounded: list[tuple[Window, str]] = []
     for name in (PITOT_LINE, *(name for name in AIRSPEEDS if name in flight.recorded)):
         windows = drifts.get((name, "error")) or drifts.get((name, "disagreement")) or ()
-        for piece in left_of(flown_of(flight), union([stretch for one in windows for stretch in one.watched])):
+        for piece in left_of(flown_of(flight), union([stretch for hidden in windows for stretch in hidden.watched])):
             if piece[1] - piece[0] >= LEAST_S:
                 unbounded.append((piece, "the pitot line" if name == PITOT_LINE else name))
     declared = [
-        (one.onset_s, one.seen_until_s if one.offset_s is None else one.offset_s)
-        for one in events
-        if one.state == "declared"
+        (event.onset_s, event.seen_until_s if event.offset_s is None else event.offset_s)
+        for event in events
+        if event.state == "declared"
     ]
     reasons = _reasons(flight, declared)
-    parts = [(one.from_s, one.to_s) for one in flight.part_phases]
+    parts = [(phase.from_s, phase.to_s) for phase in flight.part_phases]
     stretches = [*parts, *(piece for piece, _ in unbounded), *(window for window, _ in reasons)]
-    known = [(one.from_s, one.to_s) for one in flight.part_phases if one.phase in PARTS]
+    known = [(phase.from_s, phase.to_s) for phase in flight.part_phases if phase.phase in PARTS]
     pieces = []
     # A reason holds in all of a piece between two cuts, or in none of it; so does a phase.
     for first, last in pairwise(sorted({time_s for stretch in stretches for time_s in stretch})):
@@ -98,12 +98,12 @@ def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence
 def _reasons(flight: Flight, declared: Sequence[Window]) -> list[tuple[Window, str]]:
     """Return the stretches in which slow faults are not looked for, and why, the first that holds first."""
     return [
-        *(((one.from_s, one.to_s), NO_SPEED) for one in flight.part_phases if one.phase == NO_AIRSPEED),
+        *(((phase.from_s, phase.to_s), NO_SPEED) for phase in flight.part_phases if phase.phase == NO_AIRSPEED),
         *((window, "the fault there masks others") for window in declared),
         *(
-            ((one.from_s, one.to_s), f"{one.phase}: no slow fault is looked for")
-            for one in flight.part_phases
-            if one.phase in ("approach", "parabola")
+            ((phase.from_s, phase.to_s), f"{phase.phase}: no slow fault is looked for")
+            for phase in flight.part_phases
+            if phase.phase in ("approach", "parabola")
         ),
         *((window, "flaps or gear may move") for window in flight.moved),
     ]
@@ -120,35 +120,35 @@ def unwatched_by_steps(flight: Flight, windows: Sequence[Window]) -> list[Unwatc
 
 def unwatched_by_lines(flight: Flight) -> list[Unwatched]:
     """Return where a blocked pressure line would not have been seen."""
-    found = [
+    stretches = [
         Unwatched(
-            from_s=max(one.from_s, flight.from_s),
-            to_s=min(one.to_s, flight.to_s),
-            why=f"{one.fault} {one.what}: {one.why}",
+            from_s=max(line.from_s, flight.from_s),
+            to_s=min(line.to_s, flight.to_s),
+            why=f"{line.fault} {line.what}: {line.why}",
         )
-        for one in flight.held.unseen
+        for line in flight.held.unseen
     ]
-    return sorted((one for one in found if one.seconds >= LEAST_S), key=lambda one: one.from_s)
+    return sorted((stretch for stretch in stretches if stretch.seconds >= LEAST_S), key=lambda stretch: stretch.from_s)
 
 
 def _long(pieces: Sequence[Unwatched]) -> list[Unwatched]:
     """Return runs of pieces of half a minute and more, a short piece of a run with the longer of its neighbours."""
     runs: list[list[Unwatched]] = []
-    for one in pieces:
-        if not runs or one.from_s > runs[-1][-1].to_s:
-            runs.append([one])
-        elif one.why == runs[-1][-1].why:
-            runs[-1][-1] = replace(runs[-1][-1], to_s=one.to_s)
+    for piece in pieces:
+        if not runs or piece.from_s > runs[-1][-1].to_s:
+            runs.append([piece])
+        elif piece.why == runs[-1][-1].why:
+            runs[-1][-1] = replace(runs[-1][-1], to_s=piece.to_s)
         else:
-            runs[-1].append(one)
+            runs[-1].append(piece)
     long_enough = []
     for run in runs:
-        while len(run) > 1 and min(one.seconds for one in run) < LEAST_S:
+        while len(run) > 1 and min(piece.seconds for piece in run) < LEAST_S:
             k = min(range(len(run)), key=lambda k: run[k].seconds)
             other = max((j for j in (k - 1, k + 1) if 0 <= j < len(run)), key=lambda j: run[j].seconds)
             first, last = sorted((k, other))
             run[first : last + 1] = [replace(run[first], to_s=run[last].to_s, why=run[other].why)]
-        long_enough += [one for one in run if one.seconds >= LEAST_S - 1e-6]
+        long_enough += [piece for piece in run if piece.seconds >= LEAST_S - 1e-6]
     return long_enough
 
 
@@ -160,29 +160,33 @@ def missing_sentences(flight: Flight, scanned: Sequence[Scanned], limits: Sequen
     scanned : the windows in which a residual is known.
     """
     kinds, lacking = available(flight.record.channels)
-    for one in scanned:
-        lacking.update(one.lacking)
-    used = {name for one in scanned for name in one.residuals}
-    mostly = next((one for one in limits if one.fault == PITOT_LINE and one.holds_in < 1.0), None)
+    for scan in scanned:
+        lacking.update(scan.lacking)
+    used = {name for scan in scanned for name in scan.residuals}
+    mostly = next((limit for limit in limits if limit.fault == PITOT_LINE and limit.holds_in < 1.0), None)
     cost = ""
     if mostly is not None and mostly.effect is not None:
         within = f"{two_digits(mostly.effect)} m/s in {mostly.to_s - mostly.from_s:.0f} s"
         cost = f"; in most of the flight a slow fault of the airspeed below {within} passes unseen"
-    said = [note.text for note in note_on_rotors(flight.part_phases)]
-    if without := [f"{one.from_s:.0f} to {one.to_s:.0f} s" for one in flight.part_phases if one.phase == NO_AIRSPEED]:
+    sentences = [note.text for note in note_on_rotors(flight.part_phases)]
+    if without := [
+        f"{phase.from_s:.0f} to {phase.to_s:.0f} s" for phase in flight.part_phases if phase.phase == NO_AIRSPEED
+    ]:
         more = f" and {len(without) - 3} times more" if len(without) > 3 else ""
-        said.append(
+        sentences.append(
             f"from {', from '.join(without[:3])}{more} no airspeed shows the flight that other channels show: nothing "
             "else was looked for there"
         )
     for name, channels in lacking.items():
         if name not in used:
-            said.append(f"no {channels}: {BOUNDS[name]}{cost}")
+            sentences.append(f"no {channels}: {BOUNDS[name]}{cost}")
             cost = ""
     if not any(flight.windows(length_s) for length_s in LENGTHS_S):
-        said.append(f"no slow fault was looked for: no {min(LENGTHS_S):g} s of flight between take-off and approach")
+        sentences.append(
+            f"no slow fault was looked for: no {min(LENGTHS_S):g} s of flight between take-off and approach"
+        )
     elif not kinds:
-        said.append("no slow fault was looked for: nothing bounds the airspeed")
+        sentences.append("no slow fault was looked for: nothing bounds the airspeed")
     elif not scanned:
-        said.append("no slow fault was looked for: most samples of every window are missing")
-    return tuple(said)
+        sentences.append("no slow fault was looked for: most samples of every window are missing")
+    return tuple(sentences)

@@ -41,17 +41,17 @@ def evidence_of(
         shape = "drift" if kind == "slow" else "bias" if kind == "abrupt" else "sine"
         return Candidate(name=name, shape=shape, channel=name, kind=kind, state=state, magnitude=None, unit="", sd=None)
 
-    found = [candidate(one.fault, one.kind, one.state) for one in events]
+    candidates = [candidate(event.fault, event.kind, event.state) for event in events]
     only_found = [candidate(noun, kind, "not_seen") for kind, (noun, _) in STEPS.items()]
     needed = (PITOT_LINE, *(name for name in AIRSPEEDS if name in recorded))
     bounded = {}
     for name in needed:
-        drifts = [one for one in limits if one.shape == "drift" and one.fault == name]
+        drifts = [limit for limit in limits if limit.shape == "drift" and limit.fault == name]
         # Its error decides, where nothing bounds that its disagreement.
-        deciding = [one for one in drifts if one.bounds == "error"] or drifts
-        bounded[name] = bool(deciding) and all(one.within_tolerance for one in deciding)
+        deciding = [limit for limit in drifts if limit.bounds == "error"] or drifts
+        bounded[name] = bool(deciding) and all(limit.within_tolerance for limit in deciding)
     slow = [candidate(name, "slow", "excluded" if bounded[name] and not unwatched else "not_seen") for name in needed]
-    return Evidence(source="flight", candidates=(*found, *only_found, *slow), findings=tuple(findings))
+    return Evidence(source="flight", candidates=(*candidates, *only_found, *slow), findings=tuple(findings))
 
 
 def sentence_of(
@@ -67,7 +67,7 @@ def sentence_of(
     """Return what a reader is told of the kinds of faults that were not found, with their sizes, and where not."""
     sentences = []
     if verdicts["slow"] != "fault":
-        sentences.append(_of_slow_faults(limits, excluded=verdicts["slow"] == "no_fault") + _except(unwatched))
+        sentences.append(_slow_faults_sentence(limits, excluded=verdicts["slow"] == "no_fault") + _except(unwatched))
     kinds = [noun for kind, noun in STEPS.items() if verdicts[kind] == "inconclusive"]
     if kinds and looked_for_steps:
         other = "no other" if events else "no"
@@ -77,15 +77,17 @@ def sentence_of(
     return "; ".join(sentences)
 
 
-def _of_slow_faults(limits: Sequence[FlightLimit], *, excluded: bool) -> str:
-    slow = [one for one in limits if one.shape == "drift" and one.bounds == "error" and one.channel in SPEEDS]
+def _slow_faults_sentence(limits: Sequence[FlightLimit], *, excluded: bool) -> str:
+    slow = [limit for limit in limits if limit.shape == "drift" and limit.bounds == "error" and limit.channel in SPEEDS]
     worst, most, last = (
         max(
-            (one for one in slow if one.grows_on == grows and (one.holds_in == 1.0) == always), key=_share, default=None
+            (limit for limit in slow if limit.grows_on == grows and (limit.holds_in == 1.0) == always),
+            key=_share,
+            default=None,
         )
         for grows, always in ((False, True), (False, False), (True, True))
     )
-    if not any(one.fault == PITOT_LINE for one in slow) or worst is None or most is None or most.effect is None:
+    if not any(limit.fault == PITOT_LINE for limit in slow) or worst is None or most is None or most.effect is None:
         return "a slow fault of any size could be there unseen"
     length = f"within {most.to_s - most.from_s:.0f} s"
     at_worst = f"{_size(worst)} from {worst.from_s:.0f} to {worst.to_s:.0f} s"
@@ -99,19 +101,21 @@ def _size(limit: FlightLimit) -> str:
     return "any size" if limit.effect is None else f"{two_digits(limit.effect)} m/s on {limit.channel}"
 
 
-def _share(one: FlightLimit) -> float:
+def _share(limit: FlightLimit) -> float:
     """Return the hidden error over the tolerance."""
-    if one.effect is None:
+    if limit.effect is None:
         return float("inf")
-    return one.effect / one.tolerance if one.tolerance else one.effect
+    return limit.effect / limit.tolerance if limit.tolerance else limit.effect
 
 
 def _except(unwatched: Sequence[Unwatched]) -> str:
     """Return where a statement does not hold, the longest stretches first, "" where it does everywhere."""
     if not unwatched:
         return ""
-    longest = sorted(unwatched, key=lambda one: -one.seconds)[:SHOWN]
-    said = ", ".join(f"{one.from_s:.0f} to {one.to_s:.0f} s ({one.why})" for one in longest)
-    rest = unwatched[SHOWN:] and sum(one.seconds for one in unwatched) - sum(one.seconds for one in longest)
+    longest = sorted(unwatched, key=lambda stretch: -stretch.seconds)[:SHOWN]
+    stretches = ", ".join(f"{stretch.from_s:.0f} to {stretch.to_s:.0f} s ({stretch.why})" for stretch in longest)
+    rest = unwatched[SHOWN:] and sum(stretch.seconds for stretch in unwatched) - sum(
+        stretch.seconds for stretch in longest
+    )
     more = f", and {rest:.0f} s elsewhere" if rest else ""
-    return f"; not checked {said}{more}"
+    return f"; not checked {stretches}{more}"

@@ -68,34 +68,34 @@ class Weighing:
 
 def weigh_events(flight: Flight, events: Sequence[Event]) -> Weighing:
     """Return events with their margins: declared, suspected, ordinary, or refuted by what else is recorded."""
-    weighed = [one for one in events if _can_be_weighed(one)]
+    weighed = [event for event in events if _can_be_weighed(event)]
     bench = _bench(flight, weighed)
     if bench is None:
         return Weighing(events=tuple(events))
     answers: list[Event | OrdinaryEvent | Note] = list(events)
     known: list[Event] = []
-    for one in gross_errors(bench):
-        if not any(_is_of(event, one) and event.state == "declared" and _has_course(event) for event in events):
-            swinging = _event_of_gross(flight, bench, one)
+    for gross in gross_errors(bench):
+        if not any(_is_of(event, gross) and event.state == "declared" and _has_course(event) for event in events):
+            swinging = _event_of_gross(flight, bench, gross)
             known += [] if swinging is None else [swinging]
     swinging_events = tuple(known)
     for event in known:
         bench = _with_known(bench, event)
     # What is certain is in the model before the rest is weighed.
-    order = [k for k, one in enumerate(events) if _can_be_weighed(one)]
+    order = [k for k, event in enumerate(events) if _can_be_weighed(event)]
     order.sort(key=lambda k: (events[k].state != "declared", events[k].onset_s))
     for place, k in enumerate(order):
         event = events[k]
-        cause = next((one for one in known if _follows(bench, event, one)), None)
+        cause = next((cause for cause in known if _follows(bench, event, cause)), None)
         if cause is not None:
             # A line that is seen to rest is no after-effect of what only makes the same channels wrong.
             answers[k] = event if "holds" in event.stages and cause.stages != (MODEL,) else _after(event, cause)
             continue
         line = _line(event)
         rest = [events[j] for j in order if j != k and isinstance(answers[j], Event)]
-        others = [one.onset_s for one in rest if not line or _line(one) != line]
-        others += [one.onset_s for one in swinging_events]
-        beside = [one.onset_s for one in (*known, *(events[j] for j in order if j != k))]
+        others = [other.onset_s for other in rest if not line or _line(other) != line]
+        others += [other.onset_s for other in swinging_events]
+        beside = [other.onset_s for other in (*known, *(events[j] for j in order if j != k))]
         later_s = min((at_s for at_s in beside if at_s > event.onset_s + APART_S), default=np.inf)
         alone = all(not event.onset_s - APART_S < at_s < event.onset_s + AFTER_S for at_s in others)
         answer = answers[k] = _weighed(
@@ -111,15 +111,15 @@ def weigh_events(flight: Flight, events: Sequence[Event]) -> Weighing:
             known.append(answer)
             bench = _with_known(bench, answer) if place + 1 < len(order) else bench
     return Weighing(
-        events=(*swinging_events, *(one for one in answers if isinstance(one, Event))),
-        ordinary=tuple(one for one in answers if isinstance(one, OrdinaryEvent)),
-        notes=tuple(one for one in answers if isinstance(one, Note)),
+        events=(*swinging_events, *(answer for answer in answers if isinstance(answer, Event))),
+        ordinary=tuple(answer for answer in answers if isinstance(answer, OrdinaryEvent)),
+        notes=tuple(answer for answer in answers if isinstance(answer, Note)),
     )
 
 
 def _after(event: Event, cause: Event) -> Note:
     """Return what is said of an event that is an after-effect."""
-    at_s, since_s = (f"{one.onset_s:.0f} s" for one in (event, cause))
+    at_s, since_s = (f"{entry.onset_s:.0f} s" for entry in (event, cause))
     return Note.method(f"what looks like '{event.fault}' from {at_s} follows from '{cause.fault}' from {since_s}")
 
 
@@ -145,13 +145,13 @@ def _bench(flight: Flight, events: Iterable[Event]) -> Bench | None:
     seconds = seconds_of(flight.log)
     if seconds is None:
         return None
-    lost = [(one.from_s, one.to_s) for one in flight.phases if one.phase == NO_AIRSPEED]
+    lost = [(phase.from_s, phase.to_s) for phase in flight.phases if phase.phase == NO_AIRSPEED]
     model = flight_model(seconds, flown=within(seconds.time_s, [*flight_stretches(flight.phases), *lost]))
     if model is None:
         return None
     about = np.zeros(model.n, dtype=bool)
-    for one in events:
-        for at_s in (one.onset_s, one.offset_s):
+    for event in events:
+        for at_s in (event.onset_s, event.offset_s):
             if at_s is not None:
                 about |= np.abs(model.time_s - at_s) < ABOUT_S
     return bench_of(model, without=about if about[model.frame.airborne].mean() < 0.5 else None)
@@ -189,7 +189,7 @@ def _weighed(
     weights = [] if judgement is None else _weights(judgement, event)
     if judgement is None or not weights:
         return event
-    weight = max(weights, key=lambda one: (not one.refused, one.margin))
+    weight = max(weights, key=lambda weight: (not weight.refused, weight.margin))
     best = judgement.weights[0]
     may_be = _may_be_renamed(event, best.fault) and event.state == "declared"
     if may_be and best.margin > max(DECLARED, weight.margin + DECLARED):
@@ -233,12 +233,12 @@ def _judgement(bench: Bench, event: Event, until_s: float) -> Judgement | None:
 def _weights(judgement: Judgement, event: Event) -> list[Weight]:
     """Return the weights of the faults that an event may be."""
     names = (FROZEN,) if event.shape == "frozen" else _names(event)
-    return [one for name in names if (one := judgement.weight(name)) is not None]
+    return [weight for name in names if (weight := judgement.weight(name)) is not None]
 
 
 def _most(judgement: Judgement, event: Event) -> float:
     """Return the margin of the best of the faults that an event may be."""
-    return max((one.margin for one in _weights(judgement, event) if not one.refused), default=-np.inf)
+    return max((weight.margin for weight in _weights(judgement, event) if not weight.refused), default=-np.inf)
 
 
 def _may_be_renamed(event: Event, fault: str) -> bool:
@@ -263,7 +263,7 @@ def _confirmed(event: Event, weight: Weight, judgement: Judgement, *, may_be_sur
     family = _line(event)
     among = [name for name in alike if name != FROZEN and name not in family]
     # What an equation leaves open stays open for every fault that the record does not refute.
-    near = [one.fault for one in judgement.weights if not one.refused and one.margin > 0.0]
+    near = [rival.fault for rival in judgement.weights if not rival.refused and rival.margin > 0.0]
     among = [*(name for name in event.among if name in family or name in near), *among]
     # What a window alone left open is told by the whole record.
     sure = event.state == "declared" or (may_be_sure and weight.margin > SURE * DECLARED)
@@ -374,7 +374,7 @@ def _event_of_gross(flight: Flight, bench: Bench, gross: Gross) -> Event | None:
     return Event(
         **dict.fromkeys(("constant_s", "frequency_hz", "magnitude", "sd", "ci95", "p_value")),
         fault=best.fault,
-        among=tuple(one.fault for one in swings.weights if one.margin >= best.margin - ALIKE),
+        among=tuple(weight.fault for weight in swings.weights if weight.margin >= best.margin - ALIKE),
         channels=channels,
         state="declared",
         kind="abrupt",

@@ -89,7 +89,7 @@ def against(
     for name, value in zip(place.bench.model.rows, by_row, strict=True):
         channel = "ground_speed" if name.startswith("velocity") else name
         shares[channel] = shares.get(channel, 0.0) + float(value)
-    order = sorted(shares.items(), key=lambda one: -abs(one[1]))
+    order = sorted(shares.items(), key=lambda share: -abs(share[1]))
     return float(by_row.sum()), dict(order)
 
 

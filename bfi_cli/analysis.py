@@ -158,26 +158,26 @@ def _identify_kinds(
     """Identify kinds of fault whose onsets are not known: the search names them, and the model is that with them."""
     _require_one_model(part, config)
     physics, scanning = _physics(log, config, progress)
-    scanned = [one for one in kinds if scanned_shape(one) is not None]
+    scanned = [kind for kind in kinds if scanned_shape(kind) is not None]
     searched = search_onsets(log, merge(scanning, {"method": "ml"}), progress, kinds=scanned)
     evidence = searched.evidence
     if dictionary is not None:
         from_s = float(part.time_s[0]) if dictionary.relative_to == "window" else 0.0
-        evidence = replace(evidence, faults=tuple(_named(one, dictionary, from_s) for one in evidence.faults))
+        evidence = replace(evidence, faults=tuple(_named(fault, dictionary, from_s) for fault in evidence.faults))
     sources = [evidence, physics, arithmetic]
-    said = conclusion_of(log, config, sources)
-    declared = [one for one in said.faults if one.source == "scan"]
-    proposed = _as_dictionary([one.fault for one in declared] or searched.likeliest, dictionary)
+    conclusion = conclusion_of(log, config, sources)
+    declared = [fault for fault in conclusion.faults if fault.source == "scan"]
+    proposed = _as_dictionary([estimate.fault for estimate in declared] or searched.likeliest, dictionary)
     log, on_model = with_those_that_share(log, proposed, config) if log.earlier else (log, ())
     if declared:
-        found = identification(log, proposed, config, progress, given=config.method == "ml")
+        fit = identification(log, proposed, config, progress, given=config.method == "ml")
     else:
         nothing = config.selection.model_copy(update={"max_active": 0})
         none = config.model_copy(update={"selection": nothing, "method": "ml"})
-        found = identification(log, proposed, none, progress)
-    if found.outcome.fires:
+        fit = identification(log, proposed, none, progress)
+    if fit.outcome.fires:
         # The search decides, whatever becomes of a solver that only makes the model that is shown.
-        said = conclusion_of(log, config, sources, replace(found.outcome, converged=True))
+        conclusion = conclusion_of(log, config, sources, replace(fit.outcome, converged=True))
     how = "no dictionary" if dictionary is None else "the onsets of the dictionary are not known"
     if declared:
         how += f": {len(declared)} declared by the search over all onsets, magnitudes estimated jointly"
@@ -187,40 +187,40 @@ def _identify_kinds(
     result = result_of(
         log,
         config,
-        found,
-        said,
+        fit,
+        conclusion,
         _summary_of(evidence, "it proposed the faults"),
         notes=(*on_model, *evidence.notes, *physics.notes, *_left_out(dictionary, kinds, physics)),
-        truth=_truth_by_onset(found, said.faults, part),
+        truth=_truth_by_onset(fit, conclusion.faults, part),
     )
     return replace(result, notes=(Note.method(how), *result.notes)), proposed
 
 
 def _left_out(dictionary: Dictionary | None, live: Sequence[Fault], physics: Evidence) -> tuple[Note, ...]:
     """Return notes on kinds of a dictionary that cannot begin in the window, or that nothing in the log tells."""
-    names = {one.name for one in live}
-    late = [f"'{one.name}'" for one in (dictionary.searched.atoms if dictionary else ()) if one.name not in names]
-    untold = [f"'{one.name}'" for one in live if scanned_shape(one) is None]
+    names = {kind.name for kind in live}
+    late = [f"'{atom.name}'" for atom in (dictionary.searched.atoms if dictionary else ()) if atom.name not in names]
+    untold = [f"'{kind.name}'" for kind in live if scanned_shape(kind) is None]
     notes = [Note.limit(f"no onset of {', '.join(late)} is in the window: left out")] if late else []
     if untold and not physics.candidates and not physics.faults:
         notes.append(Note.limit(f"left out: no channel of the log tells {', '.join(untold)} from other slow faults"))
     return tuple(notes)
 
 
-def _named(found: FaultEstimate, dictionary: Dictionary, from_s: float) -> FaultEstimate:
+def _named(estimate: FaultEstimate, dictionary: Dictionary, from_s: float) -> FaultEstimate:
     """Return a fault with the name of its entry; one without a name of its own is called shape_channel_second.
 
     Parameters
     ----------
     from_s : what the times of the dictionary count from, on the axis of the log.
     """
-    channel, shape = found.fault.channel, found.fault.shape
+    channel, shape = estimate.fault.channel, estimate.fault.shape
     stem = f"{shape}_{channel}"
-    names = [one.name or stem for one in dictionary.searched.atoms if (one.shape, one.channel) == (shape, channel)]
+    names = [atom.name or stem for atom in dictionary.searched.atoms if (atom.shape, atom.channel) == (shape, channel)]
     name = next(iter(names), stem)
     if name == stem:
-        name = f"{stem}_{found.fault.onset_s - from_s:.0f}"
-    return replace(found, name=name, fault=replace(found.fault, name=name))
+        name = f"{stem}_{estimate.fault.onset_s - from_s:.0f}"
+    return replace(estimate, name=name, fault=replace(estimate.fault, name=name))
 
 
 def _as_dictionary(atoms: Sequence[Fault], dictionary: Dictionary | None) -> Dictionary:
@@ -231,13 +231,13 @@ def _as_dictionary(atoms: Sequence[Fault], dictionary: Dictionary | None) -> Dic
     return replace(known, atoms=tuple(atoms), relative_to="log")
 
 
-def _truth_by_onset(found: Identification, faults: Sequence[FaultEstimate], part: FlightLog) -> AgainstTruth | None:
+def _truth_by_onset(fit: Identification, faults: Sequence[FaultEstimate], part: FlightLog) -> AgainstTruth | None:
     """Return the comparison with injected faults, by onset: no search finds the very signal that was injected."""
-    if found.truth is None:
+    if fit.truth is None:
         return None
-    tolerance_s, injected = ONSET_SAMPLES / found.window.summary.rate_hz, part.truth.faults if part.truth else ()
+    tolerance_s, injected = ONSET_SAMPLES / fit.window.summary.rate_hz, part.truth.faults if part.truth else ()
     comparison = compare_by_onset(faults, injected, tolerance_s=tolerance_s)
-    return replace(found.truth, **{field.name: getattr(comparison, field.name) for field in fields(Comparison)})
+    return replace(fit.truth, **{field.name: getattr(comparison, field.name) for field in fields(Comparison)})
 
 
 def _identify_entries(
@@ -253,59 +253,59 @@ def _identify_entries(
     stated = dictionary.exact.resolved(float(part.time_s[0]))
     require_one_trim(part, stated, config)
     physics, scanning = _physics(log, config, progress)
-    found = identification(log, dictionary.exact, config, progress)
+    fit = identification(log, dictionary.exact, config, progress)
     searched: OnsetSearch | str
-    if not found.outcome.converged:
+    if not fit.outcome.converged:
         searched = "not scanned: the solver did not converge"
-        said = conclusion_of(log, config, [found.evidence, arithmetic], found.outcome)
-        return result_of(log, config, found, said, _not_scanned(searched), notes=[Note.limit(searched)])
-    of_window = found.window.summary
-    exact = of_window.rate_hz == of_window.native_rate_hz and all(vaf > EXPLAINED for vaf in found.vaf_output.values())
-    looked_for = {one.kind for one in found.candidates if one.state is not None}
-    duration_s = of_window.stop_s - of_window.start_s
-    as_entries = partial(at_entries, entries=stated, rate_hz=found.model.rate_hz, duration_s=duration_s)
-    candidates, physics = as_entries(found.candidates, physics)
-    found = replace(found, candidates=candidates)
-    if any(SHAPES[one.fault.shape].acts_on == "course" for one in found.faults):
+        conclusion = conclusion_of(log, config, [fit.evidence, arithmetic], fit.outcome)
+        return result_of(log, config, fit, conclusion, _not_scanned(searched), notes=[Note.limit(searched)])
+    summary = fit.window.summary
+    exact = summary.rate_hz == summary.native_rate_hz and all(vaf > EXPLAINED for vaf in fit.vaf_output.values())
+    looked_for = {candidate.kind for candidate in fit.candidates if candidate.state is not None}
+    duration_s = summary.stop_s - summary.start_s
+    as_entries = partial(at_entries, entries=stated, rate_hz=fit.model.rate_hz, duration_s=duration_s)
+    candidates, physics = as_entries(fit.candidates, physics)
+    fit = replace(fit, candidates=candidates)
+    if any(SHAPES[estimate.fault.shape].acts_on == "course" for estimate in fit.faults):
         searched = "not scanned: a fault of unknown shape is declared"
     elif (why_not := _why_not_scanned(part, config, exact=exact)) is not None:
         searched = why_not
     else:
         searched = _scan_beside(
-            _corrected(part, found, config),
+            _corrected(part, fit, config),
             scanning,
             stated,
             progress,
             kinds=kinds,
-            claims=[kind for kind in KINDS if kind not in looked_for or kinds or found.faults],
-            known=found.faults,
+            claims=[kind for kind in KINDS if kind not in looked_for or kinds or fit.faults],
+            known=fit.faults,
         )
     if isinstance(searched, str):
-        found = found if exact else _within_tolerance(found, None, config)
-        said = conclusion_of(log, config, [found.evidence, physics, arithmetic], found.outcome)
+        fit = fit if exact else _within_tolerance(fit, None, config)
+        conclusion = conclusion_of(log, config, [fit.evidence, physics, arithmetic], fit.outcome)
         notes = (*physics.notes, Note.limit(searched))
-        return result_of(log, config, found, said, _not_scanned(searched), notes=notes)
-    found = _within_tolerance(found, searched, config)
-    found = replace(
-        found,
-        candidates=not_excluded(found.candidates, searched.rivals),
-        faults=tuple(_with_rivals(one, searched.rivals) for one in found.faults),
+        return result_of(log, config, fit, conclusion, _not_scanned(searched), notes=notes)
+    fit = _within_tolerance(fit, searched, config)
+    fit = replace(
+        fit,
+        candidates=not_excluded(fit.candidates, searched.rivals),
+        faults=tuple(_with_rivals(fault, searched.rivals) for fault in fit.faults),
     )
-    candidates, of_search = as_entries(found.candidates, searched.evidence)
-    found = replace(found, candidates=candidates)
-    sources = [found.evidence, _beside_entries(of_search, looked_for), physics, arithmetic]
-    said = conclusion_of(log, config, sources, found.outcome)
-    joint = _jointly(log, dictionary, said.faults, config, progress)
+    candidates, scan_evidence = as_entries(fit.candidates, searched.evidence)
+    fit = replace(fit, candidates=candidates)
+    sources = [fit.evidence, _beside_entries(scan_evidence, looked_for), physics, arithmetic]
+    conclusion = conclusion_of(log, config, sources, fit.outcome)
+    joint = _jointly(log, dictionary, conclusion.faults, config, progress)
     if joint is not None:
         # All faults in one model have other sizes than each beside some of them, and the same states.
-        sources = [replace(one, faults=_sized_by(joint, one.faults, log, config)) for one in sources]
-        said = conclusion_of(log, config, sources, found.outcome)
-    declares = any(one.source == "scan" for one in said.faults)
+        sources = [replace(evidence, faults=_sized_by(joint, evidence.faults, log, config)) for evidence in sources]
+        conclusion = conclusion_of(log, config, sources, fit.outcome)
+    declares = any(fault.source == "scan" for fault in conclusion.faults)
     return result_of(
         log,
         config,
-        found,
-        said,
+        fit,
+        conclusion,
         _summary_of(searched.evidence, f"it declares {'another' if declares else 'no other'} fault"),
         shown=joint,
         notes=physics.notes,
@@ -365,22 +365,22 @@ def _why_not_scanned(window: FlightLog, config: Config, *, exact: bool) -> str |
     return None
 
 
-def _within_tolerance(found: Identification, searched: OnsetSearch | None, config: Config) -> Identification:
+def _within_tolerance(fit: Identification, searched: OnsetSearch | None, config: Config) -> Identification:
     """Return an identification with the limits of the search for entries whose onsets are known to a tolerance only."""
     if config.onset_tolerance_s == 0.0 or not METHODS[config.method].intervals:
-        return found
-    limits = [None] * len(found.candidates) if searched is None else searched.of_dictionary
+        return fit
+    limits = [None] * len(fit.candidates) if searched is None else searched.of_dictionary
     covered_s = None if searched is None else searched.covered_s
-    both = zip(found.candidates, limits, strict=True)
-    return replace(found, candidates=tuple(with_limit_of_scan(one, limit, covered_s) for one, limit in both))
+    both = zip(fit.candidates, limits, strict=True)
+    return replace(fit, candidates=tuple(with_limit_of_scan(candidate, limit, covered_s) for candidate, limit in both))
 
 
 def _beside_entries(evidence: Evidence, looked_for: set[Kind]) -> Evidence:
     """Return what a search says beside entries of a dictionary: faults, suspects, limits of kinds they lack."""
     candidates = tuple(
-        replace(one, name=f"{one.name} (scan)")
-        for one in evidence.candidates
-        if one.kind not in looked_for or one.state in ("declared", "suspected")
+        replace(candidate, name=f"{candidate.name} (scan)")
+        for candidate in evidence.candidates
+        if candidate.kind not in looked_for or candidate.state in ("declared", "suspected")
     )
     return replace(evidence, candidates=candidates)
 
@@ -389,13 +389,13 @@ def _jointly(
     log: FlightLog, dictionary: Dictionary, faults: Sequence[FaultEstimate], config: Config, progress: Progress
 ) -> Identification | None:
     """Return the identification of a model with all declared faults, None where the dictionary's has them already."""
-    if all(one.source == "dictionary" for one in faults):
+    if all(fault.source == "dictionary" for fault in faults):
         return None
     # Of what holds a reading the log has no signal.
-    told = [one for one in faults if SHAPES[one.fault.shape].acts_on != "held"]
-    if config.method != "ml" or not told:
+    with_signal = [estimate for estimate in faults if SHAPES[estimate.fault.shape].acts_on != "held"]
+    if config.method != "ml" or not with_signal:
         return None
-    atoms = tuple(replace(one.fault, name=one.name, magnitude=1.0) for one in told)
+    atoms = tuple(replace(estimate.fault, name=estimate.name, magnitude=1.0) for estimate in with_signal)
     return identification(log, replace(dictionary, atoms=atoms, relative_to="log"), config, progress, given=True)
 
 
@@ -406,32 +406,34 @@ def _sized_by(
     # An uncertain recorder was profiled for each fault where it was found, and is not for all of them together.
     if alternatives(recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)[0]):
         return tuple(faults)
-    sized = {one.name: one for one in joint.faults}
+    sized = {fault.name: fault for fault in joint.faults}
     keys = ("magnitude", "physical_value", "sd", "ci95")
     return tuple(
-        replace(one, **{key: getattr(sized[one.name], key) for key in keys}) if one.name in sized else one
-        for one in faults
+        replace(fault, **{key: getattr(sized[fault.name], key) for key in keys}) if fault.name in sized else fault
+        for fault in faults
     )
 
 
-def _corrected(part: FlightLog, found: Identification, config: Config) -> FlightLog:
+def _corrected(part: FlightLog, fit: Identification, config: Config) -> FlightLog:
     """Return the window of a log less the faults that are declared in it, through the recorder that they suit."""
-    recorder = found.recorder or config.recorder
+    recorder = fit.recorder or config.recorder
     response = response_of(recorder_filters(part, recorder.edge_hz, recorder.kind)[0], part.rate_hz)
     # A channel that is derived from others is made of them anew in the scan.
-    known = [one for one in found.faults if one.magnitude and one.fault.channel in part.channels]
-    of_lines = [one for one in known if one.fault.shape in OF_LINES]
-    faults = [replace(one.fault, magnitude=-one.magnitude) for one in known if one not in of_lines]
+    known = [estimate for estimate in fit.faults if estimate.magnitude and estimate.fault.channel in part.channels]
+    line_faults = [estimate for estimate in known if estimate.fault.shape in OF_LINES]
+    faults = [
+        replace(estimate.fault, magnitude=-estimate.magnitude) for estimate in known if estimate not in line_faults
+    ]
     part = replace(inject(part, faults, response=response), truth=None) if faults else part
-    for one in of_lines:
-        part = without_line_fault(part, replace(one.fault, magnitude=one.magnitude), response)
+    for line_fault in line_faults:
+        part = without_line_fault(part, replace(line_fault.fault, magnitude=line_fault.magnitude), response)
     return part
 
 
 def _summary_of(evidence: Evidence, note: str) -> ScanSummary:
     """Return what the search alone says of the window."""
     verdicts = verdicts_of(evidence.candidates)
-    faults = tuple(_said(one) for one in evidence.faults)
+    faults = tuple(_sentence(fault) for fault in evidence.faults)
     return ScanSummary(decision=decide(verdicts, KINDS), verdicts=verdicts, faults=faults, note=note)
 
 
@@ -439,6 +441,6 @@ def _not_scanned(why: str) -> ScanSummary:
     return ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=why)
 
 
-def _said(one: FaultEstimate) -> str:
-    size, onset_s = quantity(one.magnitude, one.unit), instant(one.fault.onset_s)
-    return f"{SHAPES[one.fault.shape].label} of {size} on {one.fault.channel} from {onset_s} s"
+def _sentence(estimate: FaultEstimate) -> str:
+    size, onset_s = quantity(estimate.magnitude, estimate.unit), instant(estimate.fault.onset_s)
+    return f"{SHAPES[estimate.fault.shape].label} of {size} on {estimate.fault.channel} from {onset_s} s"

@@ -249,10 +249,12 @@ def meant_channel(name: str, known: Collection[str]) -> str | None:
     """Return the channel among `known` that a person may mean by a name, None where none is similar."""
     match = match_name(name)
     spelled = name.lower()
-    like = [one for one in ("tas", "cas", "ias") if "speed" in spelled and "air" in spelled]
-    like += [one for one in known if match and quantity_of(one) == match.name]  # tas_1 where there is no tas
+    like = [airspeed for airspeed in ("tas", "cas", "ias") if "speed" in spelled and "air" in spelled]
+    like += [
+        channel for channel in known if match and quantity_of(channel) == match.name
+    ]  # tas_1 where there is no tas
     close = [] if match else difflib.get_close_matches(spelled, known, n=1)
-    return next((one for one in (match.name if match else "", *like, *close) if one in known), None)
+    return next((channel for channel in (match.name if match else "", *like, *close) if channel in known), None)
 
 
 def split_unit(header: str) -> tuple[str, str | None]:

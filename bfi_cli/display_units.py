@@ -83,7 +83,7 @@ class Units:
     names: Mapping[tuple[str, int], str]
     climb: str = "m/s"
 
-    def of(self, unit: str, *, channel: str = "", own: str = "") -> Shown:
+    def of(self, unit: str, *, channel: str = "", channel_unit: str = "") -> Shown:
         """Return the shown unit of values in the SI `unit`.
 
         A rate of a channel is the channel's unit per second: a drift of an airspeed in m/s^2 is shown in kt/s, while
@@ -93,11 +93,11 @@ class Units:
         ----------
         unit : SI, as `bfi_cli.units` and the shapes of faults write it: "m/s", "rad/s^2", "1/s"; "" for none.
         channel : of the values, or of the fault; "" without a channel.
-        own : unit of that channel, if it is not standard.
+        channel_unit : unit of that channel, if it is not standard.
         """
         stem, power = split_rates(unit)
-        own_stem, own_power = split_rates(unit_of(channel, own))
-        most = own_power if own_stem == stem and own_power <= power else power
+        channel_stem, channel_power = split_rates(unit_of(channel, channel_unit))
+        most = channel_power if channel_stem == stem and channel_power <= power else power
         if stem == "m" and power and channel in VERTICAL:
             named, name = 1, self.climb
         else:
@@ -112,9 +112,9 @@ class Units:
             return Shown(unit=unit)
         return Shown(unit=f"{name}{per_second}", factor=factor, offset=0.0 if rates else offset)
 
-    def of_file(self, unit: str, *, channel: str = "", own: str = "") -> Shown:
+    def in_file(self, unit: str, *, channel: str = "", channel_unit: str = "") -> Shown:
         """Return the shown unit of values of a file: in SI as stored, angles in rad too."""
-        return Shown(unit=unit) if self.name == "si" else self.of(unit, channel=channel, own=own)
+        return Shown(unit=unit) if self.name == "si" else self.of(unit, channel=channel, channel_unit=channel_unit)
 
     def sentence(self, text: str, *, channel: str = "") -> str:
         """Return a stored sentence with its amounts in these units, with as many digits as in SI, at least two.
@@ -127,15 +127,15 @@ class Units:
         """
         if self.name == "si" or "--unit " in text:
             return text
-        return AMOUNT.sub(lambda found: self._amount(found, channel), text)
+        return AMOUNT.sub(lambda match: self._amount(match, channel), text)
 
-    def _amount(self, found: re.Match[str], channel: str) -> str:
-        if found["unit"] is None:  # quoted
-            return found[0]
-        shown = self.of(found["unit"], channel=found["channel"] or channel)
-        if shown.unit == found["unit"]:
-            return found[0]
-        ends = [end for end in (found["low"], found["high"]) if end is not None]
+    def _amount(self, match: re.Match[str], channel: str) -> str:
+        if match["unit"] is None:  # quoted
+            return match[0]
+        shown = self.of(match["unit"], channel=match["channel"] or channel)
+        if shown.unit == match["unit"]:
+            return match[0]
+        ends = [end for end in (match["low"], match["high"]) if end is not None]
         return f"{' to '.join(_with_digits_of(end, float(end) / shown.factor) for end in ends)} {shown.unit}"
 
 
@@ -162,5 +162,5 @@ AVIATION = Units(
 )
 # Of CSV files: as stored, angles in radians.
 IN_FILES = Units(name="si", names={})
-UNITS: Mapping[str, Units] = {one.name: one for one in (SI, AVIATION)}
+UNITS: Mapping[str, Units] = {units.name: units for units in (SI, AVIATION)}
 assert tuple(UNITS) == get_args(UnitsName)

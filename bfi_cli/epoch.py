@@ -47,7 +47,7 @@ class Epoch:
     is_dated: bool = True
 
     @classmethod
-    def of_iso(cls, text: str) -> Epoch:
+    def from_iso(cls, text: str) -> Epoch:
         """Return the epoch of a text as `iso` writes it.
 
         Raises

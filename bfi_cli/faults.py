@@ -197,9 +197,11 @@ def tail_of(fault: Fault, *, window_start_s: float) -> tuple[Tail, float, float]
     None where its shape has no such form. Its offset is not applied.
     """
     parameters = _parameters(fault)
-    of_window = parameters.pop("phase_reference", "onset") == "window"
+    from_window = parameters.pop("phase_reference", "onset") == "window"
     tail = SHAPES[fault.shape].tail(**parameters)
-    return None if tail is None else (tail, window_start_s if of_window else fault.onset_s, fault.onset_s + tail.from_s)
+    return (
+        None if tail is None else (tail, window_start_s if from_window else fault.onset_s, fault.onset_s + tail.from_s)
+    )
 
 
 def _parameters(fault: Fault) -> dict[str, Any]:
@@ -323,17 +325,17 @@ def _magnitude_in_si(given: Mapping[str, Any], unit_of: Callable[[str], str] | N
     if any(_problems({**given, "magnitude": value})):  # of other keys, which are told instead
         return value
     fault = fault_from_dict({**given, "magnitude": value})
-    of_channel = ""
+    channel_unit = ""
     if fault.channel in STANDARD:
-        of_channel = STANDARD[fault.channel].unit
+        channel_unit = STANDARD[fault.channel].unit
     elif magnitude_unit(fault, "m") != magnitude_unit(fault, "K"):
         if unit_of is None:
             return value
-        of_channel = unit_of(fault.channel)
-        if not of_channel:
+        channel_unit = unit_of(fault.channel)
+        if not channel_unit:
             hint = f"state it with --unit {fault.channel}=UNIT, or leave the unit out"
             raise DictionaryError(f"{where}: '{fault.channel}' has no unit in the log, got {shown(text)}; {hint}")
-    expected = magnitude_unit(fault, of_channel) or "1"
+    expected = magnitude_unit(fault, channel_unit) or "1"
     if unit != expected:
         is_in = "is a pure number" if expected == "1" else f"is in {expected}"
         hint = "leave the unit out" if expected == "1" else "give a unit of that kind, or none for SI"

@@ -69,23 +69,23 @@ def list_of_files(files: Mapping[str, bytes]) -> bytes:
 def _left_over(folder: Path, names: Iterable[str], inputs: Sequence[str | Path]) -> list[Path]:
     """Return the unchanged files of an earlier result that are not among `names`."""
     try:
-        found = LIST.search((folder / REPORT).read_bytes())
-        digests = json.loads(found[1]) if found else {}
+        match = LIST.search((folder / REPORT).read_bytes())
+        digests = json.loads(match[1]) if match else {}
     except (OSError, ValueError):
         return []
     old = [folder / name for name in digests if Path(name).name == name and name not in {*names}]
     return [
         path
         for path in old
-        if path.is_file() and not path.is_symlink() and not any(same_file(path, one) for one in inputs)
+        if path.is_file() and not path.is_symlink() and not any(same_file(path, input_path) for input_path in inputs)
         if hashlib.sha256(path.read_bytes()).hexdigest() == digests[path.name]
     ]
 
 
-def same_file(one: str | Path, other: str | Path) -> bool:
+def same_file(path: str | Path, other: str | Path) -> bool:
     """Say whether two paths name one existing file: another spelling, a symbolic or a hard link."""
     try:
-        return os.path.samefile(one, other)
+        return os.path.samefile(path, other)
     except (OSError, ValueError):
         return False
 
@@ -107,7 +107,7 @@ def check_files(
     """
     for path in paths:
         reason = ""
-        if any(same_file(path, one) for one in inputs):
+        if any(same_file(path, input_path) for input_path in inputs):
             reason = f"is an input of this command; give another {option}"
         elif obstacle := _obstacle(path):
             reason = f"cannot be written, {obstacle}; give another {option}"
@@ -136,7 +136,7 @@ def _obstacle(path: Path) -> str | None:
         return "is a directory" if path.is_dir() else "is no plain file"
     if path.is_file() and not os.access(path, os.W_OK):
         return "is read-only"
-    above = next(one for one in path.absolute().parents if os.path.lexists(one))
+    above = next(parent for parent in path.absolute().parents if os.path.lexists(parent))
     if not above.is_dir():
         return "not a directory"
     return None if os.access(above, os.W_OK | os.X_OK) else "permission denied"
@@ -178,7 +178,7 @@ def aside(folder: Path, *, place: Path, option: str) -> Iterator[Path]:
     ------
     ConfigError : the folder cannot be made or written to.
     """
-    made = [one for one in (folder, *folder.parents) if not one.exists()]
+    made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=".bfi-", dir=folder, ignore_cleanup_errors=True) as new:
@@ -197,9 +197,9 @@ def aside(folder: Path, *, place: Path, option: str) -> Iterator[Path]:
                         os.replace(Path(new) / name, folder / name)
                 raise
     except BaseException as error:
-        for one in made:
+        for new_folder in made:
             with contextlib.suppress(OSError):
-                one.rmdir()
+                new_folder.rmdir()
         if isinstance(error, OSError):
             raise ConfigError(f"{place}: cannot be written, {reason_of(error)}; give another {option}") from error
         raise

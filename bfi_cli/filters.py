@@ -54,7 +54,7 @@ class Filter:
 
 def filters_to_json(filters: Sequence[Filter]) -> str:
     """Return the JSON list of `{kind, edge_hz, rate_hz, stage, source, uncertain}`."""
-    return json.dumps([asdict(one) for one in filters])
+    return json.dumps([asdict(low_pass) for low_pass in filters])
 
 
 def filters_from_json(text: str, *, where: str) -> tuple[Filter, ...]:
@@ -95,7 +95,7 @@ def filters_from_json(text: str, *, where: str) -> tuple[Filter, ...]:
     return tuple(filters)
 
 
-def of_recorder(filters: Sequence[Filter]) -> list[Filter]:
+def recorder_low_passes(filters: Sequence[Filter]) -> list[Filter]:
     """Return the filters of the recorder, without those of conversions."""
     return [low_pass for low_pass in filters if low_pass.stage == "recorder"]
 

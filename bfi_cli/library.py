@@ -74,8 +74,8 @@ def ready_log(log: FlightLog, config: Config, tell: Tell = _silent) -> ReadyLog:
         on_windows += "; the whole record is analysed"
     on_ground = advice_on_the_ground(log, config.window.from_s, config.window.to_s, suspects=config.outputs)
     notes = (*map(Note.advice, filter(None, (on_ground, on_windows))), *notes)
-    for one in notes:
-        tell(one.text)
+    for note in notes:
+        tell(note.text)
     notes = (*notes, *doubts(log, (*config.outputs, *config.inputs), findings, tell))
     return ReadyLog(log, config, notes, findings)
 
@@ -87,8 +87,8 @@ def with_findings(log: FlightLog, config: Config, tell: Tell = _silent) -> tuple
     findings = implausible_channels(log)
     if config.fix_units:
         log, findings = with_fixed_units(log, findings, config.units)
-    for one in findings:
-        tell(f"{one.advice}: {one.text}" if not one.fixed else f"--fix-units: {one.text}")
+    for finding in findings:
+        tell(f"{finding.advice}: {finding.text}" if not finding.fixed else f"--fix-units: {finding.text}")
     return log, findings
 
 
@@ -103,10 +103,10 @@ def doubts(
     """
     from .flightlog.plausible import doubts_about
 
-    known = {name for one in findings for name in one.channels}
+    known = {name for finding in findings for name in finding.channels}
     questions = doubts_about(log, [name for name in names if name not in known])
-    for one in questions:
-        tell(one.text)
+    for question in questions:
+        tell(question.text)
     return questions
 
 

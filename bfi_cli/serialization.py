@@ -185,15 +185,17 @@ def _read(kind: Any, value: Any, where: str) -> Any:
             return _fail(f"{len(kinds)} entries", value, where)
         return tuple(_read(entry, value[i], f"{where}[{i}]") for i, entry in enumerate(kinds))
     if origin is Mapping:
-        return {key: _read(kinds[1], one, _below(where, key)) for key, one in mapping(value, where=where).items()}
+        return {key: _read(kinds[1], entry, _below(where, key)) for key, entry in mapping(value, where=where).items()}
     if origin is np.ndarray:
         return _read_array(value, where)
     if kind is Note and isinstance(value, str):  # of documents before schema 3
         return Note.method(value)
     if isinstance(kind, type) and is_dataclass(kind):
         hints, given = _hints(kind), mapping(value, where=where)
-        required = {one.name for one in fields(kind) if one.default is MISSING and one.default_factory is MISSING}
-        names = [one.name for one in fields(kind) if one.name in required or one.name in given]
+        required = {
+            field.name for field in fields(kind) if field.default is MISSING and field.default_factory is MISSING
+        }
+        names = [field.name for field in fields(kind) if field.name in required or field.name in given]
         read = {name: _read(hints[name], member(given, name, where=where), _below(where, name)) for name in names}
         return kind(**read)
     if kind is float and (value is None or (isinstance(value, int | float) and not isinstance(value, bool))):

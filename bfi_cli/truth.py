@@ -55,7 +55,7 @@ def name_of(injected: Fault) -> str:
     return injected.name or f"{injected.shape}{on}, onset_s={injected.onset_s:g}"
 
 
-def is_same_fault(one: Fault, other: Fault) -> bool:
+def is_same_fault(first: Fault, second: Fault) -> bool:
     """Say whether two faults have the same definition but for name and magnitude, times on the same axis."""
 
     def definition(fault: Fault) -> dict[str, Any]:
@@ -63,7 +63,7 @@ def is_same_fault(one: Fault, other: Fault) -> bool:
         at = {"cabin_altitude_m": fault.cabin_altitude_m or 0.0}
         return {**fault_to_dict(fault), **at, "name": None, "magnitude": None}
 
-    return definition(one) == definition(other)
+    return definition(first) == definition(second)
 
 
 def compare_by_onset(declared: Sequence[FaultEstimate], injected: Sequence[Fault], *, tolerance_s: float) -> Comparison:

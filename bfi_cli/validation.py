@@ -69,13 +69,13 @@ def validate(
     except ValidationError as fault:
         details = fault.errors(include_url=False)
     # A list from which elements were refused is not complained of as too short.
-    details = [one for one in details if one["type"] != "too_short" or not len(one["input"])]
+    details = [detail for detail in details if detail["type"] != "too_short" or not len(detail["input"])]
     complaints: list[str] = []
-    for n, one in enumerate(details):
+    for n, detail in enumerate(details):
         if len(complaints) == MAX_COMPLAINTS:
             complaints.append(f"and {len(details) - n} more; mend these first")
             break
-        place, text = _place(one["loc"], one["type"]), " ".join(_sentence(model, one).split())
+        place, text = _place(detail["loc"], detail["type"]), " ".join(_sentence(model, detail).split())
         complaints.append(f"{place}: {text}" if place else text)
         complaints = list(dict.fromkeys(complaints))
     raise error(f"{where}: {' | '.join(complaints)}")
@@ -121,8 +121,8 @@ def editor_schema(model: type[BaseModel], title: str) -> dict[str, Any]:
             described["properties"][part.model_fields[key].alias or key]["description"] = description
     text = json.dumps(schema)
     for name, definition in schema["$defs"].items():
-        own = definition["title"]
-        text = text.replace(f'"{name}": {{', f'"{own}": {{').replace(f'/{name}"', f'/{own}"')
+        part_title = definition["title"]
+        text = text.replace(f'"{name}": {{', f'"{part_title}": {{').replace(f'/{name}"', f'/{part_title}"')
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **json.loads(text), "title": title}
 
 

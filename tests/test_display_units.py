@@ -55,9 +55,9 @@ def test_aviation_units_have_the_published_factors(unit: str, channel: str, show
 
 
 def test_a_drift_of_a_channel_that_is_no_standard_one_is_told_by_the_unit_of_the_channel():
-    assert AVIATION.of("m/s^2", channel="my_speed", own="m/s").unit == "kt/s"
-    assert AVIATION.of("m/s^2", channel="my_acc", own="m/s^2").unit == "m/s^2"
-    assert AVIATION.of("rad/s", channel="my_gyro", own="rad/s").unit == "deg/s"
+    assert AVIATION.of("m/s^2", channel="my_speed", channel_unit="m/s").unit == "kt/s"
+    assert AVIATION.of("m/s^2", channel="my_acc", channel_unit="m/s^2").unit == "m/s^2"
+    assert AVIATION.of("rad/s", channel="my_gyro", channel_unit="rad/s").unit == "deg/s"
 
 
 def test_temperatures_have_an_offset_and_their_differences_and_rates_none():
@@ -74,8 +74,8 @@ def test_si_shows_angles_in_degrees_and_files_as_they_are():
     ]
     assert SI.of("m/s", channel="altitude").unit == "m/s"
     assert SI.of("m/s^2", channel="altitude_rate").unit == "m/s^2"
-    assert SI.of_file("rad", channel="aoa").unit == "rad"
-    assert AVIATION.of_file("rad", channel="aoa").unit == "deg"
+    assert SI.in_file("rad", channel="aoa").unit == "rad"
+    assert AVIATION.in_file("rad", channel="aoa").unit == "deg"
 
 
 @pytest.mark.parametrize("units", UNITS.values(), ids=UNITS)

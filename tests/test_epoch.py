@@ -29,7 +29,7 @@ JULY_S = DAY_S * 15_156  # 2011-07-01
 def test_an_epoch_is_written_and_read_in_iso_8601(since_1970_s: float, is_utc: bool, is_dated: bool, text: str):
     epoch = Epoch(since_1970_s=since_1970_s, is_utc=is_utc, is_dated=is_dated)
     assert epoch.iso == text
-    assert Epoch.of_iso(text) == epoch
+    assert Epoch.from_iso(text) == epoch
 
 
 @pytest.mark.parametrize(
@@ -45,13 +45,13 @@ def test_an_epoch_is_written_and_read_in_iso_8601(since_1970_s: float, is_utc: b
 )
 def test_what_is_no_moment_is_refused(text: str):
     with pytest.raises(ValueError, match=r"moment|out of range|datetime"):
-        Epoch.of_iso(text)
+        Epoch.from_iso(text)
 
 
 @given(st.integers(-100_000, 1_000_000), st.integers(0, 86_399_999), st.booleans())
 def test_every_moment_comes_back(day: int, ms: int, is_utc: bool):
     epoch = Epoch(since_1970_s=round(DAY_S * day + 1e-3 * ms, 3), is_utc=is_utc)
-    assert Epoch.of_iso(epoch.iso) == epoch
+    assert Epoch.from_iso(epoch.iso) == epoch
 
 
 def test_moments_are_those_of_numpy_to_a_millisecond():

@@ -37,8 +37,8 @@ def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
     who = f"{PREFIX}{name}"
     known = _names()
     if name not in known:
-        close = difflib.get_close_matches(name.lower(), [one.lower() for one in known], n=SHOWN, cutoff=0.5)
-        spelt = [next(one for one in known if one.lower() == match) for match in close]
+        close = difflib.get_close_matches(name.lower(), [aircraft.lower() for aircraft in known], n=SHOWN, cutoff=0.5)
+        spelt = [next(aircraft for aircraft in known if aircraft.lower() == match) for match in close]
         hint = f"did you mean {' or '.join(map(repr, spelt))}?" if spelt else f"known: {', '.join(known)}"
         raise ConfigError(f"jsbsim: no such aircraft, got '{name}'; {hint}")
     altitude = ALTITUDE_M if plan.altitude_m is None else plan.altitude_m

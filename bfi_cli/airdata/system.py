@@ -278,9 +278,9 @@ def fault_distribution(
         """Return the derivative of a Mach number, or of cas / a0, by 1 + q_impact / p."""
         return np.asarray(ratio ** (1.0 / POWER - 1.0) / (2.0 * HALF * POWER * speed))
 
-    zero, one = np.zeros(mach.shape), np.ones(mach.shape)
+    zero, unity = np.zeros(mach.shape), np.ones(mach.shape)
     if channel in ("p_static", "p_total", "q_impact"):
-        slopes = {"p_static": (one, zero), "p_total": (zero, one), "q_impact": (-one, one)}[channel]
+        slopes = {"p_static": (unity, zero), "p_total": (zero, unity), "q_impact": (-unity, unity)}[channel]
     elif channel in ("altitude", "baro_altitude"):
         slopes = (-GAS_CONSTANT * isa_temperature(altitude_of(p_static)) / (G * p_static), zero)
     elif channel in ("cas", "ias"):
@@ -288,7 +288,7 @@ def fault_distribution(
         slope = by_ratio(1.0 + q_impact / SEA_LEVEL_PRESSURE, speed) * SEA_LEVEL_SPEED_OF_SOUND / SEA_LEVEL_PRESSURE
         slopes = (-slope, slope)
     else:
-        sat, warming, by_mach = static_temperature(tat, mach), 1.0 + HALF * mach**2, one
+        sat, warming, by_mach = static_temperature(tat, mach), 1.0 + HALF * mach**2, unity
         if channel == "tas":
             by_mach = speed_of_sound(sat) / (warming if held == "total" else 1.0)
         elif channel == "sat":

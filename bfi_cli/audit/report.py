@@ -197,10 +197,10 @@ def _limit(atom: Plain, units: Units) -> str | None:
     if atom["minimal_physical"] is None:
         return None
     value, unit = atom["minimal_physical"]["value"], atom["minimal_physical"]["unit"]
-    meaning = change(value, units.of(unit, channel=atom["channel"], own=atom["channel_unit"]))
+    meaning = change(value, units.of(unit, channel=atom["channel"], channel_unit=atom["channel_unit"]))
     if value == atom["minimal_detectable"]:
         return meaning
-    own = units.of(atom["unit"], channel=atom["channel"], own=atom["channel_unit"])
+    own = units.of(atom["unit"], channel=atom["channel"], channel_unit=atom["channel_unit"])
     multiplier = number(own.change(atom["minimal_detectable"]), digits=2)
     return f"{with_unit(multiplier, own.unit or 'x slope')} ({meaning})"
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..channels import INPUTS
 from ..config import Config
 from ..errors import ConfigError, LogError
-from ..filters import alternatives, of_recorder, response_of
+from ..filters import alternatives, recorder_low_passes, response_of
 from ..flightlog import FlightLog, require_usable, resample
 from ..flightlog.derived import with_derived
 from ..flightlog.phases import APART_S, flight_stretches, phases_of
@@ -234,10 +234,10 @@ def recorder_of(log: FlightLog, config: Config) -> Recorder:
     stated = log.filters is not None or config.recorder.edge_hz != "auto"
     through = response_of(filters, log.rate_hz)
     # At the end of a log a recorder that looks ahead has filtered samples that it never had.
-    ahead_s = response_of(of_recorder(filters), log.rate_hz).before / log.rate_hz
+    ahead_s = response_of(recorder_low_passes(filters), log.rate_hz).before / log.rate_hz
     # A recorder that the log shows bounds what is excluded, also where a faster one, or none, is stated.
     chains = (filters, *alternatives(filters), log.filters or ())
-    shown_hz = min((low_pass.edge_hz for chain in chains for low_pass in of_recorder(chain)), default=None)
+    shown_hz = min((low_pass.edge_hz for chain in chains for low_pass in recorder_low_passes(chain)), default=None)
     return Recorder(
         stated=stated,
         filters=not stated or len(filters) > 0,

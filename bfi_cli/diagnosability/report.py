@@ -172,7 +172,7 @@ def _in_units(atom: DiagnosedAtom, units: Units) -> DiagnosedAtom:
     """Return an entry with the meaning of its magnitudes, in the unit that is shown."""
     scale = atom.physical_scale
     scale, unit = (1.0, atom.unit) if scale is None else (abs(scale), atom.physical_unit or "")
-    shown = units.of(unit, channel=atom.channel, own=atom.channel_unit)
+    shown = units.of(unit, channel=atom.channel, channel_unit=atom.channel_unit)
     magnitude, limit = (
         None if size is None else shown.change(scale * size) for size in (atom.magnitude, atom.minimal_detectable)
     )

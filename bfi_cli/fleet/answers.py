@@ -108,7 +108,7 @@ def _event(event: Mapping[str, Any], clock: str | None) -> dict[str, Any]:
         **{key: event.get(key) for key in ("margin", "beyond_tolerance", "frequency_hz", "count")},
         "among": " ".join(event["among"]),
         "channels": " ".join(event["channels"]),
-        "onset_clock": None if clock is None else Epoch.of_iso(clock).moments([event["onset_s"]])[0],
+        "onset_clock": None if clock is None else Epoch.from_iso(clock).moments([event["onset_s"]])[0],
         "low": low,
         "high": high,
         "onset_low_s": event["onset_ci95"][0],
@@ -157,7 +157,7 @@ def _span(document: Mapping[str, Any]) -> dict[str, Any]:
     """Return the length of a log, and how much of it is flight, s."""
     phases: Sequence[Mapping[str, Any]] = document["phases"]
     clock = document["log"].get("clock")
-    epoch = None if clock is None else Epoch.of_iso(clock)
+    epoch = None if clock is None else Epoch.from_iso(clock)
     return {
         **{key: document["log"][key] for key in ("start_s", "stop_s", "n_samples", "rate_hz")},
         "since_1970_s": epoch.since_1970_s + document["log"]["start_s"] if epoch and epoch.is_dated else None,

@@ -128,8 +128,8 @@ class Lines:
             numbers: Sequence[int] = range(number, number + len(texts))
             number += len(texts)
             if "#" in text or "\0" in text or "" in texts:
-                kept = [(k, one) for k, one in zip(numbers, texts, strict=True) if self._is_row(k, one)]
-                numbers, texts = [k for k, _ in kept], [one for _, one in kept]
+                kept = [(k, line) for k, line in zip(numbers, texts, strict=True) if self._is_row(k, line)]
+                numbers, texts = [k for k, _ in kept], [line for _, line in kept]
             if texts:
                 yield numbers, texts
             if not read:
@@ -281,7 +281,7 @@ class Table:
             if not self.n_rows:
                 self._fit_header(texts)
             if not self._add_at_once(texts):
-                self._add(*self._of_one_length(numbers, texts))
+                self._add(*self._rows_of_one_length(numbers, texts))
             self._last = numbers[-1]
         if damaged := lines.damaged:
             self.notes.append(Note.limit(f"{len(damaged)} lines from line {damaged[0]} on hold NUL bytes: left out"))
@@ -355,7 +355,7 @@ class Table:
             column.add(numbers)
         return True
 
-    def _of_one_length(self, numbers: Sequence[int], texts: list[str]) -> Block:
+    def _rows_of_one_length(self, numbers: Sequence[int], texts: list[str]) -> Block:
         """Return the rows of the length of the header, with their quotes taken off."""
         n, sign = self._width, self.delimiter
         counts = [text.count(sign) for text in texts]

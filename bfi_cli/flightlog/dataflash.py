@@ -24,7 +24,7 @@ FMT, FMT_LENGTH = 0x80, 89  # type and bytes of the message that describes a for
 # Numpy type and scale of numbers by their format letter, and the bytes of fields that are no numbers.
 _PLAIN = "b:<i1 B:<u1 M:<u1 h:<i2 H:<u2 i:<i4 I:<u4 q:<i8 Q:<u8 g:<f2 f:<f4 d:<f8"
 NUMBERS = {
-    **{letter: (kind, 1.0) for letter, _, kind in (one.partition(":") for one in _PLAIN.split())},
+    **{letter: (kind, 1.0) for letter, _, kind in (entry.partition(":") for entry in _PLAIN.split())},
     "c": ("<i2", 0.01),
     "C": ("<u2", 0.01),
     "e": ("<i4", 0.01),
@@ -129,10 +129,10 @@ def _messages(data: mmap.mmap, names: set[str]) -> tuple[dict[int, _Format], dic
             stop = end if following < 0 else following
             damaged += stop - at
         elif (kind := data[at + 2]) == FMT:
-            described, one = data[at + 3], _format(data[at:stop])
-            if one is not None and described not in lengths:
-                lengths[described], formats[described] = one.length, one
-                if one.name in names:
+            described, message_format = data[at + 3], _format(data[at:stop])
+            if message_format is not None and described not in lengths:
+                lengths[described], formats[described] = message_format.length, message_format
+                if message_format.name in names:
                     messages[described] = Places()
         elif kind in messages:
             messages[kind].add(at, length)

@@ -129,7 +129,7 @@ def is_told_by_physics(log: FlightLog, outputs: Sequence[str]) -> bool:
     if not log.channels.keys().isdisjoint(INDEPENDENT):
         return True
     rests = (repeats(log.channels[name].values) for name in outputs if name in log.channels)
-    return any(end - first >= FEWEST_REPEATS for found in rests for first, end in found)
+    return any(end - first >= FEWEST_REPEATS for spans in rests for first, end in spans)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,7 +212,7 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
     ----------
     log : with the filters of its recorder, if known, see `recorder.with_seen_recorder`.
     """
-    tracks = {name: one for name in log.independent(WATCHED) if (one := _track(log, log.channels[name]))}
+    tracks = {name: track for name in log.independent(WATCHED) if (track := _track(log, log.channels[name]))}
     width_s, reach_s = _recorder(log)
     errors = {name: _errors(track) for name, track in tracks.items()}
     loudness = {name: _loudness(track, errors[name], log) for name, track in tracks.items()}
@@ -221,25 +221,29 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
         # Errors of other channels at the same time count against an error; the second largest does.
         others = np.sort([values for other, values in loudness.items() if other != name] or [np.ones(1)], axis=0)
         alike = np.maximum(1.0, MOST_ALIKE * _at_seconds(others[max(0, len(others) - 2)], track, log))
-        of_name = errors.pop(name)
-        flaws[name] = _excursions(track, alike, width_s, reach_s, is_positive=name in POSITIVE, errors=of_name)
+        track_errors = errors.pop(name)
+        flaws[name] = _excursions(track, alike, width_s, reach_s, is_positive=name in POSITIVE, errors=track_errors)
     calm = {name: _at_seconds(loudness[name], track, log) <= LEAST for name, track in tracks.items()}
     if (rate := tracks.get("altitude_rate")) is not None:
         tracks = {**tracks, "+altitude_rate": replace(rate, values=rate.step_s * np.cumsum(rate.values))}
         calm["+altitude_rate"] = calm["altitude_rate"]
     for name in flaws:
-        told = [_expected(tracks[name], tracks[one], calm[one]) for one in RELATIVES.get(name, ()) if one in tracks]
-        flaws[name] += _against(tracks[name], told, width_s, reach_s)
-        flaws[name] += _rests(tracks[name], told, width_s, reach_s)
+        predictions = [
+            _expected(tracks[name], tracks[relative], calm[relative])
+            for relative in RELATIVES.get(name, ())
+            if relative in tracks
+        ]
+        flaws[name] += _against(tracks[name], predictions, width_s, reach_s)
+        flaws[name] += _rests(tracks[name], predictions, width_s, reach_s)
     phases = phases_of(with_bridges(log, _defects(flaws, tracks)))
-    unwatched = [(one.from_s - BESIDE_S, one.to_s + BESIDE_S) for one in phases if one.phase in UNWATCHED]
+    unwatched = [(phase.from_s - BESIDE_S, phase.to_s + BESIDE_S) for phase in phases if phase.phase in UNWATCHED]
     for name, every in flaws.items():
-        is_out = within(np.array([one.time_s for one in every]), unwatched)
+        is_out = within(np.array([flaw.time_s for flaw in every]), unwatched)
         moved = FASTEST_MOTION.get(name, 0.0) * tracks[name].step_s
         flaws[name] = [
-            one
-            for one, out in zip(every, is_out, strict=True)
-            if not out and not (one.shape == "spikes" and abs(one.height) <= moved)
+            flaw
+            for flaw, out in zip(every, is_out, strict=True)
+            if not out and not (flaw.shape == "spikes" and abs(flaw.height) <= moved)
         ]
     return _defects(flaws, tracks)
 
@@ -254,25 +258,24 @@ def without_defects(log: FlightLog, defects: Sequence[Defect]) -> FlightLog:
     return _replaced(log, defects, with_lines=False)
 
 
-def sentence_of_defect(one: Defect) -> str:
+def sentence_of_defect(defect: Defect) -> str:
     """Return a defect in words: "'tas' drops out 5 times, 9.3 s in all, first at 812 s"."""
-    times = "once" if one.count == 1 else f"{one.count} times"
-    what = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}[one.shape]
-    first = "at" if one.count == 1 else "first at"
-    return (
-        f"'{one.channel}' {what} {times}, {one.duration_s:.2g} s in all, {first} {instant(round(one.times_s[0], 1))} s"
-    )
+    times = "once" if defect.count == 1 else f"{defect.count} times"
+    what = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}[defect.shape]
+    first = "at" if defect.count == 1 else "first at"
+    first_s = instant(round(defect.times_s[0], 1))
+    return f"'{defect.channel}' {what} {times}, {defect.duration_s:.2g} s in all, {first} {first_s} s"
 
 
 def _replaced(log: FlightLog, defects: Sequence[Defect], *, with_lines: bool) -> FlightLog:
     channels = dict(log.channels)
-    for one in defects:
+    for defect in defects:
         hidden = np.zeros(log.n_samples, dtype=bool)
-        for first_s, last_s in one.hidden:
+        for first_s, last_s in defect.hidden:
             hidden |= (log.time_s >= first_s) & (log.time_s <= last_s)
-        values = np.where(hidden, np.nan, channels[one.channel].values)
+        values = np.where(hidden, np.nan, channels[defect.channel].values)
         values = np.where(hidden, bridged(values, log.time_s), values) if with_lines else values
-        channels[one.channel] = replace(channels[one.channel], values=frozen_array(values))
+        channels[defect.channel] = replace(channels[defect.channel], values=frozen_array(values))
     return replace(log, channels=channels)
 
 
@@ -377,7 +380,7 @@ def _excursions(
     is_positive : it is one of `POSITIVE`: errors of other channels do not count against a reading of 0.
     errors : of the track as it is, where they are known.
     """
-    found: list[_Flaw] = []
+    flaws: list[_Flaw] = []
     refused = np.zeros(len(track.values), dtype=bool)
     level: dict[int, float] = {}  # of the ratio, from which it is an excursion
     block = track.size(AROUND_S)
@@ -404,16 +407,16 @@ def _excursions(
             ratios = {half: ratio[k] / others[k] / level[half] for half, (_, ratio) in errors.items()}
             share = float(max(ratio for half, ratio in ratios.items() if stands_out[half][k]))
             drafts = (_described(track, k, half, width_s, 0.5 * float(size[k]), share) for half in errors)
-            one = next(filter(None, drafts), None)
-            if one is None:
+            flaw = next(filter(None, drafts), None)
+            if flaw is None:
                 beside = slice(max(0, k - track.size(0.5)), k + track.size(0.5) + 1)
                 refused[beside], size[beside] = True, 0.0
                 continue
             sure_s = reach_s + 0.5 * track.step_s
-            found.append(replace(one, hidden=(one.hidden[0] - sure_s, one.hidden[1] + sure_s)))
-            _take_out(track, found[-1].hidden)
+            flaws.append(replace(flaw, hidden=(flaw.hidden[0] - sure_s, flaw.hidden[1] + sure_s)))
+            _take_out(track, flaws[-1].hidden)
             size[max(0, k - widest) : k + widest + 1] = 0.0
-    return found
+    return flaws
 
 
 def _described(track: _Track, k: int, half: int, width_s: float, least: float, share: float) -> _Flaw | None:
@@ -484,18 +487,18 @@ def _take_out(track: _Track, hidden: tuple[float, float]) -> None:
     track.values = np.interp(track.time_s, track.time_s[track.known], track.values[track.known])
 
 
-def _against(track: _Track, told: Sequence[_Expected], width_s: float, reach_s: float) -> list[_Flaw]:
+def _against(track: _Track, predictions: Sequence[_Expected], width_s: float, reach_s: float) -> list[_Flaw]:
     """Return the spikes of a channel against the predictions of two or more others, and take them out of its track.
 
     A spike of one of the others is none of this channel: the least difference counts, where all have the same sign.
     """
-    if len(told) < FEWEST_WITNESSES:
+    if len(predictions) < FEWEST_WITNESSES:
         return []
-    errors = np.array([track.values - course for course, _, _ in told])
+    errors = np.array([track.values - course for course, _, _ in predictions])
     alike = np.all(errors > 0.0, axis=0) | np.all(errors < 0.0, axis=0)
     least = errors[np.argmin(np.abs(errors), axis=0), np.arange(errors.shape[1])]
-    known = np.all([known for _, _, known in told], axis=0) & track.known
-    spread = np.max([spread for _, spread, _ in told], axis=0)
+    known = np.all([known for _, _, known in predictions], axis=0) & track.known
+    spread = np.max([spread for _, spread, _ in predictions], axis=0)
     if not np.isfinite(spread).any():
         return []
     scatter = float(np.quantile(spread[np.isfinite(spread)], 0.75))
@@ -503,10 +506,10 @@ def _against(track: _Track, told: Sequence[_Expected], width_s: float, reach_s: 
         track, values=np.where(alike & known, least, 0.0), known=known, quantum=max(track.quantum, scatter)
     )
     excursions = _excursions(differences, np.ones(len(known)), width_s, reach_s, is_positive=False)
-    found = [one for one in excursions if one.shape == "spikes"]
-    for one in found:
-        _take_out(track, one.hidden)
-    return found
+    spikes = [flaw for flaw in excursions if flaw.shape == "spikes"]
+    for spike in spikes:
+        _take_out(track, spike.hidden)
+    return spikes
 
 
 def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_s: float) -> list[_Flaw]:
@@ -520,7 +523,7 @@ def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_
     # The least that the channel moves by: its quantum, or its travel in the calmest seconds where it has none.
     least = track.quantum or (float(np.quantile(moves, CALMEST_SECONDS)) if moves.size else 0.0)
     floor = max(STILL_QUANTUM * least, ROUNDING * float(np.abs(track.values).max()))
-    found: list[_Flaw] = []
+    flaws: list[_Flaw] = []
     taken = ~track.known
     for seconds in reversed(STILL_S):
         size = track.size(seconds)
@@ -530,7 +533,7 @@ def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_
         here, should = travel(track.values, size), np.zeros(len(track.values) - size + 1)
         if relatives:
             middle = slice(size // 2, size // 2 + len(here))
-            should = np.min([travel(course, size) * _all_of(told, size) for course, _, told in relatives], axis=0)
+            should = np.min([travel(course, size) * _all_of(known, size) for course, _, known in relatives], axis=0)
             scatter = np.max([spread[middle] for _, spread, _ in relatives], axis=0)
             sure = MOVED if len(relatives) < FEWEST_WITNESSES else MOVED_BY_TWO
             needed = sure * np.maximum(scatter, floor) + track.quantum
@@ -556,7 +559,7 @@ def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_
             from_s = float(track.time_s[first]) - 0.5 * width_s
             to_s = float(track.time_s[last - 1]) + max(0.5 * width_s, track.step_s)
             beside_s = reach_s - 0.5 * track.step_s
-            found.append(
+            flaws.append(
                 _Flaw(
                     shape="frozen",
                     time_s=from_s,
@@ -566,7 +569,7 @@ def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_
                     hidden=(from_s - max(beside_s, 0.0), to_s + beside_s),
                 )
             )
-    return found
+    return flaws
 
 
 def _often_still(track: _Track, size: int, here: FloatArray, floor: float) -> BoolArray:
@@ -616,9 +619,9 @@ def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
     ----------
     is_calm : (n_other,) where the other channel has no large error.
     """
-    told = np.interp(track.time_s, other.time_s, other.values)
+    other_values = np.interp(track.time_s, other.time_s, other.values)
     known = np.interp(track.time_s, other.time_s, (other.known & is_calm).astype(np.float64)) > 0.99
-    n, block, outside = len(told), track.size(BLOCK_S), track.size(OUTSIDE_S)
+    n, block, outside = len(other_values), track.size(BLOCK_S), track.size(OUTSIDE_S)
     course, spread = np.full(n, np.nan), np.full(n, np.inf)
     for first in range(0, n, block):
         low = max(0, first - outside)
@@ -628,8 +631,8 @@ def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
             continue
         rows = rows[:: max(1, len(rows) // MOST_ROWS)]
         at = np.arange(first, min(n, first + block))
-        trend, level = float(rows.mean()), float(told[rows].mean())
-        columns, wanted = (_columns(k - trend, told[k] - level) for k in (rows, at))
+        trend, level = float(rows.mean()), float(other_values[rows].mean())
+        columns, wanted = (_columns(k - trend, other_values[k] - level) for k in (rows, at))
         factors = np.linalg.lstsq(columns, track.values[rows], rcond=None)[0]
         error = np.abs(track.values[rows] - columns @ factors)
         usual = error <= max(OUTLYING * _median(error), track.quantum)
@@ -663,7 +666,7 @@ def _defects(flaws: Mapping[str, Sequence[_Flaw]], tracks: Mapping[str, _Track])
     joined = []
     for name, every in flaws.items():
         for shape in ("dropout", "frozen", "spikes"):
-            alike = sorted((one for one in every if one.shape == shape), key=lambda one: one.time_s)
+            alike = sorted((flaw for flaw in every if flaw.shape == shape), key=lambda flaw: flaw.time_s)
             if not alike:
                 continue
             joined.append(
@@ -671,11 +674,11 @@ def _defects(flaws: Mapping[str, Sequence[_Flaw]], tracks: Mapping[str, _Track])
                     channel=name,
                     unit=tracks[name].channel.unit,
                     shape=shape,
-                    times_s=tuple(one.time_s for one in alike),
-                    durations_s=tuple(one.duration_s for one in alike),
-                    largest=max((one.height for one in alike), key=abs),
-                    statistic=max(one.share for one in alike),
-                    hidden=tuple(one.hidden for one in alike),
+                    times_s=tuple(flaw.time_s for flaw in alike),
+                    durations_s=tuple(flaw.duration_s for flaw in alike),
+                    largest=max((flaw.height for flaw in alike), key=abs),
+                    statistic=max(flaw.share for flaw in alike),
+                    hidden=tuple(flaw.hidden for flaw in alike),
                 )
             )
-    return tuple(sorted(joined, key=lambda one: one.times_s[0]))
+    return tuple(sorted(joined, key=lambda defect: defect.times_s[0]))

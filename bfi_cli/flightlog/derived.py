@@ -130,7 +130,7 @@ DERIVED: Mapping[str, Derivation] = {
         (STATIC,),
         lambda values: (
             air_data_of(
-                {name: one for name, one in values.items() if name in STATIC_SOURCES}
+                {name: reading for name, reading in values.items() if name in STATIC_SOURCES}
                 | {"q_impact": np.zeros_like(next(iter(values.values())))}
             ).p_static
         ),
@@ -146,8 +146,8 @@ DERIVED: Mapping[str, Derivation] = {
 
 def missing_for(name: str, has: Collection[str]) -> tuple[str, ...]:
     """Return the channels that a log with the channels `has` lacks to derive another, alternatives joined by "or"."""
-    lacking = (group for group in DERIVED[name].needs if not any(set(one) <= set(has) for one in group))
-    return tuple(" or ".join(" and ".join(one) for one in group) for group in lacking)
+    lacking = (group for group in DERIVED[name].needs if not any(set(alternative) <= set(has) for alternative in group))
+    return tuple(" or ".join(" and ".join(alternative) for alternative in group) for group in lacking)
 
 
 def with_derived(
@@ -194,7 +194,7 @@ def with_derived(
             ) from None
         # The first alternative of each group that the log has.
         needs = DERIVED[name].needs
-        used = {one for group in needs for one in next(names for names in group if set(names) <= set(recorded))}
+        used = {source for group in needs for source in next(names for names in group if set(names) <= set(recorded))}
         values = frozen_array(make(recorded))
         channels[name] = Channel(name=name, values=values, unit=STANDARD[name].unit, source=name)
         if log.truth is not None and set(log.truth.clean) & used:

@@ -113,7 +113,7 @@ def time_shift(first: FlightLog, second: FlightLog, names: Sequence[str]) -> flo
             continue
         middle = float(np.nanmean(a))
         (in_a, a), (in_b, b) = (
-            (np.isfinite(one).astype(float), np.nan_to_num((one - middle) / spread)) for one in (a, b)
+            (np.isfinite(values).astype(float), np.nan_to_num((values - middle) / spread)) for values in (a, b)
         )
         count = np.maximum(np.round(against(in_a, in_b)), 0.0)
         mean = (against(a, in_b) - against(in_a, b)) / np.maximum(count, 1.0)

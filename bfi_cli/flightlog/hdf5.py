@@ -124,11 +124,11 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
     node = file if chosen is None else root[chosen]
     if chosen is not None:
         signals, unlike = _signals(path, dict(_members(path, node, (file,))))
-    if signals and all(FREQUENCY in one.data.parent.attrs for one in signals.values()):
-        return _of_parameters(path, signals, unlike)
-    rates = [_rate(path, one) for one in signals.values()]
+    if signals and all(FREQUENCY in signal.data.parent.attrs for signal in signals.values()):
+        return _log_of_parameters(path, signals, unlike)
+    rates = [_rate(path, signal) for signal in signals.values()]
     if rates and all(rate is not None for rate in rates):
-        return _of_rates(path, signals, [rate for rate in rates if rate is not None], unlike)
+        return _log_of_rates(path, signals, [rate for rate in rates if rate is not None], unlike)
     clean: dict[str, _Signal] = {}
     if isinstance(truth, h5py.Group):
         injected, _ = _signals(path, dict(_members(path, truth, (file,))))
@@ -136,26 +136,26 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
 
     def stated(name: str) -> Any:
         """Return an attribute of the group, else of the file; None where neither has it."""
-        return next((_attribute(one, name) for one in (node, file) if name in one.attrs), None)
+        return next((_attribute(group, name) for group in (node, file) if name in group.attrs), None)
 
     rate = asked.sample_rate_hz
-    if rate is None and any("sample_rate_hz" in one.attrs for one in (node, file)):
+    if rate is None and any("sample_rate_hz" in group.attrs for group in (node, file)):
         rate = raw.rate_of(path, stated("sample_rate_hz"))
     rows, n, notes = _rows(path, signals, list(clean.values()), rate, asked)
     is_large = 8 * sum(signal.data.size for signal in signals.values()) > READ_AT_ONCE
     columns = []
-    for name, one in signals.items():
-        if n in (None, one.data.size):
-            columns.append(one.track_in_file(path, rows) if is_large else one.track(rows))
+    for name, signal in signals.items():
+        if n in (None, signal.data.size):
+            columns.append(signal.track_in_file(path, rows) if is_large else signal.track(rows))
         elif name in asked.keep:  # as `read_log` spreads a channel of another number of samples
-            values = one.values(slice(0, one.data.size))
+            values = signal.values(slice(0, signal.data.size))
             spread = np.interp(np.arange(rows.start, rows.stop), np.arange(values.size) * (n / values.size), values)
-            columns.append(Track(source=name, values=spread, unit=one.unit))
+            columns.append(Track(source=name, values=spread, unit=signal.unit))
         else:
-            unlike[name] = raw.unlike_time(name, one.data.size, n)
-    texts = (_text(_attribute(one, "segments")) or "[]" for one in (node, file))
+            unlike[name] = raw.unlike_time(name, signal.data.size, n)
+    texts = (_text(_attribute(group, "segments")) or "[]" for group in (node, file))
     segments = next(filter(None, (segments_from_json(text, where=f"{path}: segments") for text in texts)), ())
-    has_filters = any("filters" in one.attrs for one in (node, file))
+    has_filters = any("filters" in group.attrs for group in (node, file))
     has_truth = isinstance(truth, h5py.Group)
     faults = _text(_attribute(truth, "faults")) or "[]" if has_truth else ""
     return RawLog(
@@ -171,13 +171,15 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
     )
 
 
-def _of_parameters(path: str, signals: Mapping[str, _Signal], unlike: Mapping[str, str]) -> RawLog:
+def _log_of_parameters(path: str, signals: Mapping[str, _Signal], unlike: Mapping[str, str]) -> RawLog:
     """Return the log of parameters with separate rates and offsets, as FlightDataAccessor stores them (`hdf_file`).
 
     Each parameter is a group with the samples in `data`, marks of the invalid samples in `mask`, and the attributes
     `frequency`, Hz, `supf_offset`, s, and `units`.
     """
-    raw.require_memory(path, 16 * sum(one.data.size for one in signals.values()), "its parameters", "export fewer")
+    raw.require_memory(
+        path, 16 * sum(signal.data.size for signal in signals.values()), "its parameters", "export fewer"
+    )
     tracks = []
     for name, signal in signals.items():
         _require_readable(path, name, signal.data)
@@ -212,9 +214,13 @@ def _rate(path: str, signal: _Signal) -> float | None:
     return stated if 0.0 < stated < np.inf else None
 
 
-def _of_rates(path: str, signals: Mapping[str, _Signal], rates: Sequence[float], unlike: Mapping[str, str]) -> RawLog:
+def _log_of_rates(
+    path: str, signals: Mapping[str, _Signal], rates: Sequence[float], unlike: Mapping[str, str]
+) -> RawLog:
     """Return the log of MATLAB's structs with separate rates, which begin together, as `matlab.read_matlab` does."""
-    raw.require_memory(path, 16 * sum(one.data.size for one in signals.values()), "its parameters", "export fewer")
+    raw.require_memory(
+        path, 16 * sum(signal.data.size for signal in signals.values()), "its parameters", "export fewer"
+    )
     tracks = []
     for signal, rate_hz in zip(signals.values(), rates, strict=True):
         _require_readable(path, signal.name, signal.data)
@@ -249,7 +255,7 @@ def _signals(path: str, children: Mapping[str, Any]) -> tuple[dict[str, _Signal]
             continue
         unit = _text(_attribute(data, "units")) or _text(_attribute(data, "unit"))
         fields = ("units", "Units") if is_struct and not unit else ()
-        units: Any = next((one for key in fields if (one := _member(path, child, key)) is not None), None)
+        units: Any = next((member for key in fields if (member := _member(path, child, key)) is not None), None)
         is_stated = isinstance(units, h5py.Dataset) and "MATLAB_empty" not in units.attrs
         if is_stated and units.size and units.size <= LONGEST_UNIT:
             if units.dtype.kind in "iu":

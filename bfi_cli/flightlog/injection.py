@@ -186,8 +186,8 @@ def _changes(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) -> d
     acts_on = SHAPES[fault.shape].acts_on
     if acts_on in ("reading", "held"):
         reading = log.channels[fault.channel].values[part]
-        of_reading = reading if acts_on == "reading" else _at_onset(log, fault) - reading
-        changes = {fault.channel: amount * of_reading}
+        sensitivity = reading if acts_on == "reading" else _at_onset(log, fault) - reading
+        changes = {fault.channel: amount * sensitivity}
     else:
         changes = _differences(log, fault, amount, part)
     return {channel: bridged(change) for channel, change in changes.items()}
@@ -236,7 +236,9 @@ def _under(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) -> tup
         raise LogError(f"{place}: the pressures are missing wherever it is active; choose another onset")
     # Static and total pressure at the onset, or at the first sample after it where they are known.
     onset_s = max(fault.onset_s, float(time_s[known][0]))
-    static, total = (float(np.interp(onset_s, time_s[known], one[known])) for one in (air.p_static, air.p_total))
+    static, total = (
+        float(np.interp(onset_s, time_s[known], pressure[known])) for pressure in (air.p_static, air.p_total)
+    )
     try:
         cabin = float(pressure_at(fault.cabin_altitude_m or 0.0))
     except ValueError as error:
@@ -250,7 +252,7 @@ def _differences(log: FlightLog, fault: Fault, amount: FloatArray, part: slice) 
     air, p_static, p_total = _under(log, fault, amount, part)
     place, moved, time_s = _place(log, fault), SHAPES[fault.shape].acts_on, log.time_s[part]
     pairs = ((p_static, air.p_static), (p_total, air.p_total))
-    if max(np.nanmax(np.abs(one / other - 1.0)) for one, other in pairs) <= ROUNDING:
+    if max(np.nanmax(np.abs(pressure / other - 1.0)) for pressure, other in pairs) <= ROUNDING:
         return {}
     old = channels_of(air.p_static, air.q_impact, air.tat, rate_of=time_s)
     try:
@@ -281,7 +283,7 @@ def _growth(
     shape, (air, p_static, p_total) = SHAPES[fault.shape], _under(log, fault, amount, part)
     moving = (air.q_impact > 0.0) & (p_total > p_static)
     kept = 1.0 - (shape.loss or 0.0) * amount[moving]  # of a change of the pressure outside, what its line still shows
-    pairs = [(one[moving], other[moving]) for one, other in ((air.p_static, air.p_total), (p_static, p_total))]
+    pairs = [(static[moving], total[moving]) for static, total in ((air.p_static, air.p_total), (p_static, p_total))]
     growth = {}
     for name in names:
         pressure = "p_total" if "p_total" in DEPENDS_ON[name] else "p_static"
@@ -349,24 +351,27 @@ def line_signals(
     # The fault is taken out of the log; secant or derivative, per unit of its size.
     small = SMALL / float(np.max(np.abs(lost[on])))
     sizes = (size,) if size else (small, -small)
-    shares = [np.minimum(one * lost, 1.0 - LEAST_LEFT) for one in sizes]
+    shares = [np.minimum(taken * lost, 1.0 - LEAST_LEFT) for taken in sizes]
     amounts = [-shape.loss * share / (1.0 - share) for share in shares]
 
     def per_size(corrections: Sequence[Mapping[str, FloatArray]]) -> dict[str, FloatArray]:
         return {
-            channel: -np.mean([one[channel] / taken for one, taken in zip(corrections, sizes, strict=True)], axis=0)
+            channel: -np.mean(
+                [correction[channel] / taken for correction, taken in zip(corrections, sizes, strict=True)], axis=0
+            )
             for channel in corrections[0]
-            if all(channel in one for one in corrections)
+            if all(channel in correction for correction in corrections)
         }
 
-    values = per_size([_stored(log, fault, one, active, part, through) for one in amounts])
+    values = per_size([_stored(log, fault, amount, active, part, through) for amount in amounts])
     slopes: dict[str, FloatArray] = {name: np.zeros(log.n_samples) for name in values}
     if with_slopes:
         names = [name for name in values if name not in RATES]
-        for name, slope in per_size([_growth(log, fault, one, part, names) for one in amounts]).items():
+        for name, slope in per_size([_growth(log, fault, amount, part, names) for amount in amounts]).items():
             slopes[name][part] = np.where(on, slope, 0.0)
     return {
-        name: LineSignal(values=frozen_array(own), slopes=frozen_array(slopes[name])) for name, own in values.items()
+        name: LineSignal(values=frozen_array(signal), slopes=frozen_array(slopes[name]))
+        for name, signal in values.items()
     }
 
 
@@ -383,4 +388,6 @@ def without_line_fault(log: FlightLog, fault: Fault, through: Response) -> Fligh
         signals = line_signals(log, fault, through, size=fault.magnitude, with_slopes=False)
     except DictionaryError:
         signals = line_signals(log, fault, through, with_slopes=False)
-    return replace(_moved(log, {name: -fault.magnitude * one.values for name, one in signals.items()}), truth=None)
+    return replace(
+        _moved(log, {name: -fault.magnitude * signal.values for name, signal in signals.items()}), truth=None
+    )

@@ -109,9 +109,11 @@ def heading_of(path: str, lines: Lines, asked: Asked) -> Heading:
     names, left_out = _names(path, [name for name, _ in cells], asked)
     return Heading(
         names=names,
-        units=tuple(unit or one for (_, unit), one in zip(cells, stated or [None] * len(cells), strict=True)),
+        units=tuple(
+            unit or stated_unit for (_, unit), stated_unit in zip(cells, stated or [None] * len(cells), strict=True)
+        ),
         delimiter=delimiter,
-        recorder="garmin" if garmin else next((one.recorder for one in LAYOUTS if one.is_header(names)), None),
+        recorder="garmin" if garmin else next((layout.recorder for layout in LAYOUTS if layout.is_header(names)), None),
         left_out=left_out,
     )
 
@@ -174,8 +176,8 @@ def _two_headers(upper: str, lower: str, delimiter: str) -> str | None:
     if len(long) != len(short) or any(map(_is_number, short)) or not any(map(str.strip, short)):
         return None
     names = []
-    for one, brief in zip(long, short, strict=True):
-        name, unit = split_unit(one)
+    for label, brief in zip(long, short, strict=True):
+        name, unit = split_unit(label)
         name = name if brief.strip() in AMBIGUOUS else brief.strip() or name
         names.append(f"{name} [{unit}]" if unit else name)
     return delimiter.join(names)

@@ -109,7 +109,7 @@ def _signals(node: Mapping[str, Any]) -> tuple[list[Track], dict[str, str]]:
     columns, refused, rates = list[Track](), dict[str, str](), list[float | None]()
     for name, value in node.items():
         is_struct = isinstance(value, Mapping)
-        stated = {str(key).lower(): one for key, one in value.items()} if is_struct else {}
+        stated = {str(key).lower(): member for key, member in value.items()} if is_struct else {}
         if is_struct and "data" not in stated:
             continue
         data = stated["data"] if is_struct else value

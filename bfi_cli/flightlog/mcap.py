@@ -266,7 +266,7 @@ def _units(schema: bytes) -> Iterator[tuple[str, str]]:
     try:
         properties = json.loads(schema or b"{}").get("properties", {})
         stated = [
-            (name, [one.get(key) for key in ("unit", "units", "description")]) for name, one in properties.items()
+            (name, [field.get(key) for key in ("unit", "units", "description")]) for name, field in properties.items()
         ]
     except (ValueError, RecursionError, AttributeError):
         return

@@ -176,7 +176,7 @@ class _Flight:
             return []
         height = bridged(self.height)
         parts = runs(height - height.min() < ABOVE_GROUND * self.scale_m)
-        return [(one.from_s, one.to_s) for one in (self.phase("ground", run) for run in parts)]
+        return [(phase.from_s, phase.to_s) for phase in (self.phase("ground", run) for run in parts)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -189,18 +189,18 @@ class FlightPhases:
 
 def spans_of(phases: Sequence[Phase], kinds: Collection[str]) -> list[tuple[float, float]]:
     """Return (from_s, to_s) of the phases of some kinds, in their order."""
-    return [(one.from_s, one.to_s) for one in phases if one.phase in kinds]
+    return [(phase.from_s, phase.to_s) for phase in phases if phase.phase in kinds]
 
 
 def note_on_rotors(phases: Sequence[Phase]) -> tuple[Note, ...]:
     """Return a note on the parts in which its rotors carry a VTOL, () without such parts."""
-    parts = [one for one in phases if one.phase in (HOVER, TRANSITION)]
+    parts = [phase for phase in phases if phase.phase in (HOVER, TRANSITION)]
     if not parts:
         return ()
-    longest = sorted(sorted(parts, key=lambda one: one.from_s - one.to_s)[:3], key=lambda one: one.from_s)
-    named = ", ".join(f"{instant(one.from_s)} to {instant(one.to_s)} s" for one in longest)
-    total = sum(one.to_s - one.from_s for one in parts)
-    names = " and ".join(name for name in (HOVER, TRANSITION) if any(one.phase == name for one in parts))
+    longest = sorted(sorted(parts, key=lambda phase: phase.from_s - phase.to_s)[:3], key=lambda phase: phase.from_s)
+    named = ", ".join(f"{instant(phase.from_s)} to {instant(phase.to_s)} s" for phase in longest)
+    total = sum(phase.to_s - phase.from_s for phase in parts)
+    names = " and ".join(name for name in (HOVER, TRANSITION) if any(phase.phase == name for phase in parts))
     among = "" if len(parts) == len(longest) else ", the longest"
     text = (
         f"{names}, {total:.0f} s in all{among} {named}: the wing does not carry the aircraft; only flight on it counts"
@@ -231,8 +231,8 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     if log.n_samples < 2 or log.time_s[-1] - log.time_s[0] > LONGEST_S:
         return nothing
     sensors = _sensors(log, suspects)
-    log = replace(log, channels={**log.channels, **{name: log.channels[one] for name, one in sensors.items()}})
-    suspects = {*suspects, *(name for name, one in sensors.items() if one in suspects)}
+    log = replace(log, channels={**log.channels, **{name: log.channels[sensor] for name, sensor in sensors.items()}})
+    suspects = {*suspects, *(name for name, sensor in sensors.items() if sensor in suspects)}
     speeds = {name: values for name in AIRSPEEDS if (values := speed_values(log, name)) is not None}
     over_ground = speed_values(log, "ground_speed")
     trusted = {name: values for name, values in speeds.items() if name not in suspects}
@@ -263,12 +263,12 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
         stalls = _stalls(flight, low, high)
         stages += [("stall", run) for run in stalls if not any(run[0] < end and begin < run[1] for begin, end in steep)]
     order = (*PARTS, *MANOEUVRES)
-    stages.sort(key=lambda one: (one[1][0], order.index(one[0])))
+    stages.sort(key=lambda stage: (stage[1][0], order.index(stage[0])))
     phases = tuple(flight.phase(name, run) for name, run in stages)
     if hovering:
         phases = tuple(_around(phases, hovering, flight.low_stretches()))
-    told = (replace(one, channel=sensors.get(one.channel, one.channel)) for one in flight.disagreements)
-    return FlightPhases(phases=phases, disagreements=tuple(told))
+    disagreements = (replace(run, channel=sensors.get(run.channel, run.channel)) for run in flight.disagreements)
+    return FlightPhases(phases=phases, disagreements=tuple(disagreements))
 
 
 def _hovering(log: FlightLog) -> tuple[Phase, ...]:
@@ -276,12 +276,12 @@ def _hovering(log: FlightLog) -> tuple[Phase, ...]:
     if (state := log.find("hover")) is None:
         return ()
     step_s = 1.0 / log.rate_hz
-    found = []
+    phases = []
     for name, mask in ((HOVER, state.values > 0.75), (TRANSITION, (state.values > 0.25) & (state.values <= 0.75))):
         for low, high in runs(mask):
             from_s, to_s = float(log.time_s[low]), float(log.time_s[high - 1]) + step_s
-            found.append(Phase(phase=name, from_s=round(from_s, 3), to_s=round(to_s, 3)))
-    return tuple(found)
+            phases.append(Phase(phase=name, from_s=round(from_s, 3), to_s=round(to_s, 3)))
+    return tuple(phases)
 
 
 def _around(phases: Sequence[Phase], hovering: Sequence[Phase], low: Sequence[tuple[float, float]]) -> list[Phase]:
@@ -292,28 +292,28 @@ def _around(phases: Sequence[Phase], hovering: Sequence[Phase], low: Sequence[tu
     low : stretches, (from_s, to_s), in which the aircraft is as low as on the ground; flight on rotors there is ground.
     """
     rotors = spans_of(hovering, (HOVER, TRANSITION))
-    found = [
-        replace(one, from_s=from_s, to_s=to_s)
-        for one in phases
-        for from_s, to_s in left_of([(one.from_s, one.to_s)], rotors)
+    parts = [
+        replace(phase, from_s=from_s, to_s=to_s)
+        for phase in phases
+        for from_s, to_s in left_of([(phase.from_s, phase.to_s)], rotors)
     ]
-    for one in hovering:
-        aloft = left_of([(one.from_s, one.to_s)], low)
-        found += [replace(one, from_s=from_s, to_s=to_s) for from_s, to_s in aloft]
-        found += [Phase(phase="ground", from_s=a, to_s=b) for a, b in left_of([(one.from_s, one.to_s)], aloft)]
-    found.sort(key=lambda one: (one.from_s, (*PARTS, *MANOEUVRES).index(one.phase)))
+    for part in hovering:
+        aloft = left_of([(part.from_s, part.to_s)], low)
+        parts += [replace(part, from_s=from_s, to_s=to_s) for from_s, to_s in aloft]
+        parts += [Phase(phase="ground", from_s=a, to_s=b) for a, b in left_of([(part.from_s, part.to_s)], aloft)]
+    parts.sort(key=lambda phase: (phase.from_s, (*PARTS, *MANOEUVRES).index(phase.phase)))
     whole: list[Phase] = []
-    for one in found:
-        if whole and one.phase == whole[-1].phase == "ground" and one.from_s <= whole[-1].to_s:
-            one = replace(whole.pop(), to_s=one.to_s)
-        whole.append(one)
+    for part in parts:
+        if whole and part.phase == whole[-1].phase == "ground" and part.from_s <= whole[-1].to_s:
+            part = replace(whole.pop(), to_s=part.to_s)
+        whole.append(part)
     return whole
 
 
 def _sensors(log: FlightLog, suspects: Collection[str]) -> dict[str, str]:
     """Return the first sensor (`tas_1`) of each quantity without a channel of its name, suspected sensors last."""
     sensors: dict[str, str] = {}
-    for name in sorted(log.channels, key=lambda one: (one in suspects, one)):
+    for name in sorted(log.channels, key=lambda channel: (channel in suspects, channel)):
         if (quantity := quantity_of(name)) not in log.channels:
             sensors.setdefault(quantity, name)
     return sensors
@@ -339,7 +339,7 @@ def airborne(log: FlightLog, time_s: FloatArray) -> BoolArray:
 
 def flight_stretches(phases: Sequence[Phase]) -> list[tuple[float, float]]:
     """Return the stretches of flight without take-off, approach, landing and parabolas."""
-    parabolas = [(one.from_s - RECOVERY_S, one.to_s + RECOVERY_S) for one in phases if one.phase == "parabola"]
+    parabolas = [(phase.from_s - RECOVERY_S, phase.to_s + RECOVERY_S) for phase in phases if phase.phase == "parabola"]
     return left_of(_stretches(phases, STEADY_PARTS), parabolas)
 
 
@@ -413,7 +413,7 @@ def _on_grid(
         bank=bank,
         load=None if load is None else load / GRAVITY + 1.0,
         incidence=aoa,
-        configured=sum((_is_out(one) for one in out), np.zeros(speed.size)) if out else None,
+        configured=sum((_is_out(position) for position in out), np.zeros(speed.size)) if out else None,
     )
 
 
@@ -441,12 +441,12 @@ def _right_speed(means: Mapping[str, FloatArray], verdict: Verdict) -> tuple[Flo
     """
     first, *others = means
     speed = means[first].copy()
-    against = [one for one in verdict.against if one.channel == first]
+    against = [conflict for conflict in verdict.against if conflict.channel == first]
     wrong = ~np.isfinite(speed)
-    for one in against:
-        wrong[slice(*one.run)] = True
+    for conflict in against:
+        wrong[slice(*conflict.run)] = True
     lost = wrong & ~verdict.on_ground & ~verdict.unknown
-    wrong[min((one.run[0] for one in against if one.alone), default=speed.size) :] = True
+    wrong[min((conflict.run[0] for conflict in against if conflict.alone), default=speed.size) :] = True
     for name in others:
         usable = wrong & np.isfinite(means[name]) & (verdict.claims[name] == verdict.on_ground)
         ratio = _ratio(means, verdict, first, name)
@@ -460,9 +460,9 @@ def _right_speed(means: Mapping[str, FloatArray], verdict: Verdict) -> tuple[Flo
 def _ratio(means: Mapping[str, FloatArray], verdict: Verdict, name: str, other: str) -> float | None:
     """Return the median ratio of two speeds in flight where neither is overruled; None where that is nowhere."""
     used = ~verdict.on_ground & ~verdict.unknown & np.isfinite(means[name]) & (means[other] > WALK)
-    for one in verdict.against:
-        if one.channel in (name, other):
-            used[slice(*one.run)] = False
+    for conflict in verdict.against:
+        if conflict.channel in (name, other):
+            used[slice(*conflict.run)] = False
     return float(np.median(means[name][used] / means[other][used])) if used.any() else None
 
 
@@ -470,8 +470,8 @@ def _disagreements(
     means: Mapping[str, FloatArray], verdict: Verdict, start_s: float, step_s: float, stop_s: float, *, least_s: float
 ) -> Iterator[Disagreement]:
     """Yield the runs in which an airspeed is overruled, with its error against the first speed that is not."""
-    for one in verdict.against:
-        name, part, error = one.channel, slice(*one.run), None
+    for conflict in verdict.against:
+        name, part, error = conflict.channel, slice(*conflict.run), None
         for other in means:
             ratio = _ratio(means, verdict, name, other)
             agrees = (verdict.claims[other] == verdict.on_ground)[part] & np.isfinite(means[name] - means[other])[part]
@@ -481,13 +481,13 @@ def _disagreements(
                 break
         yield Disagreement(
             channel=name,
-            from_s=round(start_s + one.run[0] * step_s, 3),
-            to_s=round(min(start_s + one.run[1] * step_s, stop_s), 3),
-            says=one.says,
-            alone=one.alone,
-            certain=one.certain,
+            from_s=round(start_s + conflict.run[0] * step_s, 3),
+            to_s=round(min(start_s + conflict.run[1] * step_s, stop_s), 3),
+            says=conflict.says,
+            alone=conflict.alone,
+            certain=conflict.certain,
             error=error,
-            latest_s=round(start_s + one.latest * step_s, 3),
+            latest_s=round(start_s + conflict.latest * step_s, 3),
             least_s=least_s,
         )
 
@@ -662,7 +662,7 @@ def _stalls(flight: _Flight, first: int, end: int) -> list[Run]:
     slow = flight.speed[first:end] < STALL_SPEED * flight.cruise
     loaded = True if flight.load is None else ~(flight.load[first:end] < LOADED)
     incidence = _smoothed(np.nan_to_num(flight.incidence[first:end]), flight.samples(0.2))
-    reach, found = flight.samples(WITHIN), []
+    reach, stalls = flight.samples(WITHIN), []
     for low, high in runs(slow & loaded & (incidence > STALLING)):
         ahead = flight.pitch[first + low : min(first + high + reach, end)]
         if not np.isfinite(ahead).all():
@@ -672,8 +672,8 @@ def _stalls(flight: _Flight, first: int, end: int) -> list[Run]:
         bottom = int(np.argmax(drop))
         top = low + int(np.argmax(ahead[: bottom + 1]))
         if drop[bottom] >= NOSE_DROP and high >= top - reach:
-            found.append((first + low, first + max(low + bottom + 1, high)))
-    return joined(found, reach - 1)
+            stalls.append((first + low, first + max(low + bottom + 1, high)))
+    return joined(stalls, reach - 1)
 
 
 def _smoothed(values: FloatArray, n: int) -> FloatArray:

@@ -102,7 +102,7 @@ def sentence_of_impossible(name: str, middle: float) -> str:
 
 def assumed_units(channels: Iterable[Channel]) -> str:
     """Return the channels without a stated unit, each with the unit that is assumed; "" for none."""
-    bare = [one.name for one in channels if one.source_unit is None and one.name in STANDARD]
+    bare = [channel.name for channel in channels if channel.source_unit is None and channel.name in STANDARD]
     return ", ".join(f"{name} ({STANDARD[name].unit})" for name in bare if STANDARD[name].unit != "1")
 
 
@@ -147,7 +147,7 @@ def time_scale(log: FlightLog) -> float | None:
 def _ratio(values: FloatArray, rate: FloatArray, time_s: FloatArray) -> float | None:
     """Return the ratio of a channel's changes to the integrals of its rate; None where they do not correlate."""
     travelled = np.concatenate([[0.0], np.cumsum(np.nan_to_num(0.5 * (rate[1:] + rate[:-1]) * np.diff(time_s)))])
-    best, found = LEAST_CORRELATION, None
+    best, ratio = LEAST_CORRELATION, None
     for stride in STRIDES:
         changed, integral = values[stride:] - values[:-stride], travelled[stride:] - travelled[:-stride]
         good = np.isfinite(changed) & (np.abs(changed) < LARGEST_VALUE) & (np.abs(integral) < LARGEST_VALUE)
@@ -155,5 +155,5 @@ def _ratio(values: FloatArray, rate: FloatArray, time_s: FloatArray) -> float | 
         spread = np.sqrt(float(changed @ changed) * float(integral @ integral)) if changed.size >= stride else 0.0
         if spread > 0.0 and abs(float(changed @ integral)) > best * spread:
             best = abs(float(changed @ integral)) / spread
-            found = float(changed @ integral) / float(integral @ integral)
-    return found
+            ratio = float(changed @ integral) / float(integral @ integral)
+    return ratio

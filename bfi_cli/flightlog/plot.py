@@ -153,12 +153,12 @@ def read_events(path: str) -> tuple[tuple[Event, ...], str]:
     kind = document["kind"]
     sha256 = mapping(member(document, "provenance", where=path), where=f"{path}: provenance").get("log_sha256")
     try:
-        suspected = (one for one in document.get("candidates", ()) if one.get("state") == "suspected")
+        suspected = (candidate for candidate in document.get("candidates", ()) if candidate.get("state") == "suspected")
         entries = (*member(document, DECLARED[kind], where=path), *suspected)
-        events = [_event(one, kind) for one in entries if one.get("state", "declared") in STANDING_OUT]
+        events = [_event(entry, kind) for entry in entries if entry.get("state", "declared") in STANDING_OUT]
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise ConfigError(f"{path}: damaged, {error!r}; run bfi {kind} again") from None
-    timed = sorted((one for one in events if one is not None), key=lambda one: one.onset_s)
+    timed = sorted((event for event in events if event is not None), key=lambda event: event.onset_s)
     return tuple(timed), sha256 if isinstance(sha256, str) else ""
 
 
@@ -168,7 +168,7 @@ def _event(entry: Plain, kind: str) -> Event | None:
     if onset_s is None:
         return None
     channels = entry.get("channels") or ([entry["channel"]] if entry.get("channel") else [])
-    times = [float(one) for one in (onset_s, entry.get("offset_s")) if one is not None]
+    times = [float(time_s) for time_s in (onset_s, entry.get("offset_s")) if time_s is not None]
     if not isinstance(channels, list) or not all(map(math.isfinite, times)):
         raise ValueError(f"no channels and times, {channels!r:.40}, {times}")
     return Event(
@@ -198,8 +198,8 @@ def channels_to_plot(log: FlightLog, names: Sequence[str], events: Sequence[Even
         named = [name if name in DERIVED and name not in log.channels else log.channel(name).name for name in names]
         return tuple(dict.fromkeys(named))
     usual = [next((name for name in group if name in log.channels), None) for group in GROUPS]
-    of_events = [name for event in events for name in event.channels if name in log.channels]
-    chosen = tuple(dict.fromkeys(name for name in (*of_events, *usual) if name is not None))
+    event_channels = [name for event in events for name in event.channels if name in log.channels]
+    chosen = tuple(dict.fromkeys(name for name in (*event_channels, *usual) if name is not None))
     return chosen or tuple(log.channels)[:MOST_PANELS]
 
 
@@ -269,8 +269,8 @@ def plot_logs(
         from_s=low,
         to_s=high,
         channels=tuple(DrawnChannel(name=name, unit=unit) for name, unit in units.items()),
-        phases=tuple(one for one in phases if shows(one, (low, high))),
-        windows=tuple(one for one in ranked_windows(first, phases) if shows(one, (low, high))),
+        phases=tuple(phase for phase in phases if shows(phase, (low, high))),
+        windows=tuple(window for window in ranked_windows(first, phases) if shows(window, (low, high))),
         events=tuple(events),
         differences=tuple(_difference(name, units[name], time_s, values) for name, time_s, values in changes),
         series=(
@@ -366,7 +366,7 @@ def plot_content(document: Plain, units: Units = SI, *, where: str = "result") -
     ConfigError : the document, named by `where`, is damaged.
     """
     result = from_plain(PlotResult, document, where=where)
-    logs, names, limits = result.logs, [one.name for one in result.channels], result.limits
+    logs, names, limits = result.logs, [channel.name for channel in result.channels], result.limits
     paths = ", ".join(log.path for log in logs)
     n_samples = sum(log.n_samples for log in logs)
     parts = ["Channels over time"]
@@ -423,18 +423,18 @@ def _panels(
     if len(set(labels)) < len(labels):
         labels = [f"{i}: {log.path}" for i, log in enumerate(logs, start=1)]
     bands = _bands(result)
-    lanes = lanes_of(result.phases, result.windows, (), [one.happening for one in result.events], limits=limits)
+    lanes = lanes_of(result.phases, result.windows, (), [event.happening for event in result.events], limits=limits)
     panels = [lane_panel(lanes, limits)] if lanes else []
     for i, name in enumerate(names):
         curves: list[Curve] = []
         unit = units.of("", channel=name).unit
-        for one in result.series:
-            if one.channel != name or one.log is None:
+        for series in result.series:
+            if series.channel != name or series.log is None:
                 continue
-            shown = units.of(one.unit, channel=name)
-            label = labels[one.log] if (named or i == 0) and len(logs) > 1 else ""
+            shown = units.of(series.unit, channel=name)
+            label = labels[series.log] if (named or i == 0) and len(logs) > 1 else ""
             unit = unit if curves else shown.unit
-            curves.append(_curve(label, one.time_s, shown.readings(one.values), points))
+            curves.append(_curve(label, series.time_s, shown.readings(series.values), points))
         panels.append(
             _channel_panel(f"{name}\n[{unit or 'no unit'}]", curves, bands, limits, len(names), clock=not panels)
         )
@@ -444,19 +444,21 @@ def _panels(
 def _changes(result: PlotResult, names: Sequence[str], units: Units, points: int) -> tuple[Panel, ...]:
     """Return a panel for the difference of each channel."""
     bands, panels = _bands(result), list[Panel]()
-    for one in (one for one in result.series if one.log is None and one.channel in names):
-        shown = units.of(one.unit, channel=one.channel)
-        label = f"Δ {one.channel}\n[{shown.unit or 'no unit'}]"
-        drawn = _curve("", one.time_s, shown.changes(one.values), points)
+    for series in result.series:
+        if series.log is not None or series.channel not in names:
+            continue
+        shown = units.of(series.unit, channel=series.channel)
+        label = f"Δ {series.channel}\n[{shown.unit or 'no unit'}]"
+        drawn = _curve("", series.time_s, shown.changes(series.values), points)
         panels.append(_channel_panel(label, [drawn], bands, result.limits, len(names), clock=not panels))
     return tuple(panels)
 
 
 def _bands(result: PlotResult) -> tuple[Block, ...]:
     """Return the parts of the flight and the onsets and ends of events within the time that is drawn."""
-    onsets = [line for one in result.events for line in lines_at(one.state, (one.onset_s, one.offset_s))]
+    onsets = [line for event in result.events for line in lines_at(event.state, (event.onset_s, event.offset_s))]
     every = (*bands_of(result.phases), *onsets)
-    return tuple(one for one in every if one.high >= result.from_s and one.low <= result.to_s)
+    return tuple(band for band in every if band.high >= result.from_s and band.low <= result.to_s)
 
 
 def _curve(label: str, time_s: FloatArray, values: FloatArray, points: int) -> Curve:
@@ -485,13 +487,13 @@ def _channel_panel(
 def _difference_table(differences: Sequence[Difference], units: Units) -> list[Table]:
     """Return the table of the differences of two logs; [] without differences."""
     rows = []
-    for one in differences:
-        shown = units.of(one.unit, channel=one.channel)
-        sizes = (change(value, shown) for value in (one.mean, one.sd, one.largest))
-        rows.append((one.channel, *sizes, "-" if one.at_s is None else instant(one.at_s)))
+    for entry in differences:
+        shown = units.of(entry.unit, channel=entry.channel)
+        sizes = (change(value, shown) for value in (entry.mean, entry.sd, entry.largest))
+        rows.append((entry.channel, *sizes, "-" if entry.at_s is None else instant(entry.at_s)))
     heads = ("channel", "mean", "sd", "largest", "at [s]")
     title = "Second log less the first"
-    times_s = tuple((one.at_s,) for one in differences)
+    times_s = tuple((entry.at_s,) for entry in differences)
     table = Table(name="differences", title=title, heads=heads, rows=tuple(rows), times_s=times_s, last_time=4)
     return [table] if rows else []
 
@@ -500,15 +502,15 @@ def _event_table(events: Sequence[Event]) -> list[Table]:
     """Return the table of the events; [] without events."""
     rows = tuple(
         (
-            one.name,
-            ", ".join(one.channels),
-            one.state,
-            instant(one.onset_s),
-            "" if one.offset_s is None else instant(one.offset_s),
-            one.analysis,
+            event.name,
+            ", ".join(event.channels),
+            event.state,
+            instant(event.onset_s),
+            "" if event.offset_s is None else instant(event.offset_s),
+            event.analysis,
         )
-        for one in events
+        for event in events
     )
     heads = ("event", "channels", "state", "from [s]", "to [s]", "analysis")
-    times_s = tuple((one.onset_s, one.offset_s) for one in events)
+    times_s = tuple((event.onset_s, event.offset_s) for event in events)
     return [Table(name="events", title="Events", heads=heads, rows=rows, times_s=times_s, last_time=4)] if rows else []

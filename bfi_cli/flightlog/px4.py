@@ -33,7 +33,7 @@ from .topics import Topic, fields_of, log_of_topics, notes_on, topics_of
 HEADER = 16  # bytes: the magic, a version, the time of the start
 SYNC = b"\x08\x00S\x2f\x73\x13\x20\x25\x0c\xbb\x12"
 _SIZED = "int8:<i1 uint8:<u1 int16:<i2 uint16:<u2 int32:<i4 uint32:<u4 int64:<i8 uint64:<u8"
-TYPES = {f"{name}_t": kind for name, _, kind in (one.partition(":") for one in _SIZED.split())}
+TYPES = {f"{name}_t": kind for name, _, kind in (entry.partition(":") for entry in _SIZED.split())}
 TYPES |= {"bool": "<u1", "char": "<u1", "float": "<f4", "double": "<f8"}
 # "float[3] xyz": type, count where it is an array, and name.
 FIELD = re.compile(r"\s*(\w+)(?:\[(\d{1,5})\])? (\w+)\s*", re.ASCII)
@@ -132,7 +132,7 @@ def _tables(path: str, data: mmap.mmap, stream: _Stream) -> tuple[list[Topic], l
             continue
         table = table_of(data, places, layout.fields, layout.most)
         time_s = MICROSECOND * table["timestamp"].astype(np.float64)
-        fields = {one: table[one] for one in layout.fields if one != "timestamp"}
+        fields = {field: table[field] for field in layout.fields if field != "timestamp"}
         topics.append(Topic(name=name, instance=instance, time_s=time_s, fields=fields))
     return topics, empty
 
@@ -145,7 +145,7 @@ def _parts(path: str, data: mmap.mmap) -> list[tuple[int, int]]:
     unknown = [flag for i, flag in enumerate(data[HEADER + 11 : HEADER + 19]) if flag & ~(APPENDED if i == 0 else 0)]
     if unknown:
         raise LogError(f"{path}: a ULog of a later kind (unknown flags {unknown}); convert it to CSV with ulog2csv")
-    offsets = [one for one in struct.unpack_from("<3Q", data, HEADER + 19) if HEADER < one < len(data)]
+    offsets = [offset for offset in struct.unpack_from("<3Q", data, HEADER + 19) if HEADER < offset < len(data)]
     bounds = [HEADER, *sorted(set(offsets)), len(data)]
     return list(itertools.pairwise(bounds))
 
@@ -180,10 +180,10 @@ def _read_one(data: mmap.mmap, at: int, size: int, kind: int, stream: _Stream, n
         return True
     if kind == FORMAT:
         name, colon, text = data[at : at + size].decode("latin-1").partition(":")
-        fields = [FIELD.fullmatch(one) for one in text.split(";") if one.strip()]
+        fields = [FIELD.fullmatch(field) for field in text.split(";") if field.strip()]
         if not colon or None in fields:
             return False
-        stream.formats[name] = [(one[1], int(one[2] or 0), one[3]) for one in fields if one is not None]
+        stream.formats[name] = [(field[1], int(field[2] or 0), field[3]) for field in fields if field is not None]
     elif kind == ADDED:
         if size < 4:
             return False
@@ -215,11 +215,11 @@ def _layout(name: str, formats: dict[str, list[tuple[str, int, str]]]) -> _Layou
     fields: dict[str, tuple[str, int]] = {}
 
     def add(format_name: str, prefix: str, at: int, depth: int) -> int | None:
-        for kind, count, own in formats.get(format_name, ()):
+        for kind, count, field_name in formats.get(format_name, ()):
             for i in range(max(count, 1)):
-                label = f"{prefix}{own}[{i}]" if count else f"{prefix}{own}"
+                label = f"{prefix}{field_name}[{i}]" if count else f"{prefix}{field_name}"
                 if kind in TYPES:
-                    if not own.startswith("_padding"):
+                    if not field_name.startswith("_padding"):
                         fields[label] = (TYPES[kind], at)
                     at += int(TYPES[kind][2:])
                 else:

@@ -261,7 +261,7 @@ def _sensors_of_one_quantity(log: FlightLog) -> Iterator[Note]:
             nearest = min(size for pair, size in between.items() if odd in pair)
             rest = max(size for pair, size in between.items() if odd not in pair)
             if nearest > ODD * rest:
-                *before, last = [one.name for one in several if one is not odd]
+                *before, last = [sensor.name for sensor in several if sensor is not odd]
                 unit = "" if odd.unit == "1" else odd.unit
                 yield Note.method(
                     f"{odd.name} agrees with neither {', '.join(before)} nor {last}: it is up to "
@@ -294,7 +294,7 @@ def advice_on_the_ground(
     phases = phases_of(log, suspects=suspects)
     if not shared((first, last), spans_of(phases, ("ground",))) > MOSTLY * (last - first):
         return None
-    flown = [one for one in phases if one.phase not in UNFIT]
+    flown = [phase for phase in phases if phase.phase not in UNFIT]
     aloft = f" (in flight from {instant(flown[0].from_s)} to {instant(flown[-1].to_s)} s)" if flown else ""
     return (
         f"the aircraft is on the ground for most of the window, {instant(first)} to {instant(last)} s{aloft}: its "
@@ -418,8 +418,8 @@ def ranked_windows(log: FlightLog, phases: Sequence[Phase]) -> tuple[ExcitedWind
         return inside > UNFIT_SHARE * (window.stop_s - window.start_s), -window.moves, window.start_s
 
     windows = _suggested_windows(log, phases, at_most=MOST_WINDOWS)
-    ranks = {one: rank for rank, one in enumerate(sorted(windows, key=worth), start=1)}
-    return tuple(replace(one, rank=ranks[one]) for one in windows)
+    ranks = {window: rank for rank, window in enumerate(sorted(windows, key=worth), start=1)}
+    return tuple(replace(window, rank=ranks[window]) for window in windows)
 
 
 def _suggested_windows(log: FlightLog, phases: Sequence[Phase], *, at_most: int) -> tuple[ExcitedWindow, ...]:

@@ -242,7 +242,9 @@ def _with_baro_altitude(log: FlightLog, typed: Collection[str]) -> FlightLog:
     """Return the log with an altitude that follows the knob as `baro_altitude`."""
     if not {"altitude", "baro_setting"} <= log.channels.keys() or {"altitude"} & set(typed):
         return log
-    if "baro_altitude" in log.channels or (log.truth and any(one.channel == "altitude" for one in log.truth.faults)):
+    if "baro_altitude" in log.channels or (
+        log.truth and any(fault.channel == "altitude" for fault in log.truth.faults)
+    ):
         return log
     channel = log.channels["altitude"]
     if not follows_setting(log.time_s, channel.values, log.channels["baro_setting"].values):

@@ -72,9 +72,9 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
     rates = {track: mean_rate(track.time_s) for track in usable}
     base = next((track for track in usable if track.source == output), None)
     for name in BASES if base is None else ():
-        if of_name := [track for track in usable if track.channel == name]:
-            fastest = max(rates[track] for track in of_name)
-            base = next(track for track in of_name if rates[track] >= AS_FAST * fastest)
+        if candidates := [track for track in usable if track.channel == name]:
+            fastest = max(rates[track] for track in candidates)
+            base = next(track for track in candidates if rates[track] >= AS_FAST * fastest)
             break
     base = base or max(usable, key=lambda track: rates[track])
     rate_hz = rates[base]
@@ -252,7 +252,7 @@ def _about(base: Track, ranked: Sequence[Track], slow: Sequence[Track], grid: Fl
 
     def named(tracks: Sequence[Track], what: Callable[[Track], str]) -> str:
         """List signals by their names in the log: the channel's, or the file's where another source is the channel."""
-        best = {next(one for one in ranked if one.channel == t.channel) for t in ranked if t.channel is not None}
+        best = {next(track for track in ranked if track.channel == t.channel) for t in ranked if t.channel is not None}
         return ", ".join(f"{t.channel if t in best else t.source} ({what(t)})" for t in tracks)
 
     step = np.diff(base.time_s)

@@ -199,7 +199,7 @@ def time_column(columns: Sequence[Track], asked: Asked) -> Track | None:
 def with_stated_clock(columns: Sequence[Track], stated: str) -> list[Track]:
     """Return columns with the epoch of `time` as a file states it, see `Epoch.iso`; unchanged where it does not."""
     try:
-        epoch = Epoch.of_iso(stated)
+        epoch = Epoch.from_iso(stated)
     except ValueError:  # an attribute of another program
         return list(columns)
     return [replace(column, epoch=epoch) if column.source == "time" else column for column in columns]

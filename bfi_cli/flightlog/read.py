@@ -143,10 +143,10 @@ def read_log(
         keep=tuple(keep),
     )
     if os.path.isdir(name):
-        log = with_short_gaps(_of_boot(name, read_folder(name, asked), asked, digest_of_log(name), boot))
+        log = with_short_gaps(_log_of_boot(name, read_folder(name, asked), asked, digest_of_log(name), boot))
     else:
         raw = _read_file(name, asked)
-        log = with_seen_recorder(with_short_gaps(_of_boot(name, raw, asked, digest_of_log(name), boot)))
+        log = with_seen_recorder(with_short_gaps(_log_of_boot(name, raw, asked, digest_of_log(name), boot)))
     log = with_quantities(log, asked.channel_map)
     return log if fill_s is None else with_filled(log, fill_s)
 
@@ -209,7 +209,7 @@ def _require_no_columns(path: str, asked: Asked) -> None:
         )
 
 
-def _of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None) -> FlightLog:
+def _log_of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None) -> FlightLog:
     """Return the log of a file, or of one of its boots where the clock starts again: number `boot`, or the longest."""
     boots = _boots(path, raw, asked)
     if boot is not None and not 1 <= boot <= len(boots):
@@ -400,7 +400,7 @@ def _with_spread(
     """
     notes, made = list[Note](), dict(channels)
     for wanted in asked.keep:
-        names = [name for name, one in channels.items() if wanted in (name, one.source)]
+        names = [name for name, channel in channels.items() if wanted in (name, channel.source)]
         if not names:
             raise LogError(f"{path}: --keep {wanted}: no such channel; the log has: {', '.join(sorted(channels))}")
         (name,) = names
@@ -432,7 +432,7 @@ def _without_unknown_units(raw: RawLog, asked: Asked) -> RawLog:
         except LogError as error:
             _, _, hint = str(error).partition("; ")
             left_out[name] = f"is in '{unit}', an unknown unit,; state it with --unit {name}=UNIT, {hint}"
-    return replace(raw, columns=[one for one in raw.columns if one.source not in left_out], left_out=left_out)
+    return replace(raw, columns=[column for column in raw.columns if column.source not in left_out], left_out=left_out)
 
 
 def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[Column], list[Note]]:
@@ -491,7 +491,7 @@ def _check_clock(log: FlightLog, source: str) -> None:
             f"{log.path}: the record runs backwards: altitude and roll change {scale:.3g} times as fast as their rates "
             "say; reverse its samples"
         )
-    unit = next((unit for unit, one in TIME_UNITS.items() if 1.0 / RIGHT < scale / one < RIGHT), None)
+    unit = next((unit for unit, seconds in TIME_UNITS.items() if 1.0 / RIGHT < scale / seconds < RIGHT), None)
     advice = f"multiply it by {scale:.3g}" if unit is None else f"state its unit with --unit {source}={unit}"
     raise LogError(
         f"{log.path}: a second of '{source}' is {scale:.3g} s: altitude and roll change so many times as fast as their "
@@ -544,7 +544,7 @@ def _check_maps(path: str, columns: Sequence[Track], asked: Asked) -> None:
 
 def _units_of(step: float) -> list[str]:
     """Return the units other than seconds in which `step` can be the time step of a flight log."""
-    return [unit for unit, one in TIME_UNITS.items() if 1.0 / FASTEST_LOG <= one * step <= LONGEST_STEP]
+    return [unit for unit, seconds in TIME_UNITS.items() if 1.0 / FASTEST_LOG <= seconds * step <= LONGEST_STEP]
 
 
 def _unit_of_time(path: str, time: Track) -> tuple[str | None, tuple[Note, ...]]:

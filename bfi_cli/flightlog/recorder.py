@@ -57,29 +57,33 @@ def recorder_filters(
     kind : of the recorder; "auto" for what the log states or shows, a Gaussian where only the edge is known.
     """
     known = log.filters or ()
-    later = tuple(one for one in known if one.stage != "recorder")
-    recorders = [one for one in known if one.stage == "recorder"]
+    later = tuple(low_pass for low_pass in known if low_pass.stage != "recorder")
+    recorders = [low_pass for low_pass in known if low_pass.stage == "recorder"]
     if edge_hz == "none":
-        return later, " ".join(f"no recorder's low-pass is assumed, as stated; {_contrary(one)}" for one in recorders)
+        return later, " ".join(
+            f"no recorder's low-pass is assumed, as stated; {_contrary(low_pass)}" for low_pass in recorders
+        )
     if not isinstance(edge_hz, str):
         shape: Kind = "gaussian" if kind == "auto" else kind
         rate_hz = later[0].rate_hz if later else log.rate_hz
         stated = Filter(kind=shape, edge_hz=edge_hz, rate_hz=rate_hz, source="as stated")
-        contrary = [_contrary(one) for one in recorders if abs(one.edge_hz - edge_hz) > SAME_EDGE * edge_hz]
+        contrary = [
+            _contrary(low_pass) for low_pass in recorders if abs(low_pass.edge_hz - edge_hz) > SAME_EDGE * edge_hz
+        ]
         return (stated, *later), "; ".join([_sentence(stated), *contrary])
     if kind != "auto":
-        recorders = [replace(one, kind=kind) for one in recorders]
+        recorders = [replace(low_pass, kind=kind) for low_pass in recorders]
     if log.filters is None:
         return (), UNKNOWN
     return (*recorders, *later), " ".join(map(_sentence, recorders))
 
 
-def _contrary(one: Filter) -> str:
-    return f"but the log has one ({one.kind}, gain one half at {one.edge_hz:.3g} Hz, {one.source})"
+def _contrary(low_pass: Filter) -> str:
+    return f"but the log has one ({low_pass.kind}, gain one half at {low_pass.edge_hz:.3g} Hz, {low_pass.source})"
 
 
-def _sentence(one: Filter) -> str:
+def _sentence(low_pass: Filter) -> str:
     return (
-        f"faults are taken through the recorder's low-pass ({one.kind}, gain one half at {one.edge_hz:.3g} Hz, "
-        f"{one.source}); --recorder states another"
+        f"faults are taken through the recorder's low-pass ({low_pass.kind}, gain one half at "
+        f"{low_pass.edge_hz:.3g} Hz, {low_pass.source}); --recorder states another"
     )

@@ -68,12 +68,12 @@ def info_document(
     body = to_plain(
         {
             "log": {key: getattr(report, key) for key in span},
-            "recorder": next((one for one in report.filters or () if one.stage == "recorder"), None),
+            "recorder": next((low_pass for low_pass in report.filters or () if low_pass.stage == "recorder"), None),
             "gaps": [{"start_s": start, "stop_s": stop} for start, stop in report.gaps],
             **{key: getattr(report, key) for key in same},
             "defects": [
-                {key: getattr(one, key) for key in DEFECT_KEYS} | {"sentence": sentence_of_defect(one)}
-                for one in defects
+                {key: getattr(defect, key) for key in DEFECT_KEYS} | {"sentence": sentence_of_defect(defect)}
+                for defect in defects
             ],
             "plausibility": plausibility,
         }
@@ -105,8 +105,8 @@ def info_content(document: Plain, units: Units = SI, *, where: str = "result") -
     if len(gaps) > len(longest):
         facts.append(("Gaps", f"{len(gaps)} in all, of which the longest are named"))
     facts += [
-        ("Recorder", f"{one.kind} low-pass, gain one half at {one.edge_hz:.3g} Hz, {one.source}")
-        for one in log.filters or ()
+        ("Recorder", f"{low_pass.kind} low-pass, gain one half at {low_pass.edge_hz:.3g} Hz, {low_pass.source}")
+        for low_pass in log.filters or ()
     ]
     lanes = lanes_of(phases, log.windows, log.segments, (), limits=limits)
     timeline = Drawing(
@@ -123,7 +123,7 @@ def info_content(document: Plain, units: Units = SI, *, where: str = "result") -
         title=log.path,
         heading="What the log holds",
         verdict=f"{contradicted}. " * bool(contradicted) + f"{log.path}: {size}, time step {step}",
-        facts=(*facts, *(("Defect", str(one["sentence"])) for one in document.get("defects", ()))),
+        facts=(*facts, *(("Defect", str(defect["sentence"])) for defect in document.get("defects", ()))),
         tables=(*_tables(log, units), *_explain_table(document.get("explain", ()))),
         drawings=(timeline,) if lanes else (),
         notes=shown_notes(log.notes, units),
@@ -160,45 +160,46 @@ def lane_panel(lanes: Sequence[Lane], limits: tuple[float, float]) -> Panel:
 
 
 def _tables(log: LogReport, units: Units) -> Iterator[Table]:
-    def shown(one: ChannelReport | DerivableChannel | Excitation) -> Shown:
-        return units.of_file(one.unit, channel=one.channel if isinstance(one, Excitation) else one.name)
+    def shown(entry: ChannelReport | DerivableChannel | Excitation) -> Shown:
+        return units.in_file(entry.unit, channel=entry.channel if isinstance(entry, Excitation) else entry.name)
 
     channels = [
         {
-            "name": one.name,
-            "in the file": None if one.source == one.name else one.source,
-            "unit": shown(one).unit,
-            "own rate [Hz]": one.own_rate_hz,
-            "min": shown(one).reading(one.min),
-            "max": shown(one).reading(one.max),
-            "quantum": shown(one).change(one.quantum),
-            "NaN": one.n_nan or None,
-            "follows from": ", ".join(one.pressures),
-            "held": one.hold_period_s and f"{100 * one.held_fraction:.0f} %, {1 / one.hold_period_s:.3g} Hz",
+            "name": channel.name,
+            "in the file": None if channel.source == channel.name else channel.source,
+            "unit": shown(channel).unit,
+            "own rate [Hz]": channel.own_rate_hz,
+            "min": shown(channel).reading(channel.min),
+            "max": shown(channel).reading(channel.max),
+            "quantum": shown(channel).change(channel.quantum),
+            "NaN": channel.n_nan or None,
+            "follows from": ", ".join(channel.pressures),
+            "held": channel.hold_period_s
+            and f"{100 * channel.held_fraction:.0f} %, {1 / channel.hold_period_s:.3g} Hz",
         }
-        for one in log.channels
+        for channel in log.channels
     ]
     derived = [
         {
-            "name": one.name,
-            "unit": shown(one).unit,
-            "what it is": one.description,
-            "lacks": ", ".join(one.lacks) or "nothing",
+            "name": channel.name,
+            "unit": shown(channel).unit,
+            "what it is": channel.description,
+            "lacks": ", ".join(channel.lacks) or "nothing",
         }
-        for one in log.derived
+        for channel in log.derived
     ]
     moving = [
         {
-            "channel": one.channel,
-            "unit": shown(one).unit,
-            "range": shown(one).change(one.range),
-            "moves": one.moves,
-            "bandwidth [Hz]": one.bandwidth_hz,
+            "channel": excitation.channel,
+            "unit": shown(excitation).unit,
+            "range": shown(excitation).change(excitation.range),
+            "moves": excitation.moves,
+            "bandwidth [Hz]": excitation.bandwidth_hz,
         }
-        for one in log.excitation
+        for excitation in log.excitation
     ]
     segments = {"label": "label", "from [s]": "start_s", "to [s]": "stop_s", "note": "note"}
-    named = [{head: getattr(one, key) for head, key in segments.items()} for one in log.segments]
+    named = [{head: getattr(segment, key) for head, key in segments.items()} for segment in log.segments]
     yield from _table("channels", "Channels", channels)
     if any(row["lacks"] == "nothing" for row in derived):
         yield from _table("derived", "Channels that can be derived, for --input and --output", derived)
@@ -206,7 +207,7 @@ def _tables(log: LogReport, units: Units) -> Iterator[Table]:
     yield from _table("excitation", "Inputs, in flight", moving)
     yield from window_table(log.windows)
     for table in _table("segments", "Segments named in the file", named):
-        times_s = tuple((one.start_s, one.stop_s) for one in log.segments)
+        times_s = tuple((segment.start_s, segment.stop_s) for segment in log.segments)
         yield replace(table, times_s=times_s, last_time=table.heads.index("to [s]"))
 
 
@@ -241,7 +242,7 @@ def log_content(document: Plain, units: Units = SI, *, where: str = "result") ->
 
     The units of channels are those of the file that was written, whatever `units` are.
     """
-    written = {one["name"]: one["unit"] for one in document["channels"]}
+    written = {channel["name"]: channel["unit"] for channel in document["channels"]}
     truth = member(document, "truth", where=where) or {"faults": ()}
     faults = [fault_from_dict(fault, where=f"{where}: truth") for fault in truth["faults"]]
     rows = tuple((name, unit or "not stated") for name, unit in written.items())
@@ -259,7 +260,10 @@ def log_content(document: Plain, units: Units = SI, *, where: str = "result") ->
 def log_lines(log: FlightLog, units: Units = SI) -> list[str]:
     """Return the lines that a command prints about a log: a summary, a line per fault, in `units`, and per note."""
     names = ", ".join(f"{channel.name} [{channel.unit or '?'}]" for channel in log.channels.values())
-    faults, unit_of = log.truth.faults if log.truth else (), {one.name: one.unit for one in log.channels.values()}
+    faults, unit_of = (
+        log.truth.faults if log.truth else (),
+        {channel.name: channel.unit for channel in log.channels.values()},
+    )
     return [
         f"{log.path}: {log.n_samples} samples at {log.rate_hz:.6g} Hz: {names}",
         *(f"fault: {describe_injected(fault, unit_of.get(fault.channel, ''), units)}" for fault in faults),
@@ -279,7 +283,7 @@ def describe_injected(fault: Fault, unit: str, units: Units = SI) -> str:
 
     def typed(value: float, of: str) -> str:
         """Return a size as it was typed, in another unit to four digits."""
-        shown = units.of_file(of, channel=fault.channel, own=unit)
+        shown = units.in_file(of, channel=fault.channel, channel_unit=unit)
         return with_unit(f"{value:g}" if shown.factor == 1.0 else f"{value / shown.factor:.4g}", shown.unit)
 
     until = "" if fault.offset_s is None else f" until {instant(fault.offset_s)} s"

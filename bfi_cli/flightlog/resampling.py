@@ -300,7 +300,9 @@ def _with_samples(log: FlightLog) -> FlightLog:
     """Return the log with the samples of its channels that are missing for a short time, interpolated, and a note."""
     longest, filled = _longest(log), dict[str, int]()
     channels = {
-        name: one for name, one in log.channels.items() if not (isinstance(one, StoredChannel) and one.is_stored)
+        name: channel
+        for name, channel in log.channels.items()
+        if not (isinstance(channel, StoredChannel) and channel.is_stored)
     }
 
     def bridged_of(name: str, values: FloatArray) -> FloatArray:

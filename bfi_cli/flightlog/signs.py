@@ -310,17 +310,17 @@ def _variance(values: FloatArray, long: int) -> FloatArray:
     return np.asarray(np.where(2 * count >= long, variance, np.nan)[number])
 
 
-def _joined(found: Sequence[Overruled]) -> list[Overruled]:
+def _joined(conflicts: Sequence[Overruled]) -> list[Overruled]:
     """Return the runs in which each channel is overruled, adjacent runs joined."""
     whole: list[Overruled] = []
     last: dict[tuple[str, Says], int] = {}
-    for one in found:
-        k = last.get((one.channel, one.says))
-        if k is not None and whole[k].run[1] == one.run[0]:
+    for conflict in conflicts:
+        k = last.get((conflict.channel, conflict.says))
+        if k is not None and whole[k].run[1] == conflict.run[0]:
             before = whole[k]
-            alone, certain = before.alone and one.alone, before.certain or one.certain
-            whole[k] = replace(before, run=(before.run[0], one.run[1]), alone=alone, certain=certain)
+            alone, certain = before.alone and conflict.alone, before.certain or conflict.certain
+            whole[k] = replace(before, run=(before.run[0], conflict.run[1]), alone=alone, certain=certain)
         else:
-            last[one.channel, one.says] = len(whole)
-            whole.append(one)
+            last[conflict.channel, conflict.says] = len(whole)
+            whole.append(conflict)
     return whole

@@ -85,27 +85,29 @@ def read_tdms(path: str, asked: Asked) -> RawLog:
     with parsing(path, "TDMS file"), open(path, "rb") as file, quiet, nptdms.TdmsFile.open(file) as tdms:
         signals, stated_rate, left_out = _signals(path, tdms, asked.group)
         is_cut = bool(tdms.file_status.incomplete_final_segment)
-    notes, has_time = list[Note](), any(one.is_time for one in signals)
-    if not has_time and any(one.clock is not None for one in signals):
-        untimed = [one.source for one in signals if one.clock is None]
+    notes, has_time = list[Note](), any(signal.is_time for signal in signals)
+    if not has_time and any(signal.clock is not None for signal in signals):
+        untimed = [signal.source for signal in signals if signal.clock is None]
         left_out |= dict.fromkeys(untimed, "has no wf_increment beside channels that have one")
-        signals = [one for one in signals if one.clock is not None]
+        signals = [signal for signal in signals if signal.clock is not None]
     if is_cut:
         notes.append(Note.limit("the file is cut off before its end: samples are missing there; copy it again"))
-    if is_cut and len({one.group if has_time or one.clock is None else one.clock for one in signals}) == 1:
+    if is_cut and len({signal.group if has_time or signal.clock is None else signal.clock for signal in signals}) == 1:
         # Channels of one clock end where the shortest does.
-        shortest, longest = (which(one.values.size for one in signals) for which in (min, max))
+        shortest, longest = (which(signal.values.size for signal in signals) for which in (min, max))
         if shortest < longest:
-            signals = [replace(one, values=one.values[:shortest]) for one in signals]
+            signals = [replace(signal, values=signal.values[:shortest]) for signal in signals]
             notes.append(Note.limit(f"of {longest} samples {shortest} are there of every channel and are read"))
-    made = RawLog(columns=[Track(source=one.source, values=one.values, unit=one.unit) for one in signals])
+    made = RawLog(columns=[Track(source=signal.source, values=signal.values, unit=signal.unit) for signal in signals])
     if has_time:
         made = _with_time(signals)
-    elif all(one.clock is not None for one in signals):
-        day = min((one.clock.day for one in signals if one.clock and one.clock.day is not None), default=None)
+    elif all(signal.clock is not None for signal in signals):
+        day = min(
+            (signal.clock.day for signal in signals if signal.clock and signal.clock.day is not None), default=None
+        )
         epoch = None if day is None else Epoch(since_1970_s=DAY_S * day, is_utc=True)
-        times = [_times(one, day) for one in signals]
-        if len({(one.clock, one.values.size) for one in signals}) > 1:
+        times = [_times(signal, day) for signal in signals]
+        if len({(signal.clock, signal.values.size) for signal in signals}) > 1:
             columns = [
                 replace(column, time_s=time_s, epoch=epoch) for column, time_s in zip(made.columns, times, strict=True)
             ]
@@ -146,7 +148,7 @@ def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], f
         if is_moment := values.dtype.kind == "M":  # seconds since 1970
             values = np.where(np.isnat(values), np.nan, 1e-6 * values.astype("datetime64[us]").astype(np.int64))
         units = (channel.properties.get(name) for name in UNITS)
-        unit = next((one.strip() for one in units if isinstance(one, str) and one.strip()), None)
+        unit = next((text.strip() for text in units if isinstance(text, str) and text.strip()), None)
         signals.append(
             _Signal(
                 source=channel.name if names.count(channel.name) == 1 else f"{channel.group_name}/{channel.name}",
@@ -158,8 +160,10 @@ def _signals(path: str, tdms: Any, wanted: str | None) -> tuple[list[_Signal], f
             )
         )
     stated = [tdms.properties, *(group.properties for group in tdms.groups() if group.name in (chosen, *groups[:1]))]
-    rate = next((rate_of(path, one["sample_rate_hz"]) for one in stated if "sample_rate_hz" in one), None)
-    left_out = {one.name: reason for one, reason in unlike if chosen is None or one.group_name == chosen}
+    rate = next(
+        (rate_of(path, properties["sample_rate_hz"]) for properties in stated if "sample_rate_hz" in properties), None
+    )
+    left_out = {channel.name: reason for channel, reason in unlike if chosen is None or channel.group_name == chosen}
     return signals, rate, left_out
 
 
@@ -186,7 +190,7 @@ def _times(signal: _Signal, day: int | None) -> FloatArray:
 
 def _with_time(signals: Sequence[_Signal]) -> RawLog:
     """Return the log; a channel of dates becomes the time axis, from midnight of its first day, unless there is one."""
-    has_axis = any(one.is_time and not one.is_moment for one in signals)
+    has_axis = any(signal.is_time and not signal.is_moment for signal in signals)
     kept, left_out = [], {}
     for signal in signals:
         if not signal.is_moment:

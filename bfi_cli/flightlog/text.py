@@ -210,10 +210,10 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
             rows[repeated] = False
             notes.append(Note.method(f"rows that repeat the second before are left out: {repeated.size}"))
     used = dates[:1] if chosen in clocks else []
-    why = f"the clock of the log{''.join(f', with the dates of {one.source!r}' for one in used)}"
+    why = f"the clock of the log{''.join(f', with the dates of {track.source!r}' for track in used)}"
     time = Track(source=chosen.source, values=time_s[rows], unit="s", channel="time", epoch=epoch, why=why)
     kept = [time, *(replace(column, values=column.values[rows]) for column in kept)]
-    aside = {one.source: BESIDE_TIME for one in timed if one is not chosen and one not in used}
+    aside = {track.source: BESIDE_TIME for track in timed if track is not chosen and track not in used}
     return RawLog(columns=kept, notes=tuple(notes), left_out=aside)
 
 

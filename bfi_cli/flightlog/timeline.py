@@ -69,20 +69,20 @@ def lanes_of(
     ----------
     limits : first and last time shown, s; nothing outside takes up a lane.
     """
-    phases = [one for one in phases if shows(one, limits)]
-    events = [one for one in events if one.onset_s <= limits[1] and (one.offset_s or limits[1]) >= limits[0]]
+    phases = [phase for phase in phases if shows(phase, limits)]
+    events = [event for event in events if event.onset_s <= limits[1] and (event.offset_s or limits[1]) >= limits[0]]
     rows: list[tuple[str, list[Block]]] = [("phase", bands_of(phases))]
-    rows += [(kind, [_block("", one, "black") for one in phases if one.phase == kind]) for kind in MANOEUVRES]
+    rows += [(kind, [_block("", phase, "black") for phase in phases if phase.phase == kind]) for kind in MANOEUVRES]
     letter_s = LETTER * (limits[1] - limits[0])
-    framed = [_block(str(one.rank), one, "outline") for one in windows if shows(one, limits)]
-    named = [_block(one.label, one, "outline") for one in segments if shows(one, limits)]
+    framed = [_block(str(window.rank), window, "outline") for window in windows if shows(window, limits)]
+    named = [_block(segment.label, segment, "outline") for segment in segments if shows(segment, limits)]
     rows += [("window", blocks) for blocks in _apart(framed, letter_s)]
     rows += [("segment", blocks) for blocks in _apart(named, letter_s)[:MOST_LANES]]
-    rows += [("event", one.blocks) for one in events[:MOST_EVENTS]]
+    rows += [("event", event.blocks) for event in events[:MOST_EVENTS]]
     filled = [(label, blocks) for label, blocks in rows if blocks]
     # Only the first lane of a kind has a label.
     named_once = [label if i == 0 or filled[i - 1][0] != label else "" for i, (label, _) in enumerate(filled)]
-    return tuple(Lane(label=label, blocks=tuple(one)) for label, (_, one) in zip(named_once, filled, strict=True))
+    return tuple(Lane(label=label, blocks=tuple(blocks)) for label, (_, blocks) in zip(named_once, filled, strict=True))
 
 
 def lines_at(state: str, times_s: Iterable[float | None]) -> list[Block]:
@@ -96,21 +96,21 @@ def lines_at(state: str, times_s: Iterable[float | None]) -> list[Block]:
 
 def bands_of(phases: Sequence[Phase]) -> list[Block]:
     """Return the parts of the flight as blocks that do not overlap."""
-    return [_block(one.phase, one, SHADES[one.phase]) for one in phases if one.phase in SHADES]
+    return [_block(phase.phase, phase, SHADES[phase.phase]) for phase in phases if phase.phase in SHADES]
 
 
-def _ends(one: Phase | ExcitedWindow | Segment) -> tuple[float, float]:
-    return (one.from_s, one.to_s) if isinstance(one, Phase) else (one.start_s, one.stop_s)
+def _ends(stretch: Phase | ExcitedWindow | Segment) -> tuple[float, float]:
+    return (stretch.from_s, stretch.to_s) if isinstance(stretch, Phase) else (stretch.start_s, stretch.stop_s)
 
 
-def shows(one: Phase | ExcitedWindow | Segment, limits: tuple[float, float]) -> bool:
+def shows(stretch: Phase | ExcitedWindow | Segment, limits: tuple[float, float]) -> bool:
     """Say whether a phase or window shares time with the limits."""
-    low, high = _ends(one)
+    low, high = _ends(stretch)
     return low < limits[1] and high > limits[0]
 
 
-def _block(label: str, one: Phase | ExcitedWindow | Segment, shade: Shade) -> Block:
-    low, high = _ends(one)
+def _block(label: str, stretch: Phase | ExcitedWindow | Segment, shade: Shade) -> Block:
+    low, high = _ends(stretch)
     return Block(label=label, low=low, high=high, shade=shade)
 
 
@@ -118,7 +118,7 @@ def _apart(blocks: Iterable[Block], letter_s: float) -> list[list[Block]]:
     """Return lanes of the blocks: each block on the first lane with room for it and the label in or beside it."""
     lanes: list[list[Block]] = []
     free: list[float] = []  # where the last block of each lane and its label end
-    for block in sorted(blocks, key=lambda one: (one.low, one.high)):
+    for block in sorted(blocks, key=lambda block: (block.low, block.high)):
         label_s = letter_s * (len(block.label) + 1.5)
         end = block.high if label_s < block.high - block.low else block.high + label_s
         lane = next((i for i, last in enumerate(free) if last <= block.low), len(lanes))
@@ -134,12 +134,12 @@ def phase_table(phases: Sequence[Phase]) -> list[Table]:
     """Return the table of the kinds of phases, how often and how long in all; [] without phases."""
     rows, times_s = [], []
     for kind in (*PARTS, *MANOEUVRES):
-        found = [one for one in phases if one.phase == kind]
-        if found:
-            total = sum(one.to_s - one.from_s for one in found)
-            ends = (instant(found[0].from_s), instant(found[-1].to_s))
-            rows.append((kind, str(len(found)), f"{total:.0f}", *ends))
-            times_s.append((found[0].from_s, found[-1].to_s))
+        parts = [phase for phase in phases if phase.phase == kind]
+        if parts:
+            total = sum(part.to_s - part.from_s for part in parts)
+            ends = (instant(parts[0].from_s), instant(parts[-1].to_s))
+            rows.append((kind, str(len(parts)), f"{total:.0f}", *ends))
+            times_s.append((parts[0].from_s, parts[-1].to_s))
     heads = ("phase", "times", "in all [s]", "first from [s]", "last to [s]")
     title = "Phases of the flight"
     table = Table(name="phases", title=title, heads=heads, rows=tuple(rows), times_s=tuple(times_s), last_time=4)
@@ -148,16 +148,17 @@ def phase_table(phases: Sequence[Phase]) -> list[Table]:
 
 def phase_columns(phases: Sequence[Phase]) -> dict[str, list[Any]]:
     """Return the columns of the CSV file of phases, a row each."""
-    return {key: [getattr(one, key) for one in phases] for key in ("phase", "from_s", "to_s")}
+    return {key: [getattr(phase, key) for phase in phases] for key in ("phase", "from_s", "to_s")}
 
 
 def window_table(windows: Sequence[ExcitedWindow]) -> list[Table]:
     """Return the table of the windows to analyse, in order of their rank; [] without windows."""
-    ranked = sorted(windows, key=lambda one: one.rank)
+    ranked = sorted(windows, key=lambda window: window.rank)
     rows = tuple(
-        (str(one.rank), instant(one.start_s), instant(one.stop_s), one.channel, str(one.moves)) for one in ranked
+        (str(window.rank), instant(window.start_s), instant(window.stop_s), window.channel, str(window.moves))
+        for window in ranked
     )
-    times_s = tuple((one.start_s, one.stop_s) for one in ranked)
+    times_s = tuple((window.start_s, window.stop_s) for window in ranked)
     heads = ("rank", "--from", "--to", "input", "moves")
     title = "Windows to analyse"
     return [Table(name="windows", title=title, heads=heads, rows=rows, times_s=times_s, last_time=2)] if rows else []

@@ -133,7 +133,7 @@ def _write_mcap(log: FlightLog, path: Path) -> None:
         return struct.pack("<BQ", kind, len(content)) + content
 
     names = _names(log, printable)
-    fields = {names[name]: {"type": "number", "description": one.unit} for name, one in log.channels.items()}
+    fields = {names[name]: {"type": "number", "description": channel.unit} for name, channel in log.channels.items()}
     schema = json.dumps({"type": "object", "properties": fields}).encode()
     columns = np.column_stack([channel.values for channel in log.channels.values()])
     with path.open("wb") as file:

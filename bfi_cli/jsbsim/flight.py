@@ -219,12 +219,12 @@ def _read(fdm: Any, engines: range) -> tuple[FloatArray, FloatArray]:
 
 def _written_to(file: Path) -> Report:
     """Return a function that writes the part that is done to a file, at every percent."""
-    told = 0
+    percent = 0
 
     def write(done: float) -> None:
-        nonlocal told
-        if int(100.0 * done) > told:
-            told = int(100.0 * done)
+        nonlocal percent
+        if int(100.0 * done) > percent:
+            percent = int(100.0 * done)
             file.write_text(f"{done:.4f}", encoding="ascii")
 
     return write
@@ -239,14 +239,16 @@ def main(folder: Path) -> None:
             import jsbsim
 
             known = (Path(jsbsim.get_default_root_dir()) / "aircraft").iterdir()
-            answer = {"names": sorted(one.name for one in known if (one / f"{one.name}.xml").is_file())}
+            answer = {
+                "names": sorted(aircraft.name for aircraft in known if (aircraft / f"{aircraft.name}.xml").is_file())
+            }
         elif request["do"] == "cruise":
             wanted = {"tas_m_s": request["tas_m_s"], "altitude_m": request["altitude_m"]}
             answer = {"tas_m_s": cruise_airspeed(request["name"], **wanted)}
         else:
             with np.load(folder / "request.npz") as arrays:
-                told = _written_to(folder / FLOWN)
-                controls, outputs, stops = fly(request["name"], request, arrays["sticks"], arrays["gusts"], told)
+                report = _written_to(folder / FLOWN)
+                controls, outputs, stops = fly(request["name"], request, arrays["sticks"], arrays["gusts"], report)
             np.savez(folder / "answer.npz", controls=controls, outputs=outputs)
             answer = {"stops": stops}
     except FlightError as error:

@@ -16,7 +16,7 @@ from ..decision import KINDS, Candidate, Conclusion, Evidence, conclude, estimat
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
 from ..faults import FaultEstimate
-from ..filters import Filter, alternatives, of_recorder
+from ..filters import Filter, alternatives, recorder_low_passes
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..notes import Note
@@ -220,7 +220,9 @@ def identification(
             outcome = replace(outcome, analysed=(outcome.analysed[0], outcome.analysed[1].without_record()))
         outcome = with_heads(outcome, len(regression.signals.time_s))
         identified = _assembled(log, window, regression, config, outcome)
-        return identified if window is suggested else replace(identified, recorder=of_recorder(window.filters)[0])
+        return (
+            identified if window is suggested else replace(identified, recorder=recorder_low_passes(window.filters)[0])
+        )
 
 
 def _assembled(

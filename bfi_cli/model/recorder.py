@@ -13,7 +13,7 @@ import numpy as np
 from ..config import Config, merge
 from ..dictionary import Dictionary
 from ..errors import DictionaryError, LogError
-from ..filters import BETWEEN_RECORDERS, alternatives, of_recorder
+from ..filters import BETWEEN_RECORDERS, alternatives, recorder_low_passes
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..notes import Note
@@ -49,7 +49,7 @@ def with_likeliest_recorder(
     trials = [(window, regression, outcome)]
     for k, chain in enumerate(chains):
         progress("the recorder", k / len(chains))
-        recorder = of_recorder(chain)[0]
+        recorder = recorder_low_passes(chain)[0]
         stated = merge(alike, {"recorder.edge_hz": recorder.edge_hz, "recorder.kind": recorder.kind})
         try:
             other = prepare_window(log, dictionary, stated)
@@ -67,7 +67,7 @@ def with_likeliest_recorder(
     others = np.array([result.magnitudes.value for result in outcomes])[same]
     spread = (weight[same, None] * (others - value) ** 2).sum(axis=0) / weight[same].sum()
     variance = best.magnitudes.variance + spread + (BETWEEN_RECORDERS * value) ** 2
-    recorder = of_recorder(likeliest.filters)[0]
+    recorder = recorder_low_passes(likeliest.filters)[0]
     note = Note.method(
         f"the recorder's low-pass is uncertain; the fault suits {recorder.kind} with gain one half at "
         f"{recorder.edge_hz:.3g} Hz best of {len(trials)}, and the intervals hold their spread"

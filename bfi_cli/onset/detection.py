@@ -13,7 +13,7 @@ from ..config import Config, merge
 from ..decision import KINDS, Evidence, conclude
 from ..errors import ConfigError
 from ..faults import Fault, FaultEstimate
-from ..filters import of_recorder
+from ..filters import recorder_low_passes
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
@@ -238,7 +238,7 @@ def _begins_with_another(record: ScanRecord, peak: Peak, faults: Sequence[Estima
 
     Faults that begin together are rivals, not a sum: what a wrong recorder leaves of a fault is no second fault.
     """
-    edges = [low_pass.edge_hz for low_pass in of_recorder(record.window.filters) if low_pass.uncertain]
+    edges = [low_pass.edge_hz for low_pass in recorder_low_passes(record.window.filters) if low_pass.uncertain]
     onset_s = record.onset_s(peak.onset)
     return any(
         abs(onset_s - fault.onset_s) <= 1.0 / min(edges) and fault.form.output == peak.form.output

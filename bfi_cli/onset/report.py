@@ -130,7 +130,7 @@ def onset_content(document: Plain, units: Units = SI, *, where: str = "result") 
     screen, hidden = onset_screen(result, units), hidden_drawing(candidates, units)
     drawn = []
     for one in result.profiles:
-        shown = units.of(one.unit, channel=one.channel, own=own.get(one.channel, ""))
+        shown = units.of(one.unit, channel=one.channel, channel_unit=own.get(one.channel, ""))
         size, sd = shown.changes(one.magnitude), shown.changes(one.sd)
         drawn.append(replace(one, unit=shown.unit, magnitude=size, sd=sd))
     content = ReportContent(
@@ -201,7 +201,7 @@ def _facts(result: OnsetResult, units: Units, own: Mapping[str, str]) -> list[tu
         if SHAPES[fault.shape].has_magnitude:
             unit_of = own.get(fault.channel, "")
             value, unit = physical(fault, fault.magnitude, unit_of)
-            known = units.of(unit, channel=fault.channel, own=unit_of)
+            known = units.of(unit, channel=fault.channel, channel_unit=unit_of)
             size = f", magnitude {with_unit(number(value / known.factor), known.unit)}"
         kind = kind_in_words(fault.shape, fault.frequency_hz)
         rows.append(("Injected", f"{kind}{size}, {where}from {instant(fault.onset_s)} s{until(fault)}"))

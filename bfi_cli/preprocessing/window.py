@@ -12,7 +12,7 @@ from ..config import Config, merge
 from ..dictionary import Dictionary, dead_reason, no_signal
 from ..errors import DictionaryError, ExcitationError, LogError
 from ..faults import Fault
-from ..filters import Filter, of_recorder, response_of
+from ..filters import Filter, recorder_low_passes, response_of
 from ..flightlog import Channel, FlightLog, require_usable, resample, resample_with
 from ..flightlog.derived import with_derived
 from ..flightlog.injection import added_by, line_signals
@@ -185,7 +185,7 @@ def prepare_window(
     native = replace(native, earlier=_earlier_signals(log, part.rate_hz, config, resamples=resamples))
     lowpass = replace(WHITE, kind=config.conditioning.filter)
     exact = is_exact(native.between(slice(EXACT_SAMPLES)))
-    recorder_hz = min((low_pass.edge_hz for low_pass in of_recorder(filters)), default=None)
+    recorder_hz = min((low_pass.edge_hz for low_pass in recorder_low_passes(filters)), default=None)
     seen = [faults[j] for j in native.seen]
     rate = choose_rate(native, seen, exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose)
     if purpose == "scan":

@@ -40,7 +40,7 @@ def shown_meaning(one: Candidate, units: Units) -> tuple[float, Shown]:
     scale, unit = one.meaning
     if one.shape == "drift" and not unit and one.channel_unit:  # of a result that does not say the slope
         return scale, Shown(unit="x slope")
-    return scale, units.of(unit, channel=one.channel, own=one.channel_unit)
+    return scale, units.of(unit, channel=one.channel, channel_unit=one.channel_unit)
 
 
 def candidate_tables(candidates: Sequence[Candidate], units: Units = SI) -> tuple[Table, ...]:

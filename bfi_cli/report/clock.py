@@ -40,7 +40,7 @@ def with_clock(content: ReportContent, written: str | None, *, start_s: float, s
     """
     if written is None:
         return content
-    epoch = Epoch.of_iso(written)
+    epoch = Epoch.from_iso(written)
     dated = epoch.date(start_s) != epoch.date(stop_s)
     between = _between(epoch, (start_s, stop_s), dated=True)
     if epoch.is_dated and epoch.since_1970_s == 0.0:

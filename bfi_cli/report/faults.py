@@ -53,7 +53,7 @@ def plain_estimate(entry: object, *, where: str) -> dict[str, Any]:
 
 def meaning(estimate: FaultEstimate, units: Units, own: str) -> tuple[float, Shown]:
     """Return the physical value of a magnitude of 1, in the unit that is shown, and that unit."""
-    shown = units.of(estimate.physical_unit, channel=estimate.fault.channel, own=own)
+    shown = units.of(estimate.physical_unit, channel=estimate.fault.channel, channel_unit=own)
     return (estimate.physical_value / estimate.magnitude if estimate.magnitude else 1.0) / shown.factor, shown
 
 

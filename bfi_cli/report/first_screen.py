@@ -164,7 +164,7 @@ def estimate_in_words(one: FaultEstimate, units: Units, own: str, tolerance: flo
     own : unit of its channel, where that is not standard; tolerance : of it, in SI.
     """
     fault, entry = one.fault, SHAPES[one.fault.shape]
-    shown = units.of(one.physical_unit, channel=fault.channel, own=own)
+    shown = units.of(one.physical_unit, channel=fault.channel, channel_unit=own)
     sized = entry.has_magnitude or entry.acts_on == "course"
     scale = one.physical_value / one.magnitude if one.magnitude else 1.0
     low, high = (scale * end for end in one.ci95)

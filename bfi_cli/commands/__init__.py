@@ -189,7 +189,7 @@ def _usage(error: click.ClickException) -> str:
     text = error.message.strip().rstrip(".")
     match error:
         case click.NoSuchOption(option_name=name):
-            known = [option for one in context.command.params for option in one.opts] if context else []
+            known = [option for parameter in context.command.params for option in parameter.opts] if context else []
             meant = f"did you mean '{MEANT[name]}'?" if MEANT.get(name) in known else _did_you_mean(name, known)
             return f"{program}: unknown option '{name}'; {meant or f'see {program} --help'}"
         case click.MissingParameter(param=click.Option(opts=options, metavar=example)):
@@ -263,13 +263,17 @@ def _crash_lines(error: BaseException) -> Iterator[str]:
     yield f"bfi {__version__}, Python {python} on {sys.platform}, numpy {version('numpy')}, scipy {version('scipy')}"
     name = next((word for word in sys.argv[1:] if word in COMMANDS), "")
     command = cli.get_command(click.Context(cli), name)
-    known = {flag for one in command.params for flag in (*one.opts, *one.secondary_opts)} if command else set()
+    known = (
+        {flag for parameter in command.params for flag in (*parameter.opts, *parameter.secondary_opts)}
+        if command
+        else set()
+    )
     yield " ".join(["bfi", name, *(flag for word in sys.argv[1:] if (flag := word.partition("=")[0]) in known)])
     chain = [error]
     while (cause := chain[0].__cause__ or chain[0].__context__) is not None and cause not in chain:
         chain.insert(0, cause)
-    for one in chain:
+    for exception in chain:
         yield "Traceback (most recent call last):"
-        for frame, line in traceback.walk_tb(one.__traceback__):
+        for frame, line in traceback.walk_tb(exception.__traceback__):
             yield f'  File "{frame.f_code.co_filename}", line {line}, in {frame.f_code.co_name}'
-        yield type(one).__name__
+        yield type(exception).__name__

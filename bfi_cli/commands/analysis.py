@@ -180,7 +180,7 @@ def _only_log(logs: Sequence[str]) -> str:
     """Return the log of a command line that names no others."""
     if not logs:
         context = click.get_current_context()
-        argument = next(one for one in context.command.params if one.name == "logs")
+        argument = next(parameter for parameter in context.command.params if parameter.name == "logs")
         raise click.MissingParameter(ctx=context, param=argument)
     return logs[0]
 

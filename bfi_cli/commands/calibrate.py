@@ -71,7 +71,7 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     text = save_tables(tables, origin, notes, air_data=air_data)
     with aside(out.parent, place=out, option="-o") as new:
         (new / out.name).write_text(text + "\n", encoding="utf-8")
-    for sentence in (f"wrote {out}", *(one.text for one in notes)):
+    for sentence in (f"wrote {out}", *(remark.text for remark in notes)):
         note(sentence)
     lines = [*([] if table is None else summary(table)), *([] if air_data is None else air_data.lines())]
     show_lines(json.loads(text), lines, as_json=options["as_json"])
@@ -91,9 +91,9 @@ def _logs_of_aircraft(paths: tuple[str, ...], recursive: bool, listed: str | Non
         context = click.get_current_context()
         raise click.MissingParameter(ctx=context, param=context.command.params[0])
     logs = logs_of(paths, recursive=recursive, listed=listed)
-    aircraft = sorted({one.aircraft for one in logs} - {""})
+    aircraft = sorted({log.aircraft for log in logs} - {""})
     if len(aircraft) > 1:
         raise ConfigError(
             f"bfi calibrate: the logs are of {len(aircraft)} aircraft, {', '.join(aircraft[:3])}; give those of one"
         )
-    return tuple(one.path for one in logs)
+    return tuple(log.path for log in logs)

@@ -11,14 +11,14 @@ import click
 from .analysis import Answer, Asked, analysis
 from .options import CHANNELS, FILES, OPTIONS
 
-OF_A_LOG = ("inputs", "outputs", "order", *CHANNELS)
+LOG_OPTIONS = ("inputs", "outputs", "order", *CHANNELS)
 
 
 def _check(options: Mapping[str, Any]) -> None:
     """Refuse options about a log without one, and the one about an audit without a log."""
     if not options["dictionary"]:
         raise click.UsageError("the name FILE is empty; give a dictionary, such as airdata or a YAML file")
-    for name in OF_A_LOG if options["log"] is None else ():
+    for name in LOG_OPTIONS if options["log"] is None else ():
         if options[name]:
             raise click.UsageError(f"{OPTIONS[name].flags[0]} is about a log; give one after the dictionary")
     if options["log"] is not None and options["duration_s"] is not None:

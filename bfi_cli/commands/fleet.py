@@ -29,9 +29,9 @@ if TYPE_CHECKING:
     from ..provenance import Provenance
 
 # Options that ask for an answer to many logs, whatever their number.
-OF_SEVERAL = ("recursive", "list_file", "jsonl", "scheduler", "by")
+FLEET_OPTIONS = ("recursive", "list_file", "jsonl", "scheduler", "by")
 # What is about one log: refused with several, by the option's name in the table, with what serves in its place.
-OF_A_LOG = {
+SINGLE_LOG_OPTIONS = {
     "series": "result.json in the folder of each log has them; give --out DIR",
     "verbose": "the report of each log has every table; give --out DIR",
     "events_csv": "the table events has those of all; give --out DIR",
@@ -78,16 +78,16 @@ def answer_fleet(kind: str, given: Mapping[str, Any], config: Config) -> int | N
     from ..fleet import Store, fleet_files, is_fleet, logs_of, remove_left_over, run_fleet, trends_of
     from ..provenance import provenance
 
-    if not is_fleet(given["logs"]) and not any(given.get(name) for name in OF_SEVERAL):
+    if not is_fleet(given["logs"]) and not any(given.get(name) for name in FLEET_OPTIONS):
         return None
-    for name, instead in OF_A_LOG.items():
+    for name, instead in SINGLE_LOG_OPTIONS.items():
         if given.get(name):
             raise ConfigError(f"--{name.replace('_', '-')}: is about one log, got several; {instead}")
     if given["workers"] is not None and given["scheduler"] is not None:
         raise click.UsageError("--workers and --scheduler exclude each other; keep one")
     logs = logs_of(given["logs"], recursive=given["recursive"], listed=given["list_file"])
     out: Path | None = given["out"]
-    if given.get("by") and not any(one.aircraft for one in logs):
+    if given.get("by") and not any(log.aircraft for log in logs):
         raise ConfigError("--by aircraft: no log states its aircraft; give --list FILE with columns log and aircraft")
     inputs = inputs_of(config, given["list_file"])
     _check_files(kind, given, logs, inputs)
@@ -124,7 +124,7 @@ def answer_fleet(kind: str, given: Mapping[str, Any], config: Config) -> int | N
         note(f"wrote {out / 'index.html'}")
     if not given["as_json"]:
         show_lines({}, _as_wide_as_terminal([*_lines(answers), *_trend_lines(trends)]), as_json=False)
-    unread = [one for one in answers if one.error]
+    unread = [answer for answer in answers if answer.error]
     if unread:
         click.echo(f"bfi {kind}: {len(unread)} of {len(answers)} logs could not be read", err=True)
     return _exit_code(answers, config)
@@ -137,14 +137,14 @@ def _check_files(kind: str, given: Mapping[str, Any], logs: Sequence[FleetLog], 
 
     out: Path | None = given["out"]
     if given["jsonl"] is not None:
-        paths = [*inputs, *(one.path for one in logs)]
+        paths = [*inputs, *(log.path for log in logs)]
         check_files([given["jsonl"]], inputs=paths, force=given["force"], option="--jsonl")
     if out is None:
         return
     check_folder(out, fleet_names(kind), inputs=inputs, force=given["force"])
-    for one in logs:
-        if same_file(out / one.folder, one.path):
-            raise ConfigError(f"{out / one.folder}: is a log of this command; give another --out")
+    for log in logs:
+        if same_file(out / log.folder, log.path):
+            raise ConfigError(f"{out / log.folder}: is a log of this command; give another --out")
 
 
 def _digest_of_settings(
@@ -294,14 +294,14 @@ def _lines(answers: Sequence[LogAnswer]) -> list[str]:
     """Return a line for each log, those that need a reader first."""
     from ..printable import printable, shortened
 
-    ordered = sorted(answers, key=lambda one: one.rank)
-    logs = [shortened(one.log, PATH_LETTERS) for one in ordered]
+    ordered = sorted(answers, key=lambda answer: answer.rank)
+    logs = [shortened(answer.log, PATH_LETTERS) for answer in ordered]
     width = max(map(len, logs), default=0)
     lines = []
-    for log, one in zip(logs, ordered, strict=True):
-        state = "not read" if one.error else one.state.replace("_", " ")
-        summary = printable(one.error) if one.error else shortened(one.summary, ANSWER_LETTERS)
-        hidden = f"; {one.hidden}" if one.hidden else ""
+    for log, answer in zip(logs, ordered, strict=True):
+        state = "not read" if answer.error else answer.state.replace("_", " ")
+        summary = printable(answer.error) if answer.error else shortened(answer.summary, ANSWER_LETTERS)
+        hidden = f"; {answer.hidden}" if answer.hidden else ""
         lines.append(f"{log:<{width}}  " + (f"{state:<{STATE_LETTERS}}  " if state else "") + f"{summary}{hidden}")
     return lines
 
@@ -320,7 +320,7 @@ def _trend_lines(trends: Sequence[FleetTrend] | None) -> list[str]:
 
     if trends is None:
         return []
-    declared = [f"{one.aircraft}: {sentence_of_trend(one)}" for one in trends if one.is_declared]
+    declared = [f"{trend.aircraft}: {sentence_of_trend(trend)}" for trend in trends if trend.is_declared]
     return declared or [f"no trend over the flights of an aircraft, of {len(trends)} constant errors"]
 
 
@@ -330,14 +330,16 @@ def _exit_code(answers: Sequence[LogAnswer], config: Config) -> int:
     70 if a log met a defect of ours; that of the errors if no log could be read; else the first of what a call on a log
     alone would exit with.
     """
-    codes = {one.error_code for one in answers if one.error}
+    codes = {answer.error_code for answer in answers if answer.error}
     if DEFECT in codes:
         return DEFECT
-    read = [one for one in answers if not one.error]
+    read = [answer for answer in answers if not answer.error]
     if not read:
         return max(codes, default=0)
     by_log = {
-        exit_code_of(one.decision, config, is_trusted=one.is_trusted, deviates=bool(one.flight.get("deviations")))
-        for one in read
+        exit_code_of(
+            answer.decision, config, is_trusted=answer.is_trusted, deviates=bool(answer.flight.get("deviations"))
+        )
+        for answer in read
     }
     return min(by_log - {0}, default=0)

@@ -52,8 +52,8 @@ def command(config_path: str, **options: Any) -> None:
     sweep = load_sweep(config_path, **{key: options[key] for key in ("trials", "seed", "allow_outside")})
     settings = list({id(scenario.setting): scenario.setting for scenario in sweep.scenarios}.values())
     named = {sweep.path}
-    for one in settings:
-        named.update(inputs_of(one.config, getattr(one.record, "log", None), dictionary=one.dictionary))
+    for setting in settings:
+        named.update(inputs_of(setting.config, getattr(setting.record, "log", None), dictionary=setting.dictionary))
     inputs = tuple(named)
     check_out(options, inputs, DRAWINGS, TABLES, stored=STORED)
     records = check_records(sweep)
@@ -64,7 +64,7 @@ def command(config_path: str, **options: Any) -> None:
     origin = provenance(
         log_sha256=" ".join(records.values()),
         config_sha256=sweep.sha256,
-        dictionary_sha256=" ".join(sorted({one.dictionary.sha256 for one in settings})),
+        dictionary_sha256=" ".join(sorted({setting.dictionary.sha256 for setting in settings})),
         seed=sweep.seed,
     )
     document = summary_document(summarise(sweep, done), origin, digest=digest)

@@ -396,8 +396,8 @@ class GroupedCommand(click.Command):
     """A command whose help lists its options by topic, the most used first."""
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        options = [one for one in self.get_params(ctx) if isinstance(one, click.Option)]
-        rows = {one.name: row for one in options if (row := one.get_help_record(ctx)) is not None}
+        options = [parameter for parameter in self.get_params(ctx) if isinstance(parameter, click.Option)]
+        rows = {option.name: row for option in options if (row := option.get_help_record(ctx)) is not None}
         for title, names in HELP_GROUPS.items():
             if group := [rows.pop(name) for name in names if name in rows]:
                 with formatter.section(title):
@@ -448,5 +448,9 @@ def _by_option(complaint: str, values: Mapping[str, Any]) -> str:
     section, _, name = key.partition(".")
     if name and section in values:  # an entry of a mapping
         key, what = section, f"{name}: {what}"
-    flags = [flag for one, flag in FLAGS.items() if one in values and (one == key or one.startswith(f"{key}."))]
+    flags = [
+        flag
+        for config_key, flag in FLAGS.items()
+        if config_key in values and (config_key == key or config_key.startswith(f"{key}."))
+    ]
     return f"{'/'.join(flags)}: {what}" if colon and flags else f"command line: {complaint}"

@@ -16,7 +16,7 @@ from .analysis import Answer, Asked, analysis, source_of
 from .options import CHANNELS, logs_argument, pairs
 
 MAPPED = pairs("tas=my_airspeed")
-OF_THE_FILE = tuple(key for key in CHANNELS if key != "channel_map")  # here --channel also names channels to draw
+FILE_OPTIONS = tuple(key for key in CHANNELS if key != "channel_map")  # here --channel also names channels to draw
 
 
 def _channels(context: click.Context, option: click.Parameter, texts: tuple[str, ...]) -> Any:
@@ -60,7 +60,7 @@ def _check(options: Mapping[str, Any]) -> None:
         help="Draw this channel; repeatable. STD=NAME takes the channel NAME of the file as STD.  [default: airspeed, "
         "altitude, attitude, angle of attack, normal acceleration, elevator, throttle]",
     ),
-    *("config_path", *OF_THE_FILE, "from_s", "to_s", "allow_outside"),
+    *("config_path", *FILE_OPTIONS, "from_s", "to_s", "allow_outside"),
     click.option(
         *("--events", "results"),
         metavar="RESULT.json",
@@ -106,24 +106,24 @@ def command(asked: Asked) -> Answer:
     kinds = ("channels", "differences") if diff else ("channels",)
     figures = tuple(name for kind in kinds for name in (kind, *(f"{kind}_{i + 1}" for i in pages)))
     asked.check_out(figures, (*kinds[1:], "events", "windows", "phases"), zoom=True)
-    found = [(path, *read_events(path)) for path in asked.options["results"]]
+    results = [(path, *read_events(path)) for path in asked.options["results"]]
     # Logs with different clocks are read whole: the window is known only after the shift.
     part = {"from_s": window.from_s, "to_s": window.to_s} if align is None else {}
     reading = {**part, **source_of(asked.config)}
     flights = [read_log(log, **reading) for log in asked.options["logs"]]
     known = {flight.sha256 for flight in flights}
-    events = [event for _, events, _ in found for event in events]
+    events = [event for _, events, _ in results for event in events]
     if align is not None:
         first, second = flights
         chosen = shared_channels(first, second, channels_to_plot(first, names, events))
         shift_s = time_shift(first, second, chosen) if align == "auto" else align
         flights[1] = shifted(second, shift_s)
-        of_second = [sha256 == second.sha256 != first.sha256 for _, events, sha256 in found for _ in events]
-        events = [moved(one, shift_s) if late else one for one, late in zip(events, of_second, strict=True)]
-    events.sort(key=lambda one: one.onset_s)
+        from_second = [sha256 == second.sha256 != first.sha256 for _, events, sha256 in results for _ in events]
+        events = [moved(event, shift_s) if late else event for event, late in zip(events, from_second, strict=True)]
+    events.sort(key=lambda event: event.onset_s)
     notes = [
         Note.method(f"{path} is the result of another log than those drawn, its events may not fit")
-        for path, _, sha256 in found
+        for path, _, sha256 in results
         if sha256 and sha256 not in known
     ]
     part_s = (window.from_s, window.to_s)

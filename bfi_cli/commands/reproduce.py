@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from ..provenance import Provenance
     from ..report.content import ReportContent
 
-OF_A_LOG = {name: OPTIONS[name].flags[0] for name in ("from_s", "to_s", *CHANNELS)}
+LOG_OPTIONS = {name: OPTIONS[name].flags[0] for name in ("from_s", "to_s", *CHANNELS)}
 
 
 @click.command("reproduce")
@@ -46,8 +46,8 @@ def command(context: click.Context, /, name: str, **options: Any) -> None:
         raise ConfigError(f"--set: {name} leaves no choice open, f16-table2 does; leave --set out")
     inputs = () if options["log_path"] is None else (options["log_path"],)
     check_out(options, inputs)
-    for one in REPRODUCTIONS if name == "all" and options["out"] is not None else ():
-        check_out({**options, "out": options["out"] / one}, inputs)
+    for figure in REPRODUCTIONS if name == "all" and options["out"] is not None else ():
+        check_out({**options, "out": options["out"] / figure}, inputs)
     log = _log(options)
     settings = Settings(log=log, **{key: options[key] for key in ("quick", "trials", "seed", "workers", "choices")})
     origin = provenance(log_sha256=log.sha256 if log else "", seed=settings.seed)
@@ -66,13 +66,13 @@ def command(context: click.Context, /, name: str, **options: Any) -> None:
 
 def _log(options: dict[str, Any]) -> FlightLog | None:
     if options["log_path"] is None:
-        for key, option in OF_A_LOG.items():
+        for key, option in LOG_OPTIONS.items():
             if options[key]:
                 raise ConfigError(f"{option}: is about the record of --log, and there is none; give --log FILE")
         return None
     from ..flightlog import read_log
 
-    log = read_log(options["log_path"], **{name: options[name] for name in OF_A_LOG})
+    log = read_log(options["log_path"], **{name: options[name] for name in LOG_OPTIONS})
     return log.window(options["from_s"], options["to_s"])
 
 
@@ -92,10 +92,10 @@ def _every(
                     shared[place] = run(name, replace(settings, report=report))
                 except BfiError as error:
                     shared[place] = error
-        one = shared[place]
-        made.append((name, one))
-        if options["out"] is not None and not isinstance(one, BfiError):
+        outcome = shared[place]
+        made.append((name, outcome))
+        if options["out"] is not None and not isinstance(outcome, BfiError):
             there = {**options, "out": options["out"] / name}
-            write(one, reproduce_document(name, one, origin), there, origin=origin, inputs=inputs)
-    codes = [one.exit_code for _, one in made if isinstance(one, BfiError)]
+            write(outcome, reproduce_document(name, outcome, origin), there, origin=origin, inputs=inputs)
+    codes = [outcome.exit_code for _, outcome in made if isinstance(outcome, BfiError)]
     return summary_content(made), max(codes, default=0)

@@ -67,13 +67,13 @@ class LogAnswer:
 def answer_of_diagnosis(document: Mapping[str, Any], content: ReportContent) -> dict[str, Any]:
     """Return what a document of `bfi diagnose`, and its content, say of a flight: fields of `LogAnswer`."""
     clock = document["log"].get("clock")
-    events = [{"state": one["state"], **_event(one, clock)} for one in document["events"]]
-    deviations = [{"state": "deviation", **_event(one, clock)} for one in document["deviations"]]
-    states = [one["state"] for one in events]
+    events = [{"state": event["state"], **_event(event, clock)} for event in document["events"]]
+    deviations = [{"state": "deviation", **_event(deviation, clock)} for deviation in document["deviations"]]
+    states = [event["state"] for event in events]
     screen = content.screen
     assert screen is not None
     headline = screen.headline
-    hidden = next((f"{one.label.lower()}: {one.parts[0]}" for one in screen.lines if one.label in HIDES), "")
+    hidden = next((f"{line.label.lower()}: {line.parts[0]}" for line in screen.lines if line.label in HIDES), "")
     named = next(iter([*events, *deviations]), {})
     return {
         "rank": RANKS[headline.state],
@@ -122,7 +122,7 @@ def rows_of_constants(errors: Iterable[ConstantError]) -> tuple[dict[str, Any], 
     """Return the rows of a log in the table `constants`."""
     same = ("channel", "by", "value", "unit")
     return tuple(
-        {**{key: getattr(one, key) for key in same}, "low": one.ci95[0], "high": one.ci95[1]} for one in errors
+        {**{key: getattr(error, key) for key in same}, "low": error.ci95[0], "high": error.ci95[1]} for error in errors
     )
 
 
@@ -131,16 +131,17 @@ def answer_of_info(document: Mapping[str, Any], content: ReportContent) -> dict[
     span = _span(document)
     counts = {key: len(document[key]) for key in ("channels", "gaps", "defects", "plausibility")}
     wrong = {"contradiction": counts["plausibility"], "defect": counts["defects"], "gap": counts["gaps"]}
-    said = ", ".join(counted(n, noun) for noun, n in wrong.items() if n)
+    complaints = ", ".join(counted(n, noun) for noun, n in wrong.items() if n)
     flown = span["flight_s"]
     in_flight = f"{instant(round(flown))} s in flight" if flown else "no flight"
     size = f"{span['n_samples']} samples at {number(span['rate_hz'])} Hz, {in_flight}, {counts['channels']} channels"
     rows = [
-        {key: one[key] for key in ("name", "unit", "source", "min", "max", "n_nan")} for one in document["channels"]
+        {key: channel[key] for key in ("name", "unit", "source", "min", "max", "n_nan")}
+        for channel in document["channels"]
     ]
     return {
-        "rank": RANKS["suspected" if counts["plausibility"] else "cannot_tell" if said else "no_fault_found"],
-        "summary": f"{size}; {said}" if said else size,
+        "rank": RANKS["suspected" if counts["plausibility"] else "cannot_tell" if complaints else "no_fault_found"],
+        "summary": f"{size}; {complaints}" if complaints else size,
         "flight": {
             **span,
             "uniform": document["uniform"],
@@ -161,7 +162,7 @@ def _span(document: Mapping[str, Any]) -> dict[str, Any]:
     return {
         **{key: document["log"][key] for key in ("start_s", "stop_s", "n_samples", "rate_hz")},
         "since_1970_s": epoch.since_1970_s + document["log"]["start_s"] if epoch and epoch.is_dated else None,
-        "flight_s": sum((one["to_s"] - one["from_s"] for one in phases if one["phase"] in IN_FLIGHT), 0.0),
+        "flight_s": sum((phase["to_s"] - phase["from_s"] for phase in phases if phase["phase"] in IN_FLIGHT), 0.0),
     }
 
 

@@ -67,15 +67,15 @@ def logs_of(paths: Sequence[str], *, recursive: bool = False, listed: str | None
     """
     aircraft: dict[str, str] = {}
     named = [(path, "") for path in paths] + ([] if listed is None else list(_listed(listed)))
-    for path, of_aircraft in named:
+    for path, name in named:
         for log in _logs_at(path, recursive):
-            aircraft[log] = aircraft.get(log) or of_aircraft
+            aircraft[log] = aircraft.get(log) or name
     if not aircraft:
         where = ", ".join([*paths, *([] if listed is None else [listed])])
         further = "" if recursive else ", or --recursive to search the folders within"
         raise LogError(f"{where}: no logs are there (files that end with {', '.join(ENDINGS)}); give logs{further}")
     folders = _folders(aircraft)
-    stated = {path: of_aircraft or aircraft_in(path) for path, of_aircraft in aircraft.items()}
+    stated = {path: name or aircraft_in(path) for path, name in aircraft.items()}
     return tuple(FleetLog(path=path, folder=folders[path], aircraft=stated[path]) for path in aircraft)
 
 

@@ -52,13 +52,13 @@ def summary_of_fleet(
     kind: str, answers: Sequence[LogAnswer], tables: Sequence[str], origin: Provenance
 ) -> dict[str, Any]:
     """Return the document of a fleet: what was done, and how many logs have which answer."""
-    unread = sum(bool(one.error) for one in answers)
+    unread = sum(bool(answer.error) for answer in answers)
     body = {
         "analysis": kind,
         "n_logs": len(answers),
         "n_unread": unread,
-        "decisions": dict(sorted(Counter(one.decision for one in answers if one.decision).items())),
-        "states": dict(sorted(Counter(one.state for one in answers if one.state).items())),
+        "decisions": dict(sorted(Counter(answer.decision for answer in answers if answer.decision).items())),
+        "states": dict(sorted(Counter(answer.state for answer in answers if answer.state).items())),
         "tables": list(tables),
     }
     notes = [Note.limit(f"{counted(unread, 'log')} could not be read")] if unread else []
@@ -67,38 +67,40 @@ def summary_of_fleet(
 
 def index_page(kind: str, answers: Sequence[LogAnswer], origin: Provenance, trends: Sequence[FleetTrend] = ()) -> str:
     """Return the page of a fleet: counts, trends that are declared, and a row for each log that leads to its report."""
-    has_aircraft = any(one.aircraft for one in answers)
+    has_aircraft = any(answer.aircraft for answer in answers)
     columns = {
-        "log": [shortened(one.log, PATH_LETTERS) for one in answers],
-        "aircraft": [shortened(one.aircraft, PATH_LETTERS) for one in answers],
-        "state": ["not read" if one.error else one.state.replace("_", " ") for one in answers],
-        "answer": [shortened(one.error or one.summary, TEXT_LETTERS) for one in answers],
-        "onset [s]": ["" if (at := one.flight.get("onset_s")) is None else instant(at) for one in answers],
-        "clock": [(one.flight.get("onset_clock") or "").replace("T", " ") for one in answers],
-        "size": [_cell(one.flight.get("magnitude")) for one in answers],
-        "unit": [one.flight.get("unit") or "" for one in answers],
-        "in flight [min]": [_cell(one.flight.get("flight_s"), 60.0) for one in answers],
-        "what could hide": [shortened(one.hidden, HIDDEN_LETTERS) for one in answers],
+        "log": [shortened(answer.log, PATH_LETTERS) for answer in answers],
+        "aircraft": [shortened(answer.aircraft, PATH_LETTERS) for answer in answers],
+        "state": ["not read" if answer.error else answer.state.replace("_", " ") for answer in answers],
+        "answer": [shortened(answer.error or answer.summary, TEXT_LETTERS) for answer in answers],
+        "onset [s]": ["" if (at := answer.flight.get("onset_s")) is None else instant(at) for answer in answers],
+        "clock": [(answer.flight.get("onset_clock") or "").replace("T", " ") for answer in answers],
+        "size": [_cell(answer.flight.get("magnitude")) for answer in answers],
+        "unit": [answer.flight.get("unit") or "" for answer in answers],
+        "in flight [min]": [_cell(answer.flight.get("flight_s"), 60.0) for answer in answers],
+        "what could hide": [shortened(answer.hidden, HIDDEN_LETTERS) for answer in answers],
     }
-    of_diagnosis = ("state", "onset [s]", "clock", "size", "unit", "what could hide")
-    left_out = {*(() if has_aircraft else ("aircraft",)), *(of_diagnosis if kind != "diagnose" else ())}
+    diagnosis_columns = ("state", "onset [s]", "clock", "size", "unit", "what could hide")
+    left_out = {*(() if has_aircraft else ("aircraft",)), *(diagnosis_columns if kind != "diagnose" else ())}
     left_out |= set() if any(columns["clock"]) else {"clock"}
     shown = {head: cells for head, cells in columns.items() if head not in left_out}
-    faults = Counter(str(one.flight["fault"]) for one in answers if one.flight.get("declared"))
-    counts = Counter("not read" if one.error else one.state or "read" for one in answers)
+    faults = Counter(str(answer.flight["fault"]) for answer in answers if answer.flight.get("declared"))
+    counts = Counter("not read" if answer.error else answer.state or "read" for answer in answers)
     return render_listing(
         Listing(
             title=TITLES[kind],
             facts=(
                 ("Logs", str(len(answers))),
                 *((name.replace("_", " ").capitalize(), str(n)) for name, n in sorted(counts.items())),
-                *((f"Trend of {one.aircraft}", sentence_of_trend(one)) for one in trends if one.is_declared),
+                *((f"Trend of {trend.aircraft}", sentence_of_trend(trend)) for trend in trends if trend.is_declared),
                 *((f"First fault {name.replace('_', ' ')}", str(n)) for name, n in faults.most_common()),
             ),
             heads=tuple(shown),
             rows=tuple(zip(*shown.values(), strict=True)) if answers else (),
-            links=tuple("" if one.error else quote(str(PurePosixPath(one.folder, "report.html"))) for one in answers),
-            tones=tuple("unread" if one.error else one.decision for one in answers),
+            links=tuple(
+                "" if answer.error else quote(str(PurePosixPath(answer.folder, "report.html"))) for answer in answers
+            ),
+            tones=tuple("unread" if answer.error else answer.decision for answer in answers),
             drawing=trend_drawing(trends),
         ),
         origin,

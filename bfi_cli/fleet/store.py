@@ -47,7 +47,7 @@ class Store:
         self._out, self._inputs, self._force = out, tuple(inputs), force
         self.known = _answers(out)
         head = to_json(document_of("fleet", {}, (), origin), indent=None)
-        lines = [head, *(to_json(one, indent=None) for one in self.known.values())]
+        lines = [head, *(to_json(answer, indent=None) for answer in self.known.values())]
         # What is known is written whole, and lines are added to it: a torn last line is gone.
         replace_files({STORE: "".join(f"{line}\n" for line in lines).encode()}, out, inputs=inputs, force=force)
         self._file = (out / STORE).open("a", encoding="utf-8", newline="")
@@ -97,4 +97,4 @@ def _answers(out: Path) -> dict[str, LogAnswer]:
         with contextlib.suppress(ValueError, BfiError):  # a torn line, or one of another version
             answer = from_plain(LogAnswer, json.loads(line), where=STORE)
             known[answer.log] = answer
-    return {log: one for log, one in known.items() if one.error or (out / one.folder / RESULT).is_file()}
+    return {log: answer for log, answer in known.items() if answer.error or (out / answer.folder / RESULT).is_file()}

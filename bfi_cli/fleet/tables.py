@@ -12,7 +12,7 @@ from .answers import LogAnswer
 from .trends import FleetTrend, trend_rows
 
 # Columns of every table, and by analysis those of `flights` and of the second table with its name.
-OF_LOG: Mapping[str, type] = {"log": str, "aircraft": str}
+LOG_COLUMNS: Mapping[str, type] = {"log": str, "aircraft": str}
 SPAN: Mapping[str, type] = {
     **dict.fromkeys(("since_1970_s", "start_s", "stop_s"), float),
     "n_samples": int,
@@ -79,7 +79,7 @@ class FleetTable:
 
 def columns_of_answers(kind: str) -> tuple[str, ...]:
     """Return the names of all that is kept of an answer: one with others is no answer of this version."""
-    return (*(one.name for one in fields(LogAnswer)), *FLIGHTS[kind], *SECOND[kind][1], *CONSTANTS)
+    return (*(column.name for column in fields(LogAnswer)), *FLIGHTS[kind], *SECOND[kind][1], *CONSTANTS)
 
 
 def tables_of(
@@ -92,17 +92,17 @@ def tables_of(
     trends : of aircraft, a table too, None where they are not asked for.
     """
     flights, rows, constants = [], [], []
-    for one in answers:
-        of_log = {"log": one.log, "aircraft": one.aircraft or None}
-        flights.append({**of_log, "sha256": one.sha256 or None, "error": one.error or None, **one.flight})
-        rows += [{**of_log, **row} for row in one.rows]
-        constants += [{**of_log, **row} for row in one.constants]
+    for answer in answers:
+        log_cells = {"log": answer.log, "aircraft": answer.aircraft or None}
+        flights.append({**log_cells, "sha256": answer.sha256 or None, "error": answer.error or None, **answer.flight})
+        rows += [{**log_cells, **row} for row in answer.rows]
+        constants += [{**log_cells, **row} for row in answer.constants]
     name, columns = SECOND[kind]
     return (
-        FleetTable(name="flights", columns={**OF_LOG, "sha256": str, "error": str, **FLIGHTS[kind]}, rows=flights),
-        FleetTable(name=name, columns={**OF_LOG, **columns}, rows=rows),
+        FleetTable(name="flights", columns={**LOG_COLUMNS, "sha256": str, "error": str, **FLIGHTS[kind]}, rows=flights),
+        FleetTable(name=name, columns={**LOG_COLUMNS, **columns}, rows=rows),
         *(
-            (FleetTable(name="constants", columns={**OF_LOG, **CONSTANTS}, rows=constants),)
+            (FleetTable(name="constants", columns={**LOG_COLUMNS, **CONSTANTS}, rows=constants),)
             if kind == "diagnose"
             else ()
         ),

@@ -53,27 +53,27 @@ def trends_of(answers: Iterable[LogAnswer]) -> tuple[FleetTrend, ...]:
     Flights are in order of their clocks where all of an aircraft have one with a day, else in the order given.
     """
     by_aircraft: dict[str, list[LogAnswer]] = {}
-    for one in answers:
-        if one.aircraft and not one.error:
-            by_aircraft.setdefault(one.aircraft, []).append(one)
-    found = [trend for name, flights in by_aircraft.items() for trend in _trends_of(name, flights)]
-    return tuple(sorted(found, key=lambda one: one.p_value))
+    for answer in answers:
+        if answer.aircraft and not answer.error:
+            by_aircraft.setdefault(answer.aircraft, []).append(answer)
+    trends = [trend for name, flights in by_aircraft.items() for trend in _trends_of(name, flights)]
+    return tuple(sorted(trends, key=lambda trend: trend.p_value))
 
 
 def _trends_of(aircraft: str, flights: Sequence[LogAnswer]) -> list[FleetTrend]:
-    if all(one.flight.get("since_1970_s") is not None for one in flights):
-        flights = sorted(flights, key=lambda one: float(one.flight["since_1970_s"]))
+    if all(answer.flight.get("since_1970_s") is not None for answer in flights):
+        flights = sorted(flights, key=lambda answer: float(answer.flight["since_1970_s"]))
     courses: dict[tuple[str, str, str], list[Mapping[str, Any]]] = {}
     for flight in flights:
         for row in flight.constants:
             courses.setdefault((row["channel"], row["by"], row["unit"]), []).append(row)
-    found = []
+    trends = []
     for (channel, by, unit), rows in courses.items():
         if len(rows) < FEWEST_FLIGHTS:
             continue
         values, low, high = (tuple(float(row[key]) for row in rows) for key in ("value", "low", "high"))
         trend = monotone_trend(np.array(values), rng=np.random.default_rng(0))
-        found.append(
+        trends.append(
             FleetTrend(
                 aircraft=aircraft,
                 channel=channel,
@@ -88,9 +88,10 @@ def _trends_of(aircraft: str, flights: Sequence[LogAnswer]) -> list[FleetTrend]:
                 p_value=trend.p_value,
             )
         )
-    relations = Counter(one.channel for one in found)
+    relations = Counter(trend.channel for trend in trends)
     return [
-        replace(one, is_declared=one.p_value < FALSE_ALARM / (len(relations) * relations[one.channel])) for one in found
+        replace(trend, is_declared=trend.p_value < FALSE_ALARM / (len(relations) * relations[trend.channel]))
+        for trend in trends
     ]
 
 
@@ -99,15 +100,15 @@ def trend_rows(trends: Iterable[FleetTrend]) -> list[dict[str, Any]]:
     same = ("aircraft", "channel", "by", "unit", "slope", "p_value")
     return [
         {
-            **{key: getattr(one, key) for key in same},
-            "n_flights": len(one.values),
-            "declared": one.is_declared,
-            "low": one.ci95[0],
-            "high": one.ci95[1],
-            "first": one.level,
-            "last": one.level + one.slope * (len(one.values) - 1),
+            **{key: getattr(trend, key) for key in same},
+            "n_flights": len(trend.values),
+            "declared": trend.is_declared,
+            "low": trend.ci95[0],
+            "high": trend.ci95[1],
+            "first": trend.level,
+            "last": trend.level + trend.slope * (len(trend.values) - 1),
         }
-        for one in trends
+        for trend in trends
     ]
 
 
@@ -121,19 +122,20 @@ def sentence_of_trend(trend: FleetTrend) -> str:
 
 def trend_drawing(trends: Sequence[FleetTrend]) -> Drawing | None:
     """Return the figure of the trends that are declared, None without one."""
-    declared = [one for one in trends if one.is_declared][:MOST_PANELS]
+    declared = [trend for trend in trends if trend.is_declared][:MOST_PANELS]
     if not declared:
         return None
     panels = []
-    for one in declared:
-        number = np.arange(1, len(one.values) + 1, dtype=np.float64)
-        values, low, high = (np.array(ends) for ends in (one.values, one.low, one.high))
-        line = one.level + one.slope * (number - 1.0)
+    for trend in declared:
+        number = np.arange(1, len(trend.values) + 1, dtype=np.float64)
+        values, low, high = (np.array(ends) for ends in (trend.values, trend.low, trend.high))
+        line = trend.level + trend.slope * (number - 1.0)
+        slope = f"{trend.slope:.3g} {trend.unit} a flight ({trend.ci95[0]:.3g} to {trend.ci95[1]:.3g})"
         panels.append(
             Panel(
                 x_label="flight",
-                y_label=f"{one.channel} by {one.by}\n[{one.unit}]",
-                title=f"{one.aircraft}: {one.slope:.3g} {one.unit} a flight ({one.ci95[0]:.3g} to {one.ci95[1]:.3g})",
+                y_label=f"{trend.channel} by {trend.by}\n[{trend.unit}]",
+                title=f"{trend.aircraft}: {slope}",
                 curves=(
                     curve("each flight, 95 %", number, values, low=low, high=high, style="points"),
                     curve("trend", number, line, style="dashed"),

@@ -96,7 +96,10 @@ def _shrinkage(
     estimates: MagnitudeEstimates,
 ) -> tuple[Note, ...]:
     """Return the note on the magnitudes as solved, by the largest weights that keep every fault that is declared."""
-    kept = next((one for one in proposals if one.order == fit.order and set(one.atoms) >= set(fit.atoms)), None)
+    kept = next(
+        (proposal for proposal in proposals if proposal.order == fit.order and set(proposal.atoms) >= set(fit.atoms)),
+        None,
+    )
     if not fit.atoms or kept is None:
         return ()
     solved_z = dict(zip(kept.atoms, kept.z, strict=True))

@@ -36,8 +36,9 @@ from ..report.text import quantity
 PATH, TOLERANCE = np.geomspace(0.7, 0.005, 12), 1e-5
 # Supports of the path in a row that are worse than the best one, after which it ends.
 PATIENCE = 2
-# Share of a block's part that an error of one sensor must explain to be called one. Chosen without a tuning record.
-OF_A_SENSOR = 0.95
+# Share of a block's part that an error of one sensor must explain to be named as its fault. Chosen without a tuning
+# record.
+SENSOR_SHARE = 0.95
 # Time courses in a note.
 SHOWN = 5
 
@@ -68,11 +69,11 @@ def identify_by_mfddfd(
     best = _with_those_worth_it(regression, best, config)
     lowest = min(choices, key=lambda choice: choice.none.criterion)
     problem = regression.problem(best.order)
-    of_sensors = as_sensor_faults(problem, best.courses, best.fit)
-    named = {j: max(best.courses[j], key=lambda atom: of_sensors[atom][1]) for j in best.fit.support}
+    sensor_faults = as_sensor_faults(problem, best.courses, best.fit)
+    named = {j: max(best.courses[j], key=lambda atom: sensor_faults[atom][1]) for j in best.fit.support}
     value = np.full(len(regression.atoms), np.nan)
     for atom in named.values():
-        value[atom] = of_sensors[atom][0] * regression.magnitude_unit[atom]
+        value[atom] = sensor_faults[atom][0] * regression.magnitude_unit[atom]
     atoms = tuple(sorted(named.values()))
     plain = fit_magnitudes(regression.problem(lowest.order), ())
     return MethodResult(
@@ -86,14 +87,14 @@ def identify_by_mfddfd(
         solver=SolverSummary(
             method=config.method,
             termination="converged" if best.converged else "iterations",
-            iterations=sum(one.iterations for one in choices),
+            iterations=sum(choice.iterations for choice in choices),
             condition_number=np.nan,
         ),
         orders=regression.orders if len(choices) > 1 else (),
-        criterion_no_fault=tuple(one.none.criterion for one in choices) if len(choices) > 1 else (),
-        criterion_best=tuple(one.fit.criterion for one in choices) if len(choices) > 1 else (),
+        criterion_no_fault=tuple(choice.none.criterion for choice in choices) if len(choices) > 1 else (),
+        criterion_best=tuple(choice.fit.criterion for choice in choices) if len(choices) > 1 else (),
         converged=best.converged,
-        notes=_where(window, regression, best, named, of_sensors),
+        notes=_where(window, regression, best, named, sensor_faults),
     )
 
 
@@ -125,9 +126,9 @@ def _chosen(regression: RegressionData, order: int, config: Config) -> _Choice:
         W, iterations, converged = solved.W, iterations + solved.iterations, converged and solved.converged
         if 2 * (blocks.n_free + int(np.isin(blocks.block_of, solved.support).sum())) > blocks.n_rows:
             break
-        found = solve_on_support(blocks, solved.support, penalty)
-        worse = 0 if found.criterion <= path.criterion else worse + (found.support != path.support)
-        path = min(path, found, key=lambda fit: fit.criterion)
+        block_fit = solve_on_support(blocks, solved.support, penalty)
+        worse = 0 if block_fit.criterion <= path.criterion else worse + (block_fit.support != path.support)
+        path = min(path, block_fit, key=lambda fit: fit.criterion)
         if worse == PATIENCE:
             break
     best = best_within(blocks, path.support, penalty, most=config.selection.max_active)
@@ -152,7 +153,7 @@ def _where(
     regression: RegressionData,
     best: _Choice,
     named: dict[int, int],
-    of_sensors: dict[int, tuple[float, float]],
+    sensor_faults: dict[int, tuple[float, float]],
 ) -> tuple[Note, ...]:
     """Return a note on where each declared time course shows, and one on those that no error of a sensor explains."""
     if not named:
@@ -165,7 +166,7 @@ def _where(
             for output, effect in zip(window.outputs, effects, strict=True)
         ]
         words.append(f"'{name}' {', '.join(shown)}")
-        if of_sensors[named[j]][1] < OF_A_SENSOR:
+        if sensor_faults[named[j]][1] < SENSOR_SHARE:
             through.append(f"'{name}'")
     more = f", and {len(words) - SHOWN} more" if len(words) > SHOWN else ""
     notes = [Note.method(f"rms of the declared courses in the prediction errors: {'; '.join(words[:SHOWN])}{more}")]

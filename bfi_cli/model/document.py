@@ -42,7 +42,9 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
     body = {
         "log": whole["log"],
         "decision": whole["decision"],
-        "headline": to_plain(window_screen(result, own={one.channel: one.unit for one in result.outputs}).headline),
+        "headline": to_plain(
+            window_screen(result, own={output.channel: output.unit for output in result.outputs}).headline
+        ),
         "verdicts": whole["verdicts"],
         "summary": whole["summary"],
         "plausibility": whole["plausibility"],
@@ -131,7 +133,10 @@ def _check_lengths(result: IdentifyResult, where: str) -> None:
         signals = {key: values for key, values in arrays.items() if isinstance(values, np.ndarray)}
         sizes += [(f"series.outputs[{i}].{key}", values.size, n) for key, values in signals.items()]
     sizes += [(f"order_selection.{key}", len(getattr(result.model, key)), n_orders) for key in ORDER_KEYS]
-    sizes += [(f"residuals of {one.channel}", len(one.autocorrelation), len(one.lags)) for one in result.residuals]
+    sizes += [
+        (f"residuals of {residual.channel}", len(residual.autocorrelation), len(residual.lags))
+        for residual in result.residuals
+    ]
     for key, size, expected in sizes:
         if size != expected:
             raise ConfigError(f"{where}: {key}: {size} numbers instead of {expected}; write the file again")

@@ -147,22 +147,22 @@ def _course_of(
     supports = dict.fromkeys([atoms, *(tuple(a for a in atoms if a != left) for left in atoms), ()])
     models = sorted(
         (
-            one
+            model
             for support in supports
             if _independent(np.asarray(regression.layout.theta)[:, 0, list(support)], line)
-            for one in _models(regression, penalty, line, walk, support)
+            for model in _models(regression, penalty, line, walk, support)
         ),
-        key=lambda one: one.criterion,
+        key=lambda model: model.criterion,
     )
     gain, named, unit = without - models[0].criterion, models[0].named, float(regression.unit[0])
     # Whether a course is there is the criterion's question; which order draws it with the least error is another. The
     # criterion pays for few lags, and a predictor of too few bends the course (docs/theory.md, 3.4).
-    models = sorted((one for one in models if one.named == named), key=lambda one: one.risk)
+    models = sorted((model for model in models if model.named == named), key=lambda model: model.risk)
     best = models[0]
-    models = [one for one in models if one.risk < best.risk + CLOSE]
-    weight = np.exp(-0.5 * (np.array([one.risk for one in models]) - best.risk))
+    models = [model for model in models if model.risk < best.risk + CLOSE]
+    weight = np.exp(-0.5 * (np.array([model.risk for model in models]) - best.risk))
     weight /= weight.sum()
-    values, spreads = (np.array([getattr(one.fit, key) for one in models]) for key in ("value", "sd"))
+    values, spreads = (np.array([getattr(model.fit, key) for model in models]) for key in ("value", "sd"))
     value = weight @ values
     variance = weight @ (spreads**2 + (values - value) ** 2)
     if gain <= 0.0:

@@ -142,7 +142,7 @@ def result_of(
         unanswered.append(Note.limit(f"{NOT_CONVERGED}: {outcome.solver.termination}"))
     elif conclusion.decision == "inconclusive" and identified.hides_all:
         unanswered.append(Note.limit(UNANSWERABLE))
-    declared = {one.name for one in conclusion.faults}
+    declared = {fault.name for fault in conclusion.faults}
     remarks = [note for n, note in outcome.remarks.items() if window.names[window.live[n]] not in declared]
     helps = what_would_help(log, config, conclusion.verdicts) if METHODS[config.method].intervals else None
     return IdentifyResult(
@@ -240,8 +240,8 @@ def _assembled(
     magnitudes, estimates_all = outcome.magnitudes, METHODS[config.method].candidates
     hidden = hidden_atoms(window, magnitudes) if estimates_all else (False,) * len(window.live)
     tolerances = tolerances_of(log, window.log, config.outputs, config)
-    faults = [_of_atom(window, outcome, n, tolerances) for n in outcome.atoms]
-    faults += [_of_course(window, course, magnitudes.quantile) for course in outcome.free if course.declared]
+    faults = [_atom_estimate(window, outcome, n, tolerances) for n in outcome.atoms]
+    faults += [_course_estimate(window, course, magnitudes.quantile) for course in outcome.free if course.declared]
     candidates = claims_of_entries(window, regression, outcome, config.method, tolerances)
     residuals = residual_summaries(window, outcome)
     explained = window.signals.y[len(window.signals.y) - len(outcome.error) :]
@@ -278,7 +278,9 @@ def _assembled(
     )
 
 
-def _of_atom(window: PreparedWindow, outcome: MethodResult, n: int, tolerances: Mapping[str, float]) -> FaultEstimate:
+def _atom_estimate(
+    window: PreparedWindow, outcome: MethodResult, n: int, tolerances: Mapping[str, float]
+) -> FaultEstimate:
     """Return the estimate of the n-th live entry, which is declared."""
     entry, magnitudes = window.live[n], outcome.magnitudes
     fault, z = window.faults[entry], float(magnitudes.value[n])
@@ -294,7 +296,7 @@ def _of_atom(window: PreparedWindow, outcome: MethodResult, n: int, tolerances: 
     )
 
 
-def _of_course(window: PreparedWindow, course: FreeOutcome, quantile: float) -> FaultEstimate:
+def _course_estimate(window: PreparedWindow, course: FreeOutcome, quantile: float) -> FaultEstimate:
     """Return the estimate of a fault of unknown course: its magnitude is its largest value."""
     fault, z, sd = window.faults[course.entry], float(course.value[course.peak]), float(course.sd[course.peak])
     return estimate_of(fault, z, sd, window.log.channel(fault.channel).unit, quantile=quantile)

@@ -354,7 +354,7 @@ def _by_threshold(regression: RegressionData, selection: Selection, threshold: f
     """Return the selection by the thesis's rule on all magnitudes at once: |z| / norm(z) > threshold."""
     everything = tuple(range(len(regression.atoms)))
     whole = [full_support(regression.problem(order), everything, selection.penalty) for order in regression.orders]
-    scored = [of_order for of_order in whole if of_order is not None]
+    scored = [scored_fit for scored_fit in whole if scored_fit is not None]
     if len(scored) < len(whole):
         raise LogError(
             f"{regression.signals.path}: too few samples to estimate all magnitudes at once; choose a longer window or "

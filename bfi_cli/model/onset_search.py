@@ -114,14 +114,14 @@ def _best_move(
     only : an entry that moves to the best of its other onsets, whether that lowers the criterion or not.
     """
     best, penalty = now.selection.best, now.selection.penalty
-    lowest, found = best.criterion if only is None else np.inf, None
+    lowest, chosen = best.criterion if only is None else np.inf, None
     shifts = {
         n: shifts_within(window, entry, config.onset_tolerance_s)
         for n, entry in enumerate(window.live)
         if n not in now.shifts_s and only in (None, n)
     }
-    shifts = {n: of_entry for n, of_entry in shifts.items() if of_entry.size}
-    prices = {n: searched(penalty, of_entry.size).evidence - penalty.evidence for n, of_entry in shifts.items()}
+    shifts = {n: entry_shifts for n, entry_shifts in shifts.items() if entry_shifts.size}
+    prices = {n: searched(penalty, entry_shifts.size).evidence - penalty.evidence for n, entry_shifts in shifts.items()}
     supports: dict[tuple[int, ...], Adding] = {}
     moves: dict[tuple[int, ...], list[tuple[float, int, FloatArray]]] = {}
     for together in _groups(shifts, len(now.regression.signals.time_s)):
@@ -133,32 +133,32 @@ def _best_move(
             added = support.each_of(signals.of(np.flatnonzero(np.isin(owners, entries)).tolist()))
             gains = np.nan_to_num(added.magnitude**2 / added.variance)
             ends = np.cumsum([shifts[n].size for n in entries])
-            for n, of_entry in zip(entries, np.split(gains, ends[:-1]), strict=True):
-                gain = float(of_entry.max(initial=0.0)) * penalty.n_effective / penalty.n_rows
+            for n, entry_gains in zip(entries, np.split(gains, ends[:-1]), strict=True):
+                gain = float(entry_gains.max(initial=0.0)) * penalty.n_effective / penalty.n_rows
                 if gain >= HOPEFUL * (penalty.per_fault + prices[n]):
-                    moves.setdefault(base, []).append((prices[n] - gain, n, of_entry))
+                    moves.setdefault(base, []).append((prices[n] - gain, n, entry_gains))
     promising = [
         (base, n, gains)
-        for base, of_base in moves.items()
-        for _, n, gains in sorted(of_base, key=lambda move: move[0])[:MOST_MOVES]
+        for base, base_moves in moves.items()
+        for _, n, gains in sorted(base_moves, key=lambda move: move[0])[:MOST_MOVES]
     ]
     for base, n, gains in promising:
         theta = _signals(now.regression, window, {n: shifts[n]})
         for k, fit in _fits(now.regression, supports[base], theta, gains):
             if (criterion := penalty.criterion(fit) + prices[n]) < lowest:
-                lowest, found = criterion, (n, float(shifts[n][k]), prices[n])
-    return found
+                lowest, chosen = criterion, (n, float(shifts[n][k]), prices[n])
+    return chosen
 
 
 def _groups(shifts: Mapping[int, FloatArray], n_samples: int) -> Iterator[list[int]]:
     """Give entries in groups whose signals are kept at once."""
     group, kept = list[int](), 0
-    for n, of_entry in shifts.items():
-        if group and kept + of_entry.size * n_samples > MOST_VALUES:
+    for n, entry_shifts in shifts.items():
+        if group and kept + entry_shifts.size * n_samples > MOST_VALUES:
             yield group
             group, kept = [], 0
         group.append(n)
-        kept += of_entry.size * n_samples
+        kept += entry_shifts.size * n_samples
     if group:
         yield group
 
@@ -180,11 +180,13 @@ def _signals(regression: RegressionData, window: PreparedWindow, shifts: Mapping
     """Return the signals of entries at their onsets, (n_samples, n_outputs, n_signals), scaled."""
     later = [
         (window.faults[window.live[n]].later(shift_s), window.sizes.get(window.live[n], 0.0))
-        for n, of_entry in shifts.items()
-        for shift_s in of_entry.tolist()
+        for n, entry_shifts in shifts.items()
+        for shift_s in entry_shifts.tolist()
     ]
     faults, sizes = zip(*later, strict=True)
-    units = np.repeat([float(regression.magnitude_unit[n]) for n in shifts], [one.size for one in shifts.values()])
+    units = np.repeat(
+        [float(regression.magnitude_unit[n]) for n in shifts], [entry_shifts.size for entry_shifts in shifts.values()]
+    )
     return signals_of_faults(window, faults, sizes).over(regression.unit).scaled(units)
 
 

@@ -60,7 +60,7 @@ def with_likeliest_recorder(
         if other.live == window.live and factorised.n_rows == regression.n_rows:
             trials.append((other, factorised, identified))
     outcomes = [result for _, _, result in trials]
-    likeliest, of_likeliest, best = min(trials, key=lambda trial: trial[2].criterion)
+    likeliest, likeliest_regression, best = min(trials, key=lambda trial: trial[2].criterion)
     value = best.magnitudes.value
     weight = np.exp(-0.5 * np.array([result.criterion - best.criterion for result in outcomes]) / best.dispersion)
     same = np.array([result.atoms == best.atoms for result in outcomes])
@@ -73,4 +73,4 @@ def with_likeliest_recorder(
         f"{recorder.edge_hz:.3g} Hz best of {len(trials)}, and the intervals hold their spread"
     )
     chosen = replace(best, magnitudes=replace(best.magnitudes, variance=variance), notes=(*best.notes, note))
-    return replace(likeliest, recorder=window.recorder), of_likeliest, chosen
+    return replace(likeliest, recorder=window.recorder), likeliest_regression, chosen

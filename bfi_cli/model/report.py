@@ -89,7 +89,11 @@ def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent
             _draw_outputs(drawn),
             _draw_fault(drawn),
             # Without a limit there is nothing to hold a magnitude against.
-            *([_draw_magnitudes(result, units)] if any(_ratio(one) is not None for one in result.candidates) else []),
+            *(
+                [_draw_magnitudes(result, units)]
+                if any(_ratio(candidate) is not None for candidate in result.candidates)
+                else []
+            ),
             _draw_residuals(drawn),
             *_draw_orders(result),
         ),
@@ -101,8 +105,8 @@ def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent
 
 def identify_screen(result: IdentifyResult, units: Units = SI) -> Screen:
     """Return the first screen of an identification, in `units`."""
-    own = {series.channel: series.unit for series in result.outputs}
-    return window_screen(result, units, own=own, named=True)
+    channel_units = {series.channel: series.unit for series in result.outputs}
+    return window_screen(result, units, own=channel_units, named=True)
 
 
 def content_of_document(document: object, units: Units = SI, *, where: str = "result") -> ReportContent:
@@ -113,23 +117,25 @@ def content_of_document(document: object, units: Units = SI, *, where: str = "re
 
 def _in_units(result: IdentifyResult, units: Units) -> IdentifyResult:
     """Return the result with its signals, and what its figures say of them, in the units that are shown."""
-    shown = {one.channel: units.of(one.unit, channel=one.channel) for one in result.outputs}
+    shown = {output.channel: units.of(output.unit, channel=output.channel) for output in result.outputs}
     outputs = []
-    for one in result.outputs:
-        here = shown[one.channel]
-        signals: dict[str, Any] = {"measured": here.readings(one.measured)}
-        known = {key: values for key in CHANGES if (values := getattr(one, key)) is not None}
+    for output in result.outputs:
+        here = shown[output.channel]
+        signals: dict[str, Any] = {"measured": here.readings(output.measured)}
+        known = {key: values for key in CHANGES if (values := getattr(output, key)) is not None}
         signals |= {key: here.changes(values) for key, values in known.items()}
-        outputs.append(replace(one, unit=here.unit, **signals))
+        outputs.append(replace(output, unit=here.unit, **signals))
     inputs = {name: units.of(result.input_units.get(name, ""), channel=name) for name in result.inputs}
     return replace(
         result,
         outputs=tuple(outputs),
         inputs={name: inputs[name].readings(values) for name, values in result.inputs.items()},
-        input_units={name: one.unit for name, one in inputs.items()},
+        input_units={name: display.unit for name, display in inputs.items()},
         residuals=tuple(
-            replace(one, plain_sd=one.plain_sd / shown[one.channel].factor) if one.channel in shown else one
-            for one in result.residuals
+            replace(residual, plain_sd=residual.plain_sd / shown[residual.channel].factor)
+            if residual.channel in shown
+            else residual
+            for residual in result.residuals
         ),
     )
 
@@ -139,7 +145,9 @@ def shown_candidates(result: IdentifyResult) -> tuple[Candidate, ...]:
 
     Those of a larger dictionary are the declared ones and those with the largest magnitude for their limit.
     """
-    ranked = sorted(result.candidates, key=lambda one: (one.state != "declared", -abs(_ratio(one) or 0.0)))
+    ranked = sorted(
+        result.candidates, key=lambda candidate: (candidate.state != "declared", -abs(_ratio(candidate) or 0.0))
+    )
     kept = {id(candidate) for candidate in ranked[:MAX_CANDIDATES]}
     return tuple(candidate for candidate in result.candidates if id(candidate) in kept)
 
@@ -155,8 +163,8 @@ def _ratio(candidate: Candidate) -> float | None:
 
 def _smallest(candidate: Candidate) -> float | None:
     """Return the minimal detectable magnitude, without a dictionary that of the scan."""
-    own = candidate.minimal_detectable
-    return candidate.minimal_detectable_scan if own is None else own
+    limit = candidate.minimal_detectable
+    return candidate.minimal_detectable_scan if limit is None else limit
 
 
 def _facts(result: IdentifyResult, units: Units) -> tuple[tuple[str, str], ...]:
@@ -179,10 +187,10 @@ def _facts(result: IdentifyResult, units: Units) -> tuple[tuple[str, str], ...]:
 
 
 def _tables(result: IdentifyResult, units: Units) -> Iterator[Table]:
-    faults, own = [], {series.channel: series.unit for series in result.outputs}
+    faults, channel_units = [], {series.channel: series.unit for series in result.outputs}
     for estimate in result.faults:
         fault = estimate.fault
-        scale, shown = meaning(estimate, units, own.get(fault.channel, ""))
+        scale, shown = meaning(estimate, units, channel_units.get(fault.channel, ""))
         sd, ends = abs(scale) * estimate.sd, sorted(scale * bound for bound in estimate.ci95)
         multiplier = number(estimate.magnitude, spread=TWO_SIDED_95 * estimate.sd, extra=1)
         faults.append(
@@ -200,15 +208,15 @@ def _tables(result: IdentifyResult, units: Units) -> Iterator[Table]:
             )
         )
     if faults:
-        n = len(FAULT_HEADS) - all(one.fault.slope is None for one in result.faults)
+        n = len(FAULT_HEADS) - all(estimate.fault.slope is None for estimate in result.faults)
         rows = tuple(row[:n] for row in faults)
-        times_s = tuple((one.fault.onset_s, one.fault.offset_s) for one in result.faults)
+        times_s = tuple((estimate.fault.onset_s, estimate.fault.offset_s) for estimate in result.faults)
         last = FAULT_HEADS.index("from")
         yield Table(name="faults", title="Faults", heads=FAULT_HEADS[:n], rows=rows, times_s=times_s, last_time=last)
     yield from candidate_tables(result.candidates, units)
     residuals = []
     for summary in result.residuals:
-        shown = units.of(own.get(summary.channel, ""), channel=summary.channel)
+        shown = units.of(channel_units.get(summary.channel, ""), channel=summary.channel)
         alarms_s, p = summary.plain_alarms_s, summary.ljung_box_p
         white = "" if p >= WHITE_ABOVE else ", not white: structure is left"
         residuals.append(
@@ -257,13 +265,16 @@ def _over_time(result: IdentifyResult, panels: Sequence[dict[str, Any]]) -> tupl
     """Return panels over the analysed window, the time named under the lowest."""
     limits = (float(result.time_s[0]), float(result.time_s[-1]))
     names = [""] * (len(panels) - 1) + ["time [s]"]
-    return tuple(Panel(x_label=name, x_limits=limits, **one) for name, one in zip(names, panels, strict=True))
+    return tuple(Panel(x_label=name, x_limits=limits, **panel) for name, panel in zip(names, panels, strict=True))
 
 
 def _onsets(result: IdentifyResult, channel: str) -> tuple[Span, ...]:
     """Return where the faults of a channel start and end inside the window."""
     moments = (
-        t for one in result.faults if one.fault.channel == channel for t in (one.fault.onset_s, one.fault.offset_s)
+        t
+        for estimate in result.faults
+        if estimate.fault.channel == channel
+        for t in (estimate.fault.onset_s, estimate.fault.offset_s)
     )
     inside = [t for t in moments if t is not None and result.log.start_s < t < result.log.stop_s]
     return tuple(Span(label="start or end of a fault", low=t, high=t) for t in inside)
@@ -335,7 +346,7 @@ def _draw_fault(result: IdentifyResult) -> Drawing:
 
 def _draw_magnitudes(result: IdentifyResult, units: Units) -> Drawing:
     shown = shown_candidates(result)
-    ratios = [_ratio(one) for one in shown]
+    ratios = [_ratio(candidate) for candidate in shown]
     reach = 2.0 * max([2.0, *(abs(ratio) for ratio in ratios if ratio is not None)])
     curves: list[Curve] = []
     styles: tuple[tuple[str, Style, bool], ...] = (
@@ -353,14 +364,14 @@ def _draw_magnitudes(result: IdentifyResult, units: Units) -> Drawing:
         if drawn:
             curves.append(curve(label, x, [float(j) for j, _ in drawn], style=style, low=x - half, high=x + half))
     notes: list[tuple[str, float]] = []
-    for j, one in enumerate(shown):
-        scale, meant = shown_meaning(one, units)
-        factor, smallest = scale / meant.factor, _smallest(one)
-        spread = math.nan if one.sd is None else TWO_SIDED_95 * abs(factor) * one.sd
-        value = number(None if one.magnitude is None else factor * one.magnitude, spread=spread, extra=1)
+    for j, candidate in enumerate(shown):
+        scale, meant = shown_meaning(candidate, units)
+        factor, smallest = scale / meant.factor, _smallest(candidate)
+        spread = math.nan if candidate.sd is None else TWO_SIDED_95 * abs(factor) * candidate.sd
+        value = number(None if candidate.magnitude is None else factor * candidate.magnitude, spread=spread, extra=1)
         size = with_unit(f"{value} ± {number(spread, spread=spread, extra=1)}", meant.unit)
         limit = change(None if smallest is None else abs(scale) * smallest, meant)
-        notes.append(("not estimated" if one.magnitude is None else f"{size}, limit {limit}", float(j)))
+        notes.append(("not estimated" if candidate.magnitude is None else f"{size}, limit {limit}", float(j)))
     more = f"{len(shown)} of {len(result.candidates)} entries: declared, and largest for their limit"
     panel = Panel(
         title=more if len(shown) < len(result.candidates) else "",
@@ -371,7 +382,7 @@ def _draw_magnitudes(result: IdentifyResult, units: Units) -> Drawing:
         x_limits=(-reach, reach),
         linear_x=1.0,
         y_limits=(len(shown) - 0.5, -0.5),
-        y_ticks=tuple((one.name, float(j)) for j, one in enumerate(shown)),
+        y_ticks=tuple((candidate.name, float(j)) for j, candidate in enumerate(shown)),
         side_notes=tuple(notes),
         height=0.25 + 0.1 * max(len(shown), 4),
     )
@@ -465,15 +476,17 @@ def _draw_orders(result: IdentifyResult) -> tuple[Drawing, ...]:
 
 def _data(result: IdentifyResult) -> dict[str, dict[str, Any] | Callable[[], dict[str, Any]]]:
     model = result.model
-    own = {one.channel: one.unit for one in result.outputs}
+    channel_units = {output.channel: output.unit for output in result.outputs}
     residuals = {
-        "output": [one.channel for one in result.residuals],
-        "unit": [own.get(one.channel, "") for one in result.residuals],
-        "noise_sd": [model.noise_sd.get(one.channel) for one in result.residuals],
-        "vaf_percent": [result.vaf_output.get(one.channel) for one in result.residuals],
-        "ljung_box_p": [one.ljung_box_p for one in result.residuals],
-        "plain_sd": [one.plain_sd for one in result.residuals],
-        "plain_alarms_s": [" ".join(f"{time_s:.12g}" for time_s in one.plain_alarms_s) for one in result.residuals],
+        "output": [residual.channel for residual in result.residuals],
+        "unit": [channel_units.get(residual.channel, "") for residual in result.residuals],
+        "noise_sd": [model.noise_sd.get(residual.channel) for residual in result.residuals],
+        "vaf_percent": [result.vaf_output.get(residual.channel) for residual in result.residuals],
+        "ljung_box_p": [residual.ljung_box_p for residual in result.residuals],
+        "plain_sd": [residual.plain_sd for residual in result.residuals],
+        "plain_alarms_s": [
+            " ".join(f"{time_s:.12g}" for time_s in residual.plain_alarms_s) for residual in result.residuals
+        ],
     }
     return {
         **({"residuals.csv": residuals} if result.residuals else {}),
@@ -492,11 +505,11 @@ def _series(result: IdentifyResult) -> dict[str, Any]:
     series: dict[str, Any] = {"time [s]": result.time_s}
     for name, values in result.inputs.items():
         series[_column(name, result.input_units.get(name, ""))] = values
-    for one in result.outputs:
+    for output in result.outputs:
         for kind in SERIES:
-            values = getattr(one, kind)
+            values = getattr(output, kind)
             if values is not None:
-                series[_column(f"{one.channel}_{kind}", one.unit)] = values
+                series[_column(f"{output.channel}_{kind}", output.unit)] = values
     return series
 
 

@@ -82,14 +82,14 @@ def _weights(log: FlightLog, dictionary: Dictionary, config: Config) -> tuple[fl
     regression = build_regression(signals, window.live, config, orders=window.orders)
     outcome = identify_by_likelihood(window, regression, config)
     order = (outcome.order,)
-    own = fit_magnitudes(build_regression(signals, window.live, config, orders=order).problem(*order), outcome.atoms)
+    fit = fit_magnitudes(build_regression(signals, window.live, config, orders=order).problem(*order), outcome.atoms)
     weights = []
-    for one in window.signals.earlier:
-        both = build_regression(replace(signals, earlier=(one,)), window.live, config, orders=order)
+    for record in window.signals.earlier:
+        both = build_regression(replace(signals, earlier=(record,)), window.live, config, orders=order)
         rows = both.layout.earlier
         assert rows is not None
         covariance = _covariance(np.hstack([rows.u, rows.past]), rows.y, rows.n_rows, both.floor)
-        weights.append(float(np.mean(np.sqrt(np.diag(own.sigma) / np.diag(covariance)))))
+        weights.append(float(np.mean(np.sqrt(np.diag(fit.sigma) / np.diag(covariance)))))
     return tuple(weights)
 
 

@@ -64,11 +64,11 @@ def compare(
     if window.truth is not None:
         first_s, last_s = window.ends()
         acting = (
-            one
-            for one in window.truth.faults
-            if one.onset_s <= last_s and (one.offset_s is None or one.offset_s > first_s)
+            fault
+            for fault in window.truth.faults
+            if fault.onset_s <= last_s and (fault.offset_s is None or fault.offset_s > first_s)
         )
-        truth = tuple(sorted(acting, key=lambda one: one.onset_s))
+        truth = tuple(sorted(acting, key=lambda fault: fault.onset_s))
     hit = () if window.truth is None else tuple(window.truth.clean)
     channels = [window.channel(name) for name in config.outputs]
     if problem.asked.inputs not in (Config().inputs, ("auto",)):
@@ -82,7 +82,7 @@ def compare(
             log.path, window.time_s, rate_hz=window.rate_hz, native_rate_hz=window.rate_hz, epoch=log.epoch
         ),
         truth=truth,
-        outcomes=tuple(replace(one, agrees=_agreeing(one, outcomes)) for one in outcomes),
+        outcomes=tuple(replace(outcome, agrees=_agreeing(outcome, outcomes)) for outcome in outcomes),
         outputs=config.outputs,
         units=tuple(channel.unit for channel in channels),
         time_s=window.time_s,
@@ -133,19 +133,19 @@ def score_of(statement: Statement, truth: Sequence[Fault], hit: Sequence[str] = 
     if truth:
         isolated = "no"
         if len(pairs) == len(truth) and not rest:
-            isolated = "fault" if all(_same_kind(one, fault) for one, fault in pairs) else "channel"
+            isolated = "fault" if all(_same_kind(suspect, fault) for suspect, fault in pairs) else "channel"
     onset_error_s = magnitude_error = delay_s = None
     if pairs:
-        one, fault = pairs[0]
-        onset_error_s = None if one.onset_s is None else one.onset_s - fault.onset_s
-        delay_s = None if one.declared_s is None else one.declared_s - fault.onset_s
+        suspect, fault = pairs[0]
+        onset_error_s = None if suspect.onset_s is None else suspect.onset_s - fault.onset_s
+        delay_s = None if suspect.declared_s is None else suspect.declared_s - fault.onset_s
         if (
-            one.magnitude is not None
-            and one.shape == fault.shape
+            suspect.magnitude is not None
+            and suspect.shape == fault.shape
             and fault.magnitude
             and SHAPES[fault.shape].has_magnitude
         ):
-            magnitude_error = abs(one.magnitude - fault.magnitude) / abs(fault.magnitude)
+            magnitude_error = abs(suspect.magnitude - fault.magnitude) / abs(fault.magnitude)
     return Score(
         isolated=isolated,
         onset_error_s=onset_error_s,
@@ -166,13 +166,13 @@ def paired(
     """
     rest, pairs = list(statement.suspects), []
     for fault in truth:
-        able = [one for one in rest if _stands_for(one, fault, hit)]
+        able = [suspect for suspect in rest if _stands_for(suspect, fault, hit)]
         if able:
             best = min(
                 able,
-                key=lambda one: (
-                    not _same_kind(one, fault),
-                    np.inf if one.onset_s is None else abs(one.onset_s - fault.onset_s),
+                key=lambda suspect: (
+                    not _same_kind(suspect, fault),
+                    np.inf if suspect.onset_s is None else abs(suspect.onset_s - fault.onset_s),
                 ),
             )
             rest.remove(best)
@@ -180,29 +180,29 @@ def paired(
     return pairs, rest
 
 
-def _stands_for(one: Suspect, fault: Fault, hit: Sequence[str]) -> bool:
-    begins_early = one.onset_s is not None and one.onset_s < fault.onset_s - EARLY_S
-    if begins_early or (one.declared_s is not None and one.declared_s < fault.onset_s - SPREAD_S):
+def _stands_for(suspect: Suspect, fault: Fault, hit: Sequence[str]) -> bool:
+    begins_early = suspect.onset_s is not None and suspect.onset_s < fault.onset_s - EARLY_S
+    if begins_early or (suspect.declared_s is not None and suspect.declared_s < fault.onset_s - SPREAD_S):
         return False
     if has_channel(fault.shape):
-        return one.channel == fault.channel
-    return one.shape == fault.shape or one.channel in hit
+        return suspect.channel == fault.channel
+    return suspect.shape == fault.shape or suspect.channel in hit
 
 
-def _same_kind(one: Suspect, fault: Fault) -> bool:
-    return one.shape in SHAPES and SHAPES[one.shape].kind == SHAPES[fault.shape].kind  # type: ignore[index]
+def _same_kind(suspect: Suspect, fault: Fault) -> bool:
+    return suspect.shape in SHAPES and SHAPES[suspect.shape].kind == SHAPES[fault.shape].kind  # type: ignore[index]
 
 
-def _agreeing(one: Outcome, others: Sequence[Outcome]) -> tuple[str, ...]:
+def _agreeing(outcome: Outcome, others: Sequence[Outcome]) -> tuple[str, ...]:
     """Return the other methods with the same decision and, where both name channels, the same channels."""
 
-    def named(outcome: Outcome) -> set[str]:
-        return {suspect.channel for suspect in outcome.statement.suspects} if outcome.statement else set()
+    def named(result: Outcome) -> set[str]:
+        return {suspect.channel for suspect in result.statement.suspects} if result.statement else set()
 
     return tuple(
         other.method
         for other in others
-        if other.method != one.method and one.statement is not None and other.statement is not None
-        if other.statement.decision == one.statement.decision
-        if not named(one) or not named(other) or named(one) == named(other)
+        if other.method != outcome.method and outcome.statement is not None and other.statement is not None
+        if other.statement.decision == outcome.statement.decision
+        if not named(outcome) or not named(other) or named(outcome) == named(other)
     )

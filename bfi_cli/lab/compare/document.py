@@ -28,7 +28,7 @@ NAME, REASON = 40, 100
 def compare_document(result: ComparisonResult, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi compare --json`; what is not known or not finite is None."""
     body = to_plain(result)
-    body["truth"] = None if result.truth is None else [fault_to_dict(one) for one in result.truth]
+    body["truth"] = None if result.truth is None else [fault_to_dict(fault) for fault in result.truth]
     body["series"] = {"time_s": body.pop("time_s"), "measured": body.pop("measured")}
     return document_of("compare", body, result.notes, provenance)
 
@@ -42,30 +42,29 @@ def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: st
     """
     series, truth = (member(document, key, where=where) for key in ("series", "truth"))
     result = from_plain(ComparisonResult, {**document, **mapping(series, where=where), "truth": None}, where=where)
-    injected = None if truth is None else [fault_from_dict(one, where=f"{where}: truth") for one in truth]
+    injected = None if truth is None else [fault_from_dict(entry, where=f"{where}: truth") for entry in truth]
     outcomes = result.outcomes
-    ran = [one for one in outcomes if one.statement is not None]
-    alarmed = [one.method for one in ran if one.statement is not None and one.statement.decision == "fault"]
+    ran = [(outcome.method, outcome.statement) for outcome in outcomes if outcome.statement is not None]
+    alarmed = [method for method, statement in ran if statement.decision == "fault"]
     verdict = f"{counted(len(ran), 'method')} of {len(outcomes)} ran; {len(alarmed)} declare a fault"
     verdict += f": {', '.join(alarmed)}." if alarmed else "."
     start_s, stop_s = result.log.start_s, result.log.stop_s
     lanes = [
         Lane(
-            label=one.method,
+            label=method,
             blocks=tuple(
                 Block(label="", low=low, high=high, shade="fault")
-                for low, high in union([_extent(each, start_s, stop_s) for each in one.statement.suspects])
+                for low, high in union([_extent(each, start_s, stop_s) for each in statement.suspects])
             ),
         )
-        for one in ran
-        if one.statement is not None
+        for method, statement in ran
     ]
     spans: tuple[Span, ...] = ()
     words = "not known"
     if injected is not None:
-        faults = (f"{one.shape} {one.channel} from {instant(one.onset_s)} s" for one in injected)
+        faults = (f"{fault.shape} {fault.channel} from {instant(fault.onset_s)} s" for fault in injected)
         words = "; ".join(faults) or "nothing"
-        at = [(max(one.onset_s, start_s), min(one.offset_s or stop_s, stop_s)) for one in injected]
+        at = [(max(fault.onset_s, start_s), min(fault.offset_s or stop_s, stop_s)) for fault in injected]
         blocks = tuple(Block(label="", low=low, high=high, shade="grey") for low, high in union(at))
         lanes.insert(0, Lane(label="injected", blocks=blocks))
         spans = tuple(Span(label="onset", low=low, high=low) for low, _ in at)
@@ -81,10 +80,11 @@ def compare_content(document: Mapping[str, Any], units: Units = SI, *, where: st
     panels.append(
         Panel(x_label="time [s]", y_label="", curves=(), lanes=tuple(lanes), x_limits=(start_s, stop_s), height=1.2)
     )
-    refused = tuple((one.method, shortened(one.reason or "", REASON)) for one in outcomes if one.statement is None)
+    refused = [outcome for outcome in outcomes if outcome.statement is None]
     tables = [_methods(outcomes, scored=injected is not None)]
     if refused:
-        tables.append(Table(name="refused", title="Did not run", heads=("method", "reason"), rows=refused))
+        rows = tuple((outcome.method, shortened(outcome.reason or "", REASON)) for outcome in refused)
+        tables.append(Table(name="refused", title="Did not run", heads=("method", "reason"), rows=rows))
     content = ReportContent(
         category="Comparison of methods",
         title=result.log.path,
@@ -108,40 +108,40 @@ def _methods(outcomes: tuple[Outcome, ...], *, scored: bool) -> Table:
     if scored:
         columns = ("isolated", "onset error", "magnitude error", "false alarms", "delay")
     rows = []
-    for one in outcomes:
-        statement = one.statement
+    for outcome in outcomes:
+        statement = outcome.statement
         if statement is None:
-            rows.append((one.method, "did not run", "-", *("-" for _ in columns), f"{one.seconds:.1f} s"))
+            rows.append((outcome.method, "did not run", "-", *("-" for _ in columns), f"{outcome.seconds:.1f} s"))
             continue
-        if one.score is not None:
-            relative = one.score.magnitude_error
+        if outcome.score is not None:
+            relative = outcome.score.magnitude_error
             cells: tuple[str, ...] = (
-                one.score.isolated or "-",
-                _seconds(one.score.onset_error_s),
+                outcome.score.isolated or "-",
+                _seconds(outcome.score.onset_error_s),
                 "-" if relative is None else f"{number(100.0 * relative, digits=2)} %",
-                str(one.score.false_alarms),
-                _seconds(one.score.delay_s),
+                str(outcome.score.false_alarms),
+                _seconds(outcome.score.delay_s),
             )
         else:
             onsets = [instant(each.onset_s) for each in statement.suspects if each.onset_s is not None]
-            cells = (f"{', '.join(onsets[:3])} s" if onsets else "-", ", ".join(one.agrees) or "nobody")
+            cells = (f"{', '.join(onsets[:3])} s" if onsets else "-", ", ".join(outcome.agrees) or "nobody")
         names = shortened(", ".join(map(_name, statement.suspects)) or "-", NAME)
-        rows.append((one.method, DECISIONS[statement.decision], names, *cells, f"{one.seconds:.1f} s"))
+        rows.append((outcome.method, DECISIONS[statement.decision], names, *cells, f"{outcome.seconds:.1f} s"))
     heads = ("method", "detected", "names", *columns, "takes")
     return Table(name="methods", title="Methods", heads=heads, rows=tuple(rows))
 
 
-def _name(one: Suspect) -> str:
-    if one.shape:
-        return one.name or f"{one.shape} {one.channel}"
-    return f"{one.channel}: {one.name}" if one.name else one.channel
+def _name(suspect: Suspect) -> str:
+    if suspect.shape:
+        return suspect.name or f"{suspect.shape} {suspect.channel}"
+    return f"{suspect.channel}: {suspect.name}" if suspect.name else suspect.channel
 
 
 def _seconds(value: float | None) -> str:
     return "-" if value is None else f"{number(value, digits=3)} s"
 
 
-def _extent(one: Suspect, start_s: float, stop_s: float) -> tuple[float, float]:
-    first_s = one.onset_s if one.onset_s is not None else one.declared_s
+def _extent(suspect: Suspect, start_s: float, stop_s: float) -> tuple[float, float]:
+    first_s = suspect.onset_s if suspect.onset_s is not None else suspect.declared_s
     low = start_s if first_s is None else min(max(first_s, start_s), stop_s)
-    return low, stop_s if one.offset_s is None else min(max(one.offset_s, low), stop_s)
+    return low, stop_s if suspect.offset_s is None else min(max(suspect.offset_s, low), stop_s)

@@ -64,8 +64,9 @@ def by_search(problem: Problem) -> Statement:
     """
     result = start_time(problem.log, merge(problem.config, {"method": "ml"}))
     falls = [
-        float(one.statistic.max()) - (2 if one.frequency_hz is None else 3) * float(np.log(one.statistic.size))
-        for one in result.profiles
+        float(profile.statistic.max())
+        - (2 if profile.frequency_hz is None else 3) * float(np.log(profile.statistic.size))
+        for profile in result.profiles
     ]
     return Statement(
         decision=result.decision, suspects=tuple(map(_suspect, result.faults)), score=max(falls, default=None)
@@ -116,8 +117,8 @@ def by_residual(problem: Problem) -> Statement:
     The score is the largest residual over its standard deviation.
     """
     result, named = plain_model(problem)
-    alarms = {one.channel: one.plain_alarms_s for one in result.residuals if one.plain_alarms_s}
-    stated = {one.fault.channel: _suspect(one) for one in reversed(result.faults) if named}
+    alarms = {residual.channel: residual.plain_alarms_s for residual in result.residuals if residual.plain_alarms_s}
+    stated = {estimate.fault.channel: _suspect(estimate) for estimate in reversed(result.faults) if named}
     suspects = []
     for channel, times in alarms.items():
         entry = stated.get(channel)
@@ -127,9 +128,9 @@ def by_residual(problem: Problem) -> Statement:
             nearest = int(np.argmin(np.abs(np.array(times) - (entry.onset_s or 0.0))))
             suspects.append(replace(entry, declared_s=times[nearest]))
     sizes = [
-        np.nanmax(np.abs(output.plain_residual)) / one.plain_sd
-        for output, one in zip(result.outputs, result.residuals, strict=True)
-        if one.plain_sd > 0.0
+        np.nanmax(np.abs(output.plain_residual)) / residual.plain_sd
+        for output, residual in zip(result.outputs, result.residuals, strict=True)
+        if residual.plain_sd > 0.0
     ]
     decision: Decision = "fault" if suspects else "no_fault"
     return Statement(decision=decision, suspects=tuple(suspects), score=max(map(float, sizes), default=None))
@@ -144,12 +145,18 @@ def by_null_space(problem: Problem) -> Statement:
     config = merge(problem.asked, {"window.from_s": window.from_s, "window.to_s": window.to_s})
     result = detect_faults(problem.log, config)
     suspects = tuple(
-        Suspect(channel=one.channel, shape="bias", onset_s=one.onset_s, magnitude=one.size, declared_s=one.time_s)
-        for one in result.alarms
+        Suspect(
+            channel=alarm.channel, shape="bias", onset_s=alarm.onset_s, magnitude=alarm.size, declared_s=alarm.time_s
+        )
+        for alarm in result.alarms
     )
     # The verdict on abrupt faults: the detector does not look for the other kinds, whose verdicts are inconclusive.
-    over = [one.statistic[np.isfinite(one.statistic)] / one.threshold for one in result.series if one.threshold > 0.0]
-    score = max((float(one.max()) for one in over if one.size), default=None)
+    over = [
+        series.statistic[np.isfinite(series.statistic)] / series.threshold
+        for series in result.series
+        if series.threshold > 0.0
+    ]
+    score = max((float(ratios.max()) for ratios in over if ratios.size), default=None)
     return Statement(decision=result.verdicts[KINDS[0]], suspects=suspects, score=score)
 
 
@@ -159,9 +166,9 @@ def _identified(result: IdentifyResult) -> Statement:
     For a method without standard deviations it is twice the log of the likelihood ratio of all declared faults.
     """
     sizes = [
-        abs(one.magnitude) / one.sd
-        for one in result.candidates
-        if one.magnitude is not None and one.sd is not None and one.sd > 0.0
+        abs(candidate.magnitude) / candidate.sd
+        for candidate in result.candidates
+        if candidate.magnitude is not None and candidate.sd is not None and candidate.sd > 0.0
     ]
     suspects = tuple(map(_suspect, result.faults))
     score = max(sizes) if sizes else _gain(result) if result.outputs else None
@@ -171,9 +178,11 @@ def _identified(result: IdentifyResult) -> Statement:
 def _gain(result: IdentifyResult) -> float:
     """Return twice the log of the likelihood ratio of the model with the declared faults to that without any."""
     gain = 0.0
-    for one in result.outputs:
-        known = np.isfinite(one.prediction_error) & np.isfinite(one.plain_residual)
-        squares, plain = (float(np.sum(errors[known] ** 2)) for errors in (one.prediction_error, one.plain_residual))
+    for output in result.outputs:
+        known = np.isfinite(output.prediction_error) & np.isfinite(output.plain_residual)
+        squares, plain = (
+            float(np.sum(errors[known] ** 2)) for errors in (output.prediction_error, output.plain_residual)
+        )
         gain += np.count_nonzero(known) * float(np.log(plain / squares)) if 0.0 < squares < plain else 0.0
     return gain
 

@@ -63,7 +63,7 @@ def _contradiction_in(statement: Statement) -> str:
     """Return what of a statement excludes another part of it, "" for nothing."""
     if statement.decision == "no_fault" and statement.suspects:
         return f"decision no_fault with {counted(len(statement.suspects), 'suspect')}; declare a fault, or none of them"
-    for one in statement.suspects:
-        if one.onset_s is not None and one.offset_s is not None and one.offset_s < one.onset_s:
-            return f"{one.channel} ends at {one.offset_s:g} s, before its onset at {one.onset_s:g} s"
+    for suspect in statement.suspects:
+        if suspect.onset_s is not None and suspect.offset_s is not None and suspect.offset_s < suspect.onset_s:
+            return f"{suspect.channel} ends at {suspect.offset_s:g} s, before its onset at {suspect.onset_s:g} s"
     return ""

@@ -9,11 +9,11 @@ from .peers import Peer, by_entries, by_likelihood, by_null_space, by_residual, 
 from .rivals import AIRSPEED, by_ardupilot, by_change_points, by_cumulative_sum, by_likelihood_ratio, by_px4
 
 # Methods of identification that state more than the entries of a dictionary that they declare.
-OF_METHODS = {"ml": by_likelihood, "dmae": by_two_filters, "arx-residual": by_residual}
+METHOD_STATEMENTS = {"ml": by_likelihood, "dmae": by_two_filters, "arx-residual": by_residual}
 PEERS = {
     **{
-        name: Peer(summary=one.summary, state=OF_METHODS.get(name, partial(by_entries, method=name)))
-        for name, one in METHODS.items()
+        name: Peer(summary=method.summary, state=METHOD_STATEMENTS.get(name, partial(by_entries, method=name)))
+        for name, method in METHODS.items()
     },
     "start-time": Peer(summary="search over all onsets, without a dictionary (bfi start-time)", state=by_search),
     "null-space": Peer(summary="null-space detector (bfi detect)", state=by_null_space),

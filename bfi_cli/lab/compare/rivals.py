@@ -91,7 +91,7 @@ def by_change_points(problem: Problem) -> Statement:
 
     statement = _changes(problem, detect)
     # PELT sees the whole window at once, so that there is no time of declaration.
-    return replace(statement, suspects=tuple(replace(one, declared_s=None) for one in statement.suspects))
+    return replace(statement, suspects=tuple(replace(suspect, declared_s=None) for suspect in statement.suspects))
 
 
 def _changes(problem: Problem, detect: Callable[[FloatArray, float], tuple[ChangeAlarm | None, float]]) -> Statement:
@@ -103,9 +103,9 @@ def _changes(problem: Problem, detect: Callable[[FloatArray, float], tuple[Chang
     """
     result, _ = plain_model(problem)
     suspects, scores = [], []
-    for one in result.outputs:
-        known = np.isfinite(one.plain_residual)
-        x, time_s = one.plain_residual[known], result.time_s[known]
+    for output in result.outputs:
+        known = np.isfinite(output.plain_residual)
+        x, time_s = output.plain_residual[known], result.time_s[known]
         sd = robust_sd(x)
         if not sd > 0.0:
             continue
@@ -113,7 +113,7 @@ def _changes(problem: Problem, detect: Callable[[FloatArray, float], tuple[Chang
         scores.append(score)
         if alarm is not None:
             onset_s, declared_s = float(time_s[alarm.onset]), float(time_s[alarm.alarm])
-            suspects.append(Suspect(channel=one.channel, onset_s=onset_s, declared_s=declared_s))
+            suspects.append(Suspect(channel=output.channel, onset_s=onset_s, declared_s=declared_s))
     decision: Decision = "fault" if suspects else "no_fault"
     return Statement(decision=decision, suspects=tuple(suspects), score=max(scores, default=None))
 
@@ -134,8 +134,8 @@ def by_px4(problem: Problem, *, every: bool) -> Statement:
     none = np.zeros(len(time_s), dtype=bool)
     checks = {"missing": px4_missing(time_s, airspeed), "stuck": px4_stuck(time_s, airspeed)}
     checks |= dict.fromkeys(("innovation", "load_factor", "first_principle"), none)
-    if (found := _innovation(time_s, airspeed, values)) is not None:
-        checks["innovation"], score = px4_innovation(time_s, found[0]), _largest(np.abs(found[0]))
+    if (innovation := _innovation(time_s, airspeed, values)) is not None:
+        checks["innovation"], score = px4_innovation(time_s, innovation[0]), _largest(np.abs(innovation[0]))
     if every and "normal_acc" in values:
         checks["load_factor"] = px4_load_factor(airspeed, values["normal_acc"] + STANDARD_GRAVITY)
     if every and {"throttle", "pitch"} <= values.keys():
@@ -157,12 +157,12 @@ def by_ardupilot(problem: Problem) -> Statement:
     The score is the largest innovation over its standard deviation.
     """
     name, time_s, values = _sampled(problem.part)
-    found = _innovation(time_s, values[name], values)
-    if found is None:
+    innovation = _innovation(time_s, values[name], values)
+    if innovation is None:
         raise LogError("needs velocity_north and velocity_east, which the log lacks")
     ground_speed = np.hypot(values["velocity_north"], values["velocity_east"])
     with np.errstate(invalid="ignore"):
-        ratio = np.abs(found[0]) / found[1]
+        ratio = np.abs(innovation[0]) / innovation[1]
     disabled = ardupilot_disabled(time_s, values[name], ground_speed, ratio)
     return _stated(name, time_s, disabled, _largest(ratio), {"wind_gate": disabled})
 
@@ -171,7 +171,7 @@ def _sampled(log: FlightLog) -> tuple[str, FloatArray, dict[str, FloatArray]]:
     """Return the airspeed's name, the times of the checks, and every channel at these."""
     name = next(name for name in AIRSPEED[0] if name in log.channels)
     step = max(1, round(log.rate_hz / CHECKS_HZ))
-    return name, log.time_s[::step], {key: one.values[::step] for key, one in log.channels.items()}
+    return name, log.time_s[::step], {key: channel.values[::step] for key, channel in log.channels.items()}
 
 
 def _innovation(

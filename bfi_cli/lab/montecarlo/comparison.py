@@ -30,8 +30,8 @@ RATES_CAPTION = (
 def comparison_tables(scenarios: Sequence[Plain]) -> tuple[Table, ...]:
     """Return the tables of a sweep of methods: a row per method, a column per fault."""
     rows = _by_method(scenarios)
-    faults = list(dict.fromkeys(_fault(one) for one in scenarios))
-    known = [one["equal_rate"] for one in scenarios if one["equal_rate"]]
+    faults = list(dict.fromkeys(_fault(scenario) for scenario in scenarios))
+    known = [scenario["equal_rate"] for scenario in scenarios if scenario["equal_rate"]]
     tables = []
     if known:
         percent = number(100.0 * known[0]["false_alarm"])
@@ -40,7 +40,9 @@ def comparison_tables(scenarios: Sequence[Plain]) -> tuple[Table, ...]:
         cells = [
             (
                 method,
-                share_cell(next((one["equal_rate"] for one in of.values() if one["equal_rate"]), None), "alarms"),
+                share_cell(
+                    next((scenario["equal_rate"] for scenario in of.values() if scenario["equal_rate"]), None), "alarms"
+                ),
                 *(share_cell(of[fault]["equal_rate"] if fault in of else None, "detected") for fault in heads[2:]),
             )
             for method, of in rows.items()
@@ -61,7 +63,7 @@ def comparison_tables(scenarios: Sequence[Plain]) -> tuple[Table, ...]:
 def comparison_drawings(scenarios: Sequence[Plain]) -> tuple[Drawing, ...]:
     """Return the figures of a sweep of methods."""
     rows = _by_method(scenarios)
-    faults = [fault for fault in dict.fromkeys(_fault(one) for one in scenarios) if fault != "none"]
+    faults = [fault for fault in dict.fromkeys(_fault(scenario) for scenario in scenarios) if fault != "none"]
     ticks = tuple((fault, float(k)) for k, fault in enumerate(faults))
     shares = {
         method: [(k, of[fault]["equal_rate"]["detected"]) for k, fault in enumerate(faults) if _has(of, fault)]
@@ -79,11 +81,16 @@ def comparison_drawings(scenarios: Sequence[Plain]) -> tuple[Drawing, ...]:
         for n, (method, of) in enumerate(shares.items())
     ]
     rates = [_rates(method, of, faults) for method, of in rows.items() if "none" in of and faults]
-    of_faults = {"x_label": "fault", "y_label": "detected [%]", "x_ticks": ticks, "x_limits": (-0.5, len(faults) - 0.5)}
-    of_rates = {"x_label": "false alarms [%]", "y_label": "declared, all faults [%]", "x_limits": (-3.0, 103.0)}
+    fault_axis = {
+        "x_label": "fault",
+        "y_label": "detected [%]",
+        "x_ticks": ticks,
+        "x_limits": (-0.5, len(faults) - 0.5),
+    }
+    rate_axis = {"x_label": "false alarms [%]", "y_label": "declared, all faults [%]", "x_limits": (-3.0, 103.0)}
     return (
-        *_drawing("detection", DETECTION_CAPTION, detection, of_faults),
-        *_drawing("rates", RATES_CAPTION, rates, of_rates),
+        *_drawing("detection", DETECTION_CAPTION, detection, fault_axis),
+        *_drawing("rates", RATES_CAPTION, rates, rate_axis),
     )
 
 
@@ -104,18 +111,18 @@ def _rates(method: str, of: Mapping[str, Plain], faults: Sequence[str]) -> Curve
     """Return the point of a method: false alarms with their interval, and what it declares of all faults."""
     without = of["none"]["decisions"]["fault"]
     declared = [of[fault]["decisions"]["fault"] for fault in faults if fault in of]
-    total = sum(one["of"] for one in declared)
+    total = sum(share["of"] for share in declared)
     low, high = without["ci95"] or (math.nan, math.nan)
-    y = 100.0 * sum(one["count"] for one in declared) / total if total else math.nan
+    y = 100.0 * sum(share["count"] for share in declared) / total if total else math.nan
     x = 100.0 * (math.nan if without["rate"] is None else without["rate"])
     return curve(method, [x], [y], style="intervals", low=[100.0 * low], high=[100.0 * high])
 
 
-def share_cell(one: Plain | None, key: str) -> str:
+def share_cell(scenario: Plain | None, key: str) -> str:
     """Return a share of a scenario in percent with its interval: "96 (90-98)", "-" where there is none."""
-    if one is None:
+    if scenario is None:
         return "-"
-    share = one[key]["fault"] if key == "decisions" else one[key]
+    share = scenario[key]["fault"] if key == "decisions" else scenario[key]
     if share["rate"] is None or share["ci95"] is None:
         return "-"
     low, high = (f"{100.0 * end:.0f}" for end in share["ci95"])
@@ -148,6 +155,6 @@ def _fault(scenario: Plain) -> str:
 def _by_method(scenarios: Sequence[Plain]) -> dict[str, dict[str, Plain]]:
     """Return the scenarios by method, then by fault."""
     rows: dict[str, dict[str, Plain]] = {}
-    for one in scenarios:
-        rows.setdefault(str(one["axes"]["compare"]), {})[_fault(one)] = one
+    for scenario in scenarios:
+        rows.setdefault(str(scenario["axes"]["compare"]), {})[_fault(scenario)] = scenario
     return rows

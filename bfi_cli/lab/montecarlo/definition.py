@@ -112,7 +112,7 @@ class RecordedLog(Rules):
 class InjectedFault(Rules):
     """A fault that every trial of a scenario has, of any shape that `bfi inject` knows; times as the dictionary's."""
 
-    shape: Annotated[Text, _known("shape", [name for name, one in SHAPES.items() if one.acts_on != "course"])]
+    shape: Annotated[Text, _known("shape", [name for name, shape in SHAPES.items() if shape.acts_on != "course"])]
     """bias, drift, scale, pitot_blocked, pitot_icing, ..."""
     name: Text | None = None
     """What results call it; default the entry of the dictionary that it is, else its shape."""
@@ -204,8 +204,8 @@ class ComparedRules(Rules):
     @property
     def peers(self) -> dict[str, Peer]:
         """The methods by name."""
-        own = {name: program_peer(path, self.timeout_s) for name, path in self.programs.items()}
-        return {**{name: PEERS[name] for name in self.methods}, **own}
+        programs = {name: program_peer(path, self.timeout_s) for name, path in self.programs.items()}
+        return {**{name: PEERS[name] for name in self.methods}, **programs}
 
 
 class SweepRules(Rules):
@@ -249,7 +249,7 @@ class SweepRules(Rules):
     @property
     def injections(self) -> tuple[tuple[InjectedFault, ...], ...]:
         """The faults that are in every trial, of each scenario."""
-        return tuple(() if one is None else one if isinstance(one, tuple) else (one,) for one in self.inject)
+        return tuple(() if entry is None else entry if isinstance(entry, tuple) else (entry,) for entry in self.inject)
 
     @property
     def sizes(self) -> tuple[float, ...]:

@@ -91,7 +91,7 @@ def _with_faults(log: FlightLog, setting: Setting, faults: Sequence[Fault]) -> F
 
 
 def _with_values(log: FlightLog, values: Mapping[str, FloatArray]) -> FlightLog:
-    channels = {name: replace(log.channels[name], values=frozen_array(one)) for name, one in values.items()}
+    channels = {name: replace(log.channels[name], values=frozen_array(samples)) for name, samples in values.items()}
     return replace(log, channels={**log.channels, **channels})
 
 
@@ -119,9 +119,9 @@ def faults_of(
     """
     span_s = _window_s(log, setting)
     injected = {}
-    for name, one in zip(setting.right, setting.injected, strict=True):
-        later = one.onset_spread_s * float(rng.uniform(-1.0, 1.0)) if one.fault().onset_range_s is None else 0.0
-        injected[name] = _begun(_on_axis(one, setting, span_s[0], later), span_s, rng)
+    for name, fault in zip(setting.right, setting.injected, strict=True):
+        later = fault.onset_spread_s * float(rng.uniform(-1.0, 1.0)) if fault.fault().onset_range_s is None else 0.0
+        injected[name] = _begun(_on_axis(fault, setting, span_s[0], later), span_s, rng)
     drawn = {
         name: replace(_begun(atom, span_s, rng), magnitude=truth[name])
         for atom in setting.dictionary.resolved(span_s[0])
@@ -162,7 +162,7 @@ def check_onsets(log: FlightLog, setting: Setting, *, drawing: bool, where: str)
     ConfigError : it could begin outside the window.
     """
     start_s, stop_s = _window_s(log, setting)
-    injected = [_on_axis(one, setting, start_s) for one in setting.injected]
+    injected = [_on_axis(fault, setting, start_s) for fault in setting.injected]
     entries = setting.dictionary.resolved(start_s) if drawing else ()
     for key, fault in (*(("inject", fault) for fault in injected), *(("dictionary", atom) for atom in entries)):
         if fault.onset_range_s is None:

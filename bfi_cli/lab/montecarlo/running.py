@@ -183,7 +183,7 @@ def check_records(sweep: Sweep) -> dict[str, str]:
         for name, _ in setting.noise:
             if name not in log.channels:
                 raise LogError(f"{sweep.path}: noise: no channel '{name}'; {log.path} has: {', '.join(log.channels)}")
-        drawing = any(one.n_active for one in sweep.scenarios if one.setting == setting)
+        drawing = any(scenario.n_active for scenario in sweep.scenarios if scenario.setting == setting)
         check_onsets(log, setting, drawing=drawing, where=sweep.path)
         if log.sha256:
             digests[log.path] = log.sha256

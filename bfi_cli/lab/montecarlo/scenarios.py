@@ -69,7 +69,7 @@ class Setting:
         """Entries of the dictionary that are right answers to each injected fault, by what that is called."""
         return {
             injected.name or (right[0] if right else injected.shape): right
-            for injected, right in ((one, self._right_for(one)) for one in self.injected)
+            for injected, right in ((fault, self._right_for(fault)) for fault in self.injected)
         }
 
     def _right_for(self, injected: InjectedFault) -> tuple[str, ...]:
@@ -193,7 +193,7 @@ def _scenarios(rules: SweepRules, where: str, allow_outside: bool) -> tuple[Scen
         "active": [(str(n), n) for n in rules.active],
         "inject": _labelled([_label_of(faults) for faults in rules.injections], rules.injections),
         "identify": configs,
-        "compare": [("", None)] if rules.compare is None else [(one[0], one) for one in rules.compare.peers.items()],
+        "compare": [("", None)] if rules.compare is None else [(peer[0], peer) for peer in rules.compare.peers.items()],
     }
     varying = [name for name, values in axes.items() if len(values) > 1]
     scenarios: list[Scenario] = []
@@ -302,8 +302,8 @@ def _check_injected(setting: Setting, n_active: int, where: str) -> None:
 
 
 def _label_of(faults: Sequence[InjectedFault]) -> str:
-    sizes = ["" if one.magnitude is None else f"_{one.magnitude:g}" for one in faults]
-    return "+".join(one.name or f"{one.shape}{size}" for one, size in zip(faults, sizes, strict=True)) or "none"
+    sizes = ["" if fault.magnitude is None else f"_{fault.magnitude:g}" for fault in faults]
+    return "+".join(fault.name or f"{fault.shape}{size}" for fault, size in zip(faults, sizes, strict=True)) or "none"
 
 
 def _labelled(labels: Sequence[str], values: Sequence[Any]) -> list[tuple[str, Any]]:

@@ -140,13 +140,13 @@ def summarise(sweep: Sweep, done: Sequence[tuple[Row, float]]) -> Summary:
     for row, seconds in done:
         by_name[row.scenario].append((row, seconds))
     healthy = {
-        _of_methods(s.axes): _scores(by_name[s.name])
+        _shared_axes(s.axes): _scores(by_name[s.name])
         for s in sweep.scenarios
         if s.n_active == 0 and not s.setting.injected
     }
     scenarios = []
     for s in sweep.scenarios:
-        scenario, without = _scenario(s.name, s.axes, by_name[s.name]), healthy.get(_of_methods(s.axes), [])
+        scenario, without = _scenario(s.name, s.axes, by_name[s.name]), healthy.get(_shared_axes(s.axes), [])
         if sweep.false_alarm is not None and without:
             scenario = replace(scenario, equal_rate=equal_rate(_scores(by_name[s.name]), without, sweep.false_alarm))
         scenarios.append(scenario)
@@ -158,19 +158,19 @@ def _failures(
 ) -> tuple[Note, ...]:
     """Return a note on each reason for which trials failed first in a scenario, with the scenarios."""
     failed: dict[str, list[ScenarioSummary]] = {}
-    for one in scenarios:
-        if one.failed:
-            failed.setdefault(next(row.error for row, _ in by_name[one.name] if row.error), []).append(one)
+    for scenario in scenarios:
+        if scenario.failed:
+            failed.setdefault(next(row.error for row, _ in by_name[scenario.name] if row.error), []).append(scenario)
     notes = []
     for first, alike in failed.items():
-        count, trials = sum(one.failed for one in alike), sum(one.trials for one in alike)
+        count, trials = sum(scenario.failed for scenario in alike), sum(scenario.trials for scenario in alike)
         more = "" if len(alike) == 1 else f" and {len(alike) - 1} other scenarios"
         text = f"{count} of {trials} trials of '{alike[0].name}'{more} failed and count as not isolated"
         notes.append(Note.limit(f"{text}; the first: {first}"))
     return tuple(notes)
 
 
-def _of_methods(axes: Mapping[str, Any]) -> str:
+def _shared_axes(axes: Mapping[str, Any]) -> str:
     """Return what scenarios have in common that differ in their faults alone."""
     return json.dumps({key: value for key, value in axes.items() if key not in ("inject", "active")}, sort_keys=True)
 
@@ -280,15 +280,17 @@ def montecarlo_content(document: Plain) -> ReportContent:
     rates = Panel(
         **axis, y_label="isolated exactly [%]", y_limits=(-3.0, 103.0), curves=tuple(_side_by_side(curves, _rates))
     )
-    errors = tuple(one for one in _side_by_side(curves, _errors) if one.x.size)
+    errors = tuple(curve for curve in _side_by_side(curves, _errors) if curve.x.size)
     rows, decisions = [], []
-    for one in scenarios:
-        shares = [_percent(one[f"{key}_rate"]) for key in ("isolation", "false_alarm", "missed_detection")]
-        error = number((one["magnitude_error"] or {}).get("p50"), digits=2)
-        rows.append((one["name"], shares[0], str(one["trials"]), *shares[1:], _percent(one["coverage"]), error))
-        shares = [_percent(one["decisions"][key]) for key in DECISIONS]
-        wrong = one["wrong_no_fault_rate"]
-        decisions.append((one["name"], *shares, str(wrong["of"]), _percent(wrong)))
+    for scenario in scenarios:
+        shares = [_percent(scenario[f"{key}_rate"]) for key in ("isolation", "false_alarm", "missed_detection")]
+        error = number((scenario["magnitude_error"] or {}).get("p50"), digits=2)
+        rows.append(
+            (scenario["name"], shares[0], str(scenario["trials"]), *shares[1:], _percent(scenario["coverage"]), error)
+        )
+        shares = [_percent(scenario["decisions"][key]) for key in DECISIONS]
+        wrong = scenario["wrong_no_fault_rate"]
+        decisions.append((scenario["name"], *shares, str(wrong["of"]), _percent(wrong)))
     tables = (
         Table(name="scenarios", title="Scenarios", heads=HEADS, rows=tuple(rows)),
         Table(

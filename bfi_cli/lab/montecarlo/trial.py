@@ -126,7 +126,7 @@ def run_trial(trial: Trial) -> Row:
     faults, gusts, noise, onsets = np.random.default_rng(trial.seed).spawn(4)
     setting = trial.scenario.setting
     truth = draw(trial, faults)
-    truth |= {name: size_of(one.fault()) for name, one in zip(setting.right, setting.injected, strict=True)}
+    truth |= {name: size_of(fault.fault()) for name, fault in zip(setting.right, setting.injected, strict=True)}
     row = Row(scenario=trial.scenario.name, trial=trial.number, seed=trial.seed, truth=truth)
     try:
         record = _flown(trial, truth, (gusts, noise, onsets))
@@ -177,22 +177,26 @@ def _identified(row: Row, trial: Trial, flown: Flown) -> Row:
     # Where a shared record gives no answer, the whole one says if the data could tell.
     answer = _shared_answer(setting, truth) or _whole_answer(log, setting)
     entries = _entries_of(setting, answer.estimate)
-    names = {entry: own for own, entry in entries.items()}
+    names = {entry: injected for injected, entry in entries.items()}
     called = {name: names.get(name, name) for name in answer.estimate}
     estimate = {called[name]: z for name, z in answer.estimate.items()}
     hits = onset_errors = None
     if answer.faults is not None:
-        told = {called[one.name]: one.fault for one in answer.faults if called[one.name] in added}
-        onset_errors = {name: rounded(one.onset_s - added[name].onset_s) for name, one in told.items()}
+        faults = {
+            called[fault_estimate.name]: fault_estimate.fault
+            for fault_estimate in answer.faults
+            if called[fault_estimate.name] in added
+        }
+        onset_errors = {name: rounded(fault.onset_s - added[name].onset_s) for name, fault in faults.items()}
         if METHODS[setting.config.method].intervals:
-            ends = {called[one.name]: one.ci95 for one in answer.faults}
-            alike = [name for name, one in told.items() if one.shape == added[name].shape]
+            ends = {called[fault_estimate.name]: fault_estimate.ci95 for fault_estimate in answer.faults}
+            alike = [name for name, fault in faults.items() if fault.shape == added[name].shape]
             hits = [ends[name][0] <= truth[name] <= ends[name][1] for name in alike]
-    outside = tuple(own for own in setting.right if own not in entries)
+    outside = tuple(injected for injected in setting.right if injected not in entries)
     comparison = compare_faults(estimate, {k: z for k, z in truth.items() if k not in outside}, unknown=outside)
     error = comparison.magnitude_error
     shapes = {atom.called: atom.shape for atom in setting.dictionary.atoms}
-    if any(own in estimate and shapes[entry] != added[own].shape for own, entry in entries.items()):
+    if any(injected in estimate and shapes[entry] != added[injected].shape for injected, entry in entries.items()):
         error = None  # magnitudes of different shapes have nothing in common
     window = setting.config.window
     tolerances = tolerances_of(log, log.window(window.from_s, window.to_s), setting.config.outputs, setting.config)
@@ -224,10 +228,10 @@ def _identified(row: Row, trial: Trial, flown: Flown) -> Row:
 def _entries_of(setting: Setting, estimate: Mapping[str, float]) -> dict[str, str]:
     """Return the entry that is taken for each injected fault that has any: of the right ones the first declared."""
     entries: dict[str, str] = {}
-    for own, right in setting.right.items():
+    for injected, right in setting.right.items():
         free = [name for name in right if name not in entries.values()]
         if free:
-            entries[own] = next((name for name in free if name in estimate), free[0])
+            entries[injected] = next((name for name in free if name in estimate), free[0])
     return entries
 
 
@@ -240,8 +244,8 @@ def _compared(row: Row, trial: Trial, flown: Flown) -> Row:
     part = log.window(config.window.from_s, config.window.to_s)
     problem = Problem(log=log, part=part, dictionary=setting.dictionary, config=config, asked=setting.config)
     truth = dict(sorted(flown.added.items(), key=lambda item: item[1].onset_s))
-    of_lines = [fault for fault in truth.values() if fault.shape in OF_LINES]
-    hit = {channel for fault in of_lines for channel in largest_errors(flown.record, setting, fault)}
+    line_faults = [fault for fault in truth.values() if fault.shape in OF_LINES]
+    hit = {channel for fault in line_faults for channel in largest_errors(flown.record, setting, fault)}
     outcome = outcome_of(name, peer, problem, list(truth.values()), tuple(hit))
     statement, score = outcome.statement, outcome.score
     if statement is None or score is None:
@@ -251,17 +255,19 @@ def _compared(row: Row, trial: Trial, flown: Flown) -> Row:
     declared_faults = {called[id(fault)]: suspect for suspect, fault in pairs}
     return replace(
         row,
-        estimate={key: rounded(one.magnitude) for key, one in declared_faults.items() if one.magnitude is not None},
+        estimate={
+            key: rounded(suspect.magnitude) for key, suspect in declared_faults.items() if suspect.magnitude is not None
+        },
         decision=statement.decision,
         isolated=score.isolated == "fault" if truth else not score.false_alarms,
-        false_alarms=tuple(one.name or f"{one.shape or 'fault'} {one.channel}" for one in others),
+        false_alarms=tuple(suspect.name or f"{suspect.shape or 'fault'} {suspect.channel}" for suspect in others),
         missed=tuple(key for key in truth if key not in declared_faults),
         magnitude_error=None if score.magnitude_error is None else rounded(score.magnitude_error, ERROR_DIGITS),
         detection_delay_s=score.delay_s,
         onset_error_s={
-            key: rounded(one.onset_s - truth[key].onset_s)
-            for key, one in declared_faults.items()
-            if one.onset_s is not None
+            key: rounded(suspect.onset_s - truth[key].onset_s)
+            for key, suspect in declared_faults.items()
+            if suspect.onset_s is not None
         },
         score=None if statement.score is None else rounded(statement.score),
     )
@@ -285,12 +291,12 @@ def _whole_answer(log: FlightLog, setting: Setting) -> _Answer:
     else:
         result, _ = identify(log, dictionary, setting.config)
         called = _kinds_of(result.faults, dictionary.searched.resolved(result.log.start_s))
-    faults = [replace(one, name=called.get(one.name, one.name)) for one in result.faults]
+    faults = [replace(fault, name=called.get(fault.name, fault.name)) for fault in result.faults]
     return _Answer(
         decision=result.decision,
         estimate={fault.name: fault.magnitude for fault in faults},
         verdicts=result.verdicts,
-        states={one.name.removesuffix(" (scan)"): one.state for one in result.candidates},
+        states={candidate.name.removesuffix(" (scan)"): candidate.state for candidate in result.candidates},
         faults=faults,
     )
 

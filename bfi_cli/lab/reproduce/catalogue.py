@@ -36,7 +36,7 @@ def find(name: str) -> str:
     ------
     ConfigError : no such reproduction, or a figure of a paper that nothing computes.
     """
-    known = {one.lower(): one for one in (*REPRODUCTIONS, *ABSENT)}
+    known = {figure.lower(): figure for figure in (*REPRODUCTIONS, *ABSENT)}
     if name.lower() not in known:
         raise ConfigError(
             f"reproduce: no such figure, got '{name}'{did_you_mean(name, (*REPRODUCTIONS, 'all', 'list'))}"
@@ -84,7 +84,7 @@ def reproduce_content(document: Mapping[str, Any], *, where: str = "reproduce") 
     body = mapping(member(document, "exhibit", where=where), where=f"{where}: exhibit")
     whole = {**body, "category": member(document, "exhibit.kicker", where=where), "data": {}}
     content = from_plain(ReportContent, whole, where=f"{where}: exhibit")
-    for name in [one.name for one in content.drawings] + [one.name for one in content.tables]:
+    for name in [drawing.name for drawing in content.drawings] + [table.name for table in content.tables]:
         if not re.fullmatch(r"[A-Za-z0-9_-]+", name):
             raise ConfigError(f"{where}: exhibit: {shown(name)} is no name of a file; run the command again")
     return content

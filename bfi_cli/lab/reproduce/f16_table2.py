@@ -175,8 +175,8 @@ def fly_cases(cases: Sequence[Case], report: Callable[[int, int], None] | None =
     flown: dict[int, Residuals] = {}
     for number, members in enumerate(groups.values()):
         before, total = number * SAMPLES, len(groups) * SAMPLES
-        told = None if report is None else lambda done, _all, first=before, of=total: report(first + done, of)
-        flown.update(zip(members, _fly([cases[i] for i in members], told), strict=True))
+        progress = None if report is None else lambda done, _all, first=before, of=total: report(first + done, of)
+        flown.update(zip(members, _fly([cases[i] for i in members], progress), strict=True))
     return [flown[i] for i in range(len(cases))]
 
 
@@ -227,10 +227,10 @@ def fault_deg_s(t: float) -> float:
 
 def _command(options: Sequence[F16Options]) -> Callable[[float], FloatArray]:
     """Return the commanded aoa, sideslip and roll, (3, n) rad, as a function of time; equal curves are one look-up."""
-    curves = list(dict.fromkeys(one.aoa_command for one in options))
-    which = np.repeat([curves.index(one.aoa_command) for one in options], len(KINDS))
-    rolls = np.repeat(np.radians([one.roll_deg for one in options]), len(KINDS))
-    corners = [np.array(one).T for one in curves]
+    curves = list(dict.fromkeys(reading.aoa_command for reading in options))
+    which = np.repeat([curves.index(reading.aoa_command) for reading in options], len(KINDS))
+    rolls = np.repeat(np.radians([reading.roll_deg for reading in options]), len(KINDS))
+    corners = [np.array(curve).T for curve in curves]
 
     def at(t: float) -> FloatArray:
         aoa = np.radians([float(np.interp(t, times, degrees)) for times, degrees in corners])[which]
@@ -273,38 +273,38 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
     n_other = min(n, OTHER_SEEDS)
     wanted = [*((options, seed) for seed in seeds), *((other, seed) for _, other in others for seed in seeds[:n_other])]
     flights = fly_cases([Case(options=each, seed=seed) for each, seed in wanted], settings.report)
-    own = flights[:n]
-    chosen = indices(own, options)
+    chosen_flights = flights[:n]
+    chosen = indices(chosen_flights, options)
     # The open choices one at a time: first other readings of the same flights, then other flights. The index of the
     # readings in `comparable` has the same scale.
     rows, comparable = {"as chosen": chosen}, {"as chosen": chosen}
     for label, change in page["readings"]:
         other = options.changed(change)
         if other != options:
-            rows[label] = indices(own, other)
+            rows[label] = indices(chosen_flights, other)
             if (other.log_base, other.halves) == (options.log_base, options.halves):
                 comparable[label] = rows[label]
     for i, (label, other) in enumerate(others):
         at = n + i * n_other
         rows[label] = comparable[label] = indices(flights[at : at + n_other], other)
-    means = np.array([one.index.mean(axis=0) for one in comparable.values()])
+    means = np.array([row.index.mean(axis=0) for row in comparable.values()])
     smallest, largest = means.min(axis=0), means.max(axis=0)
-    value, error = montecarlo(own[0], options, DRAWS, rng=np.random.default_rng(settings.seed))
-    off = np.abs(value - indices(own[:1], options.changed({"log_base": "2", "halves": True})).index[0])
+    value, error = montecarlo(chosen_flights[0], options, DRAWS, rng=np.random.default_rng(settings.seed))
+    off = np.abs(value - indices(chosen_flights[:1], options.changed({"log_base": "2", "halves": True})).index[0])
     values = {
         "rms": chosen.rms,
         "worst": chosen.worst,
         "rises": page["rises"][bool(np.all(np.diff(chosen.index, axis=2) > 0.0))],
         "n_readings": len(comparable) - 1,
         "moves": float(np.max(np.abs(means - means[0]))),
-        "rms_range": " to ".join(f"{end([one.rms for one in comparable.values()]):.3f}" for end in (min, max)),
+        "rms_range": " to ".join(f"{end([row.rms for row in comparable.values()]):.3f}" for end in (min, max)),
         **_words(options),
         "draws": DRAWS,
         "off": np.max(off),
         "errors": np.max(off / error),
         "seeds": ", ".join(map(str, seeds)),
     }
-    start = dict(zip(STATES, own[0].states[0], strict=True))
+    start = dict(zip(STATES, chosen_flights[0].states[0], strict=True))
     initial = [
         (label, f"{printed} (table I)", ", ".join(f"{start[name]:g}" for name in names))
         for label, printed, names in page["initial"]
@@ -319,7 +319,7 @@ def f16_table2(settings: Settings, options: F16Options | None = None) -> ReportC
             table(page, "errata", page["errata"]),
             table(page, "initial", initial),
         ],
-        drawings=_drawings(page, own[0], options),
+        drawings=_drawings(page, chosen_flights[0], options),
         notes=() if settings.log is None else (page["no_log"],),
     )
 
@@ -356,20 +356,20 @@ def _choices(rows: Mapping[str, Indices], smallest: FloatArray, largest: FloatAr
     means |= {"smallest, same scale": smallest, "largest, same scale": largest}
     off = {label: (f"{each.rms:.3f}", f"{each.worst:.3f}") for label, each in rows.items()}
     return [
-        (label, *(f"{one:.3f}" for one in mean.ravel()), *off.get(label, ("", ""))) for label, mean in means.items()
+        (label, *(f"{index:.3f}" for index in mean.ravel()), *off.get(label, ("", ""))) for label, mean in means.items()
     ]
 
 
 def _robust(page: Page, rows: Mapping[str, Indices], comparable: Mapping[str, Indices]) -> list[tuple[str, ...]]:
     """Return in how many of the rows each statement of the paper holds for every set of flights."""
     holds = {
-        "rising_first": [one.index[:, :, 1] > one.index[:, :, 0] for one in rows.values()],
-        "rising_second": [one.index[:, :, 2] > one.index[:, :, 1] for one in rows.values()],
-        "larger": [one.index[:, 0, 1:] > one.index[:, 1, 1:] for one in rows.values()],
-        "early": [one.index[:, :, 0] < EARLY for one in comparable.values()],
+        "rising_first": [row.index[:, :, 1] > row.index[:, :, 0] for row in rows.values()],
+        "rising_second": [row.index[:, :, 2] > row.index[:, :, 1] for row in rows.values()],
+        "larger": [row.index[:, 0, 1:] > row.index[:, 1, 1:] for row in rows.values()],
+        "early": [row.index[:, :, 0] < EARLY for row in comparable.values()],
     }
-    shares = {key: f"{sum(bool(np.all(one)) for one in each)} of {len(each)} rows" for key, each in holds.items()}
-    ratio = np.concatenate([one.bandwidth[:, :, 2] / one.bandwidth[:, :, 1] for one in rows.values()])
+    shares = {key: f"{sum(bool(np.all(row)) for row in each)} of {len(each)} rows" for key, each in holds.items()}
+    ratio = np.concatenate([row.bandwidth[:, :, 2] / row.bandwidth[:, :, 1] for row in rows.values()])
     ratios = " and ".join(f"{np.min(each):.2f} to {np.max(each):.2f}" for each in ratio.T)
     return list(fill(page["robust"], ratios=ratios, **shares))
 

@@ -264,8 +264,8 @@ def run(trial: tuple[Problem, tuple[int, ...]]) -> list[float]:
     clean = output(theta, z)
     sd = problem.noise * float(np.std(clean))
     y = clean + sd * rng.standard_normal(len(clean))
-    solutions = [identify_fir(y, theta, n_taps=len(TAPS), penalty=one) for one in METHODS.values()]
-    return [*(error(one.product, z) for one in solutions), bound(theta, z, sd), solutions[0].condition_number]
+    solutions = [identify_fir(y, theta, n_taps=len(TAPS), penalty=penalty) for penalty in METHODS.values()]
+    return [*(error(solution.product, z) for solution in solutions), bound(theta, z, sd), solutions[0].condition_number]
 
 
 def z_of(n_atoms: int) -> FloatArray:
@@ -317,16 +317,16 @@ def fir(settings: Settings) -> ReportContent:
     z = z_of(theta.shape[1])
     truth = np.outer(TAPS, z)
     y = output(theta, z)
-    solutions = {label: identify_fir(y, theta, n_taps=len(TAPS), penalty=one) for label, one in METHODS.items()}
-    ours = {label: error(one.product, z) for label, one in solutions.items()}
+    solutions = {label: identify_fir(y, theta, n_taps=len(TAPS), penalty=penalty) for label, penalty in METHODS.items()}
+    ours = {label: error(solution.product, z) for label, solution in solutions.items()}
     # The product summed over the taps, which the output determines well, and its differences between taps, badly.
     rows, parts = [], {}
-    for label, one in solutions.items():
-        off = one.product - truth
+    for label, solution in solutions.items():
+        off = solution.product - truth
         common = float(np.linalg.norm(off.sum(axis=0)) / np.linalg.norm(truth.sum(axis=0)))
         differing = float(np.linalg.norm(off - off.mean(axis=0)) / np.linalg.norm(truth - truth.mean(axis=0)))
         parts[label] = {"common": 100.0 * common, "differing": 100.0 * differing}
-        numbers = (ours[label], one.vaf, one.rank_one_share, one.shrinkage, common, differing)
+        numbers = (ours[label], solution.vaf, solution.rank_one_share, solution.shrinkage, common, differing)
         rows.append((label, *(number(value, digits=6 if i == 1 else 2) for i, value in enumerate(numbers))))
     exact, noisy, by_noise = _sweeps(theta, settings)
     relaxed = solutions[NUCLEAR]
@@ -336,7 +336,7 @@ def fir(settings: Settings) -> ReportContent:
         "weak": ours[WEAK],
         "off": 100.0 * ours[NUCLEAR],
         "n_samples": len(theta),
-        "magnitudes": ", ".join(f"{one:g}" for one in z),
+        "magnitudes": ", ".join(f"{magnitude:g}" for magnitude in z),
         "taps": ", ".join(f"{tap:g}" for tap in TAPS),
         "trials": settings.trials_or(TRIALS, QUICK_TRIALS),
         "points": f"{len(exact)} condition numbers, {len(by_noise)} noises",

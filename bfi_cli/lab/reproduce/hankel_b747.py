@@ -76,7 +76,7 @@ class Case:
     @property
     def ratios(self) -> list[float]:
         """The ratio of every failure at its sample."""
-        return [self.ratio(one) for one in self.failures]
+        return [self.ratio(failure) for failure in self.failures]
 
     @property
     def shares(self) -> list[float]:
@@ -155,7 +155,7 @@ def hankel_b747(settings: Settings) -> ReportContent:
     """Return figure 1 with failures of one sample and to the end, in one flight and alone; it has no choices."""
     page = load("hankel_b747")
     flights = {kind: fly(FAILURES, lasting=lasting) for kind, lasting in KINDS.items()}
-    alone = {kind: [fly([one], lasting=lasting) for one in FAILURES] for kind, lasting in KINDS.items()}
+    alone = {kind: [fly([failure], lasting=lasting) for failure in FAILURES] for kind, lasting in KINDS.items()}
     settings.report(1, 1)
     together = list(flights.values())
     single = [case for cases in alone.values() for case in cases[:-1]]
@@ -168,7 +168,7 @@ def hankel_b747(settings: Settings) -> ReportContent:
     printed = fly(FAILURES, lasting=1, model=replace(B747, A=A))
     i = np.arange(N_SAMPLES)
     elevators = 0.05 * (np.sin(0.3 * i) + np.sin(0.9 * i) + np.sin(1.7 * i))
-    moved = {one[1]: fly([one], lasting=N_SAMPLES, elevators=elevators).worst for one in FAILURES}
+    moved = {failure[1]: fly([failure], lasting=N_SAMPLES, elevators=elevators).worst for failure in FAILURES}
 
     hits = {kind: len(case.flagged & case.expected) for kind, case in flights.items()}
     values = {
@@ -194,7 +194,7 @@ def hankel_b747(settings: Settings) -> ReportContent:
     }
     words = page["words"]
     rows = {
-        "together": [_row(kind, case, one, words) for kind, case in flights.items() for one in FAILURES],
+        "together": [_row(kind, case, failure, words) for kind, case in flights.items() for failure in FAILURES],
         "alone": [_row(kind, case, case.failures[0], words) for kind, cases in alone.items() for case in cases],
         "condition_30": _condition_30(),
     }

@@ -58,10 +58,10 @@ def report_content(
     simulated : the record is a simulation: the page's notes on that come first, and the note on it last.
     """
     shared = load("thesis")["shared"]
-    rows = [row for one in records for row in fill(page.get("record_rows", ()), **one)]
+    rows = [row for record in records for row in fill(page.get("record_rows", ()), **record)]
     if "sentence" in page:
-        named = ({**one, "Record": capital(str(one["record"]))} for one in records)
-        values = {**values, "verdict": " ".join(fill(page["sentence"], **one) for one in named)}
+        named = ({**record, "Record": capital(str(record["record"]))} for record in records)
+        values = {**values, "verdict": " ".join(fill(page["sentence"], **record) for record in named)}
     comparison = Table(
         name="comparison",
         title="Printed and computed",

@@ -115,7 +115,7 @@ def by_readings(log: FlightLog, order: int, names: Sequence[str] = READINGS) -> 
             airspeed=np.concatenate([np.full(order, np.nan), y[order:] - error]),
             vaf_fault=vaf(true, fault),
             vaf_output=100.0 * (1.0 - float(np.sum(error**2) / np.sum((y[order:] - y.mean()) ** 2))),
-            declared=", ".join(f"{one} {number(magnitudes[one], digits=3)}" for one in above(magnitudes)) or "none",
+            declared=", ".join(f"{atom} {number(magnitudes[atom], digits=3)}" for atom in above(magnitudes)) or "none",
             magnitudes=magnitudes,
         )
     return reconstructions
@@ -144,7 +144,7 @@ def by_program(log: FlightLog, name: str) -> Reconstruction:
         vaf_fault=vaf(output.true_fault, output.fault),
         vaf_output=answer.vaf_output["tas"],
         declared=declared(answer),
-        magnitudes={one.name: one.magnitude for one in answer.faults},
+        magnitudes={fault.name: fault.magnitude for fault in answer.faults},
     )
 
 
@@ -152,7 +152,7 @@ def declared(answer: IdentifyResult) -> str:
     """Return "bias_13.8 4.003", "none", or that the solver did not converge."""
     if answer.summary == NOT_CONVERGED:
         return "not converged"
-    return ", ".join(f"{one.name} {number(one.magnitude)}" for one in answer.faults) or "none"
+    return ", ".join(f"{fault.name} {number(fault.magnitude)}" for fault in answer.faults) or "none"
 
 
 def by_dmae(log: FlightLog, filters: DmaeSettings, settings: Settings, *, label: str | None = None) -> Reconstruction:
@@ -190,9 +190,9 @@ def by_scan(log: FlightLog, settings: Settings, *, shapes: Sequence[str]) -> Rec
     with scanning(settings, shapes) as config:
         answer = find_onset(log, config)
     fault = np.zeros(log.n_samples)
-    for one in answer.faults:
-        signal = unit_signal(one.fault, log.time_s, window_start_s=float(log.time_s[0]))
-        fault += one.magnitude * signal
+    for estimate in answer.faults:
+        signal = unit_signal(estimate.fault, log.time_s, window_start_s=float(log.time_s[0]))
+        fault += estimate.magnitude * signal
     left = float(answer.model.noise_sd["tas"]) ** 2 / float(np.var(log.channel("tas").values))
     return Reconstruction(
         label=label_of("scan"),
@@ -205,12 +205,12 @@ def by_scan(log: FlightLog, settings: Settings, *, shapes: Sequence[str]) -> Rec
     )
 
 
-def dated(one: FaultEstimate) -> str:
+def dated(estimate: FaultEstimate) -> str:
     """Return a fault of a scan in words: "drift of 0.25 m/s^2 from 16 s (15.99 to 16.01 s)"."""
-    fault = one.fault
+    fault = estimate.fault
     shape = fault.shape if fault.frequency_hz is None else f"{fault.frequency_hz:.4g} Hz {fault.shape}"
-    size = f"{number(one.magnitude, digits=3)} {one.unit}".rstrip()
-    return f"{shape} of {size} from {fault.onset_s:.5g} s ({interval(one.onset_ci95 or one.ci95)} s)"
+    size = f"{number(estimate.magnitude, digits=3)} {estimate.unit}".rstrip()
+    return f"{shape} of {size} from {fault.onset_s:.5g} s ({interval(estimate.onset_ci95 or estimate.ci95)} s)"
 
 
 @contextmanager
@@ -246,5 +246,5 @@ def _thresholds(shapes: tuple[str, ...], seed: int) -> str:
     clean = thesis_record(Settings())
     whole = (float(clean.time_s[0]), float(clean.time_s[-1]) + 1.0 / clean.rate_hz)
     seeds = np.random.SeedSequence([seed, COPIES]).generate_state(COPIES).tolist()
-    copies = [(with_noise(clean, NOISE_M_S, seed=one), whole) for one in seeds]
+    copies = [(with_noise(clean, NOISE_M_S, seed=noise_seed), whole) for noise_seed in seeds]
     return save_tables([table_of_windows(copies, _scan_of(shapes))], provenance(log_sha256="", seed=seed))

@@ -128,7 +128,7 @@ def true_fault(log: FlightLog) -> FloatArray:
 def fault_starts(log: FlightLog) -> tuple[Span, ...]:
     """Return a line at the start of every fault of a log with its truth."""
     assert log.truth is not None
-    return tuple(Span(label="start", low=one.onset_s, high=one.onset_s) for one in log.truth.faults)
+    return tuple(Span(label="start", low=fault.onset_s, high=fault.onset_s) for fault in log.truth.faults)
 
 
 def airspeed_panel(log: FlightLog, spans: tuple[Span, ...]) -> Panel:

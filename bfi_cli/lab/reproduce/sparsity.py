@@ -76,7 +76,10 @@ def _clean(n_atoms: int) -> tuple[FlightLog, Dictionary]:
     rng = np.random.default_rng(0)
     log = flight_of(find_model("citation"), "3211", rng=rng, duration_s=STEPS_S, rate_hz=RATE_HZ)
     starts = np.linspace(4.0, STEPS_S - 4.0, n_atoms)
-    atoms = [Fault(shape="bias", channel="tas", onset_s=round(float(one), 1), name=f"step_{one:.1f}") for one in starts]
+    atoms = [
+        Fault(shape="bias", channel="tas", onset_s=round(float(start_s), 1), name=f"step_{start_s:.1f}")
+        for start_s in starts
+    ]
     return log, replace(thesis_dictionary(), atoms=tuple(atoms))
 
 
@@ -220,7 +223,7 @@ def sparsity(settings: Settings) -> ReportContent:
     rates = [[proportion(int(count), n_trials) for count in row] for row in counts]
     shares = [dict(zip(names, map(with_interval, row), strict=True)) for row in rates]
     last = len(points) - len(without) - 1  # of the largest dictionary of steps, in the most noise
-    told = [
+    records = [
         {"where": _words(point), "label": labels[name], "share": shares[i][name], "ms": f"{ms[i, j]:.3g}"}
         for i, point in enumerate(points)
         for j, name in enumerate(names)
@@ -241,8 +244,8 @@ def sparsity(settings: Settings) -> ReportContent:
             "seconds": {name: f"{ms[last, j]:.3g}" for j, name in enumerate(names)},
         },
         heading=bool(counts[last, names.index("stage")] > counts[last, names.index("rule")]),
-        records=[one for i in (0, last) for one in told[i * len(names) : (i + 1) * len(names)]],
-        tables=[table(page, "rates", [tuple(one.values()) for one in told])],
+        records=[record for i in (0, last) for record in records[i * len(names) : (i + 1) * len(names)]],
+        tables=[table(page, "rates", [tuple(record.values()) for record in records])],
         drawings=[
             drawing(page, "sparsity", _panels(page, "sparsity", groups, lambda k, j: rates[k][j]), across=2),
             drawing(page, "sparsity_time", _panels(page, "sparsity_time", groups, lambda k, j: ms[k, j]), across=2),

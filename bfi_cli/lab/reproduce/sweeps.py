@@ -161,19 +161,19 @@ def swept(name: str, settings: Settings, *, compare: Sequence[str], quick: Thin)
 
     sweep, done = run_shipped(name, settings, by_methods, quick_trials=quick.trials)
     summary = summarise(sweep, done)
-    errors: dict[str, list[float]] = {one.name: [] for one in summary.scenarios}
+    errors: dict[str, list[float]] = {scenario.name: [] for scenario in summary.scenarios}
     for row, _ in done:
         if row.magnitude_error is not None:
             errors[row.scenario].append(row.magnitude_error)
     cells = [
         Cell(
-            method=one.axes["method"],
-            noise=one.axes["noise.tas"],
-            active=one.axes["active"],
-            summary=one,
-            mean_error=float(np.mean(errors[one.name])) if errors[one.name] else math.nan,
+            method=scenario.axes["method"],
+            noise=scenario.axes["noise.tas"],
+            active=scenario.axes["active"],
+            summary=scenario,
+            mean_error=float(np.mean(errors[scenario.name])) if errors[scenario.name] else math.nan,
         )
-        for one in summary.scenarios
+        for scenario in summary.scenarios
     ]
     recorded = settings.log is not None
     return Swept(cells=tuple(cells), trials=sweep.n_trials, recorded=recorded, notes=summary.notes)
@@ -226,8 +226,8 @@ def thesis_a(settings: Settings) -> ReportContent:
     # The stage changes nothing where rates without it lie in the intervals of those with it, at every point.
     alike = [
         all(
-            one.summary.isolation_rate.rate is not None and low <= one.summary.isolation_rate.rate <= high
-            for one, other in zip(result.of("rank_only", noise), result.of("sparse", noise), strict=True)
+            cell.summary.isolation_rate.rate is not None and low <= cell.summary.isolation_rate.rate <= high
+            for cell, other in zip(result.of("rank_only", noise), result.of("sparse", noise), strict=True)
             for low, high in [other.summary.isolation_rate.ci95 or (math.nan, math.nan)]
         )
         for noise in result.noises
@@ -239,7 +239,7 @@ def thesis_a(settings: Settings) -> ReportContent:
         ("thesis_a_3", _isolation, ("sparse", "listing", "risro")),
         ("thesis_a_4", _isolation, ("rank_only",)),
     ):
-        drawings.append(draw(page, figure, result, [one for one in page["who"] if one not in left_out]))
+        drawings.append(draw(page, figure, result, [method for method in page["who"] if method not in left_out]))
     return _sweep_page(page, result, settings, heading=alike, drawings=drawings)
 
 
@@ -249,9 +249,9 @@ def _errors(page: Page, name: str, result: Swept, methods: Sequence[str]) -> Dra
     for noise in result.noises:
         means, medians = [], []
         for label, cells, at in _beside(result, methods, noise):
-            means.append(curve(label, at, np.maximum([one.mean_error for one in cells], LEAST_ERROR), style="points"))
+            means.append(curve(label, at, np.maximum([cell.mean_error for cell in cells], LEAST_ERROR), style="points"))
             low, middle, high = (
-                np.maximum([(one.summary.magnitude_error or {}).get(key, math.nan) for one in cells], LEAST_ERROR)
+                np.maximum([(cell.summary.magnitude_error or {}).get(key, math.nan) for cell in cells], LEAST_ERROR)
                 for key in ("p25", "p50", "p75")
             )
             medians.append(curve(label, at, middle, style="points", low=low, high=high))
@@ -281,7 +281,7 @@ def _beside(result: Swept, methods: Sequence[str], noise: float) -> list[tuple[s
     """Return the label of every method, its cells, and their numbers of active faults moved a little aside."""
     aside = [SPREAD * (i - 0.5 * (len(methods) - 1)) for i in range(len(methods))]
     every = [(label_of(method), result.of(method, noise)) for method in methods]
-    return [(label, cells, [one.active + d for one in cells]) for (label, cells), d in zip(every, aside, strict=True)]
+    return [(label, cells, [cell.active + d for cell in cells]) for (label, cells), d in zip(every, aside, strict=True)]
 
 
 def _sweep_page(
@@ -293,11 +293,11 @@ def _sweep_page(
     for noise in result.noises:
         words, cells = result.words(noise), {method: result.of(method, noise) for method in page["who"]}
         for method, of in cells.items():
-            said = {"label": label_of(method), "noise": words, "few": of[0].active, "many": of[-1].active}
+            values = {"label": label_of(method), "noise": words, "few": of[0].active, "many": of[-1].active}
             errors = [number(cell.mean_error, digits=2) for cell in (of[0], of[-1])]
             shares = " ".join(f"{100.0 * (cell.summary.isolation_rate.rate or 0.0):.0f}" for cell in of)
             for what, computed in (("error", " and ".join(errors)), ("isolation", f"{shares} %")):
-                quantity = fill(page["quantities"][what], **said)
+                quantity = fill(page["quantities"][what], **values)
                 compared.append(
                     {"quantity": quantity, "printed": page["printed"][what].get(method, "-"), "computed": computed}
                 )
@@ -305,12 +305,13 @@ def _sweep_page(
         parts.append(f"{words.capitalize()}, isolated: {isolated}.")
     body = []
     for cell in result.cells:
-        one = cell.summary
+        summary = cell.summary
         rates = [
-            with_interval(share) for share in (one.isolation_rate, one.false_alarm_rate, one.missed_detection_rate)
+            with_interval(share)
+            for share in (summary.isolation_rate, summary.false_alarm_rate, summary.missed_detection_rate)
         ]
         bare = [text.replace(" % ", " ").replace(" to ", "-") for text in rates]
-        errors = [number(value, digits=2) for value in (cell.mean_error, (one.magnitude_error or {}).get("p50"))]
+        errors = [number(value, digits=2) for value in (cell.mean_error, (summary.magnitude_error or {}).get("p50"))]
         body.append((label_of(cell.method), f"{cell.noise:g}", str(cell.active), *bare, *errors))
     active = sorted({cell.active for cell in result.cells})
     return report_content(
@@ -326,7 +327,7 @@ def _sweep_page(
         records=compared,
         tables=[table(page, "rates", body)],
         drawings=drawings,
-        notes=[one.text for one in result.notes],
+        notes=[note.text for note in result.notes],
         simulated=settings.log is None,
     )
 
@@ -343,7 +344,7 @@ def isolation_noise(settings: Settings) -> ReportContent:
         curves = []
         for i, method in enumerate(methods):
             at = [max(noise, AT_ZERO) * ASIDE**i for noise in result.noises]
-            cells = [[one for one in result.of(method, noise) if one.active in shown] for noise in result.noises]
+            cells = [[cell for cell in result.of(method, noise) if cell.active in shown] for noise in result.noises]
             curves.append(rate_curve(label_of(method), at, [pooled(part) for part in cells]))
         panels.append(panel(page, "isolation", curves, title=title, spans=spans))
     rule, *_, ours = (pooled(result.of(method, result.noises[-1])).rate or 0.0 for method in methods)

@@ -83,7 +83,7 @@ def thesis_5_1(settings: Settings) -> ReportContent:
         drawings=[
             drawing(page, "thesis_5_1", [panel(page, name, [curve("", log.time_s, y)]) for name, y in values.items()])
         ],
-        notes=[one.text for one in log.notes],
+        notes=[note.text for note in log.notes],
         simulated=not given,
     )
 
@@ -92,14 +92,16 @@ def thesis_5_2(settings: Settings) -> ReportContent:
     """Return figure 5-2: the signals of the dictionary, with the minimal detectable magnitude of each."""
     page, log, dictionary = load("thesis")["5-2"], thesis_record(settings), thesis_dictionary()
     answer = identify_faults(with_noise(log, NOISE_M_S, seed=settings.seed), dictionary, Config())
-    smallest = {one.name: quantity(one.minimal_detectable, one.unit) for one in answer.candidates}
+    smallest = {
+        candidate.name: quantity(candidate.minimal_detectable, candidate.unit) for candidate in answer.candidates
+    }
     start_s = float(log.time_s[0])
     theta = signals(dictionary.resolved(start_s), log.time_s, ["tas"], window_start_s=start_s)[:, 0]
     atoms = [
         {"i": i, "name": str(atom.name), "onset_s": atom.onset_s, "expression": expression, "published_s": published_s}
         for i, (atom, (expression, published_s)) in enumerate(zip(dictionary.atoms, page["signals"], strict=True), 1)
     ]
-    shown = [(f"theta {one['i']}", one["name"], one["expression"], smallest[one["name"]]) for one in atoms]
+    shown = [(f"theta {atom['i']}", atom["name"], atom["expression"], smallest[atom["name"]]) for atom in atoms]
     panels = [
         panel(page, "signal", [curve("", log.time_s, signal)], title=f"theta {i}")
         for i, signal in enumerate(theta.T, start=1)
@@ -137,7 +139,7 @@ def thesis_5_7(settings: Settings) -> ReportContent:
     """Return figure 5-7: a bias of 4 m/s with a perturbation that the dictionary lacks (kappa = 0.2)."""
     page, log = load("thesis")["5-7"], thesis_record(settings)
     faulty = perturbed(log, KAPPA)
-    seen = {label: _solved(one, LOW) for label, one in records_of(faulty, settings).items()}
+    seen = {label: _solved(record, LOW) for label, record in records_of(faulty, settings).items()}
     spans = fault_starts(faulty)
     return report_content(
         page,
@@ -220,13 +222,13 @@ def thesis_5_9(settings: Settings) -> ReportContent:
     }
     rows = [
         (
-            *(label, str(order), one.label, percent(one.vaf_fault), number(magnitude_error(log, one))),
-            *(str(len(counted(one))), ", ".join(counted(one))),
+            *(label, str(order), view.label, percent(view.vaf_fault), number(magnitude_error(log, view))),
+            *(str(len(counted(view))), ", ".join(counted(view))),
         )
         for label, log in records.items()
         for order, views in solved[label].items()
         if order in SHOWN
-        for one in views.values()
+        for view in views.values()
     ]
     return report_content(
         page,
@@ -234,7 +236,7 @@ def thesis_5_9(settings: Settings) -> ReportContent:
             "log": clean,
             "solved": "; ".join(f"{label}: {_listed(each)}" for label, each in orders.items()),
             "best": {name: f"{order} ({vafs[name][order]:.1f} %)" for name, order in best.items()},
-            "drift": {name: number(one.magnitudes["drift_7.93"], digits=3) for name, one in first[BEST].items()},
+            "drift": {name: number(view.magnitudes["drift_7.93"], digits=3) for name, view in first[BEST].items()},
             "single": single,
             "last": max(first),
             "end": first[max(first)],
@@ -247,8 +249,8 @@ def thesis_5_9(settings: Settings) -> ReportContent:
                 **program[label],
                 "record": label,
                 "faults": {
-                    name: f"{len(counted(one))}: {', '.join(counted(one)) or 'none'}"
-                    for name, one in solved[label][BEST].items()
+                    name: f"{len(counted(view))}: {', '.join(counted(view)) or 'none'}"
+                    for name, view in solved[label][BEST].items()
                 },
             }
             for label in records
@@ -267,9 +269,9 @@ def _draw_orders(
 ) -> Drawing:
     """Return VAF, error and number of faults against the order; methods that choose the order as horizontal lines."""
     reads: Mapping[str, Callable[[FlightLog, Reconstruction], float]] = {
-        "vaf": lambda _, one: one.vaf_fault,
+        "vaf": lambda _, view: view.vaf_fault,
         "error": magnitude_error,
-        "faults": lambda _, one: len(counted(one)),
+        "faults": lambda _, view: len(counted(view)),
     }
     panels = []
     for what, read in reads.items():
@@ -280,7 +282,7 @@ def _draw_orders(
                 curve(label_of(name), orders, [read(log, views[name]) for views in solved[label].values()], style=style)
                 for name in DRAWN
             ]
-            levels = tuple((one.label, read(log, one)) for one in program[label].values())
+            levels = tuple((view.label, read(log, view)) for view in program[label].values())
             panels.append(panel(page, what, curves, title=label, levels=levels))
     return drawing(page, "thesis_5_9", panels, across=len(records))
 
@@ -294,19 +296,19 @@ def perturbed(clean: FlightLog, kappa: float) -> FlightLog:
     return with_fault(clean, *((bias, ripple) if kappa else (bias,)))
 
 
-def magnitude_error(log: FlightLog, one: Reconstruction) -> float:
+def magnitude_error(log: FlightLog, reconstruction: Reconstruction) -> float:
     """Return the error of the magnitudes, equation 5-1; NaN where no fault of the log is in the dictionary."""
     assert log.truth is not None
-    true = {fault.name: fault.magnitude for fault in log.truth.faults if fault.name in one.magnitudes}
+    true = {fault.name: fault.magnitude for fault in log.truth.faults if fault.name in reconstruction.magnitudes}
     if not true:
         return float("nan")
-    off = [z - true.get(name, 0.0) for name, z in one.magnitudes.items()]
+    off = [z - true.get(name, 0.0) for name, z in reconstruction.magnitudes.items()]
     return float(np.linalg.norm(off) / np.linalg.norm(list(true.values())))
 
 
-def counted(one: Reconstruction) -> list[str]:
+def counted(reconstruction: Reconstruction) -> list[str]:
     """Return the faults that the listing of the sweep over orders counts."""
-    return above(one.magnitudes, LISTING_SHARE)
+    return above(reconstruction.magnitudes, LISTING_SHARE)
 
 
 def _solved(log: FlightLog, order: int) -> dict[str, Reconstruction]:
@@ -323,8 +325,8 @@ def _method_tables(seen: Mapping[str, Views], others: Sequence[Reconstruction] =
     tables = []
     for i, (label, views) in enumerate(seen.items()):
         rows = [
-            (one.label, percent(one.vaf_fault), f"{one.vaf_output:.3f} %", one.declared)
-            for one in (*views.values(), *(others if i == 0 else ()))
+            (view.label, percent(view.vaf_fault), f"{view.vaf_output:.3f} %", view.declared)
+            for view in (*views.values(), *(others if i == 0 else ()))
         ]
         name = "methods" if i == 0 else "noise"
         tables.append(table(load("thesis")["shared"], name, rows, record=label))
@@ -344,7 +346,7 @@ def _reconstructed(figure: str, settings: Settings) -> ReportContent:
     filters, drift = DmaeSettings(**page["dmae"]), "drift_7.93"
     shapes = () if settings.quick and "quick" in page else page.get("scan", ())
     seen: dict[str, Views] = {}
-    told: list[dict[str, Any]] = []
+    record_values: list[dict[str, Any]] = []
     records = records_of(faulty, settings)
     for done, (label, log) in enumerate(records.items(), start=1):
         follower = by_dmae(log, filters, settings)
@@ -352,25 +354,27 @@ def _reconstructed(figure: str, settings: Settings) -> ReportContent:
         views: Views = {**_solved(log, page["order"]), "dmae": follower, **scan}
         afterwards = follower.fault[follower.time_s > fault_starts(log)[0].low + page.get("settled_s", 0.0)]
         seen[label] = views
-        told.append(
+        record_values.append(
             {
                 **views,
                 "record": label,
                 "level": float(np.mean(afterwards)),
                 "wander": float(np.std(afterwards)),
-                "drift": {key: number(one.magnitudes.get(drift, 0.0), digits=4) for key, one in views.items()},
+                "drift": {key: number(view.magnitudes.get(drift, 0.0), digits=4) for key, view in views.items()},
             }
         )
         settings.report(done, len(records))
     tabulated = [
-        by_dmae(faulty, replace(filters, fault_variance=one), settings, label=f"DMAE, fault noise {one:g} (m/s)^2")
-        for one in (() if settings.quick else page.get("fault_variances", ()))
+        by_dmae(
+            faulty, replace(filters, fault_variance=variance), settings, label=f"DMAE, fault noise {variance:g} (m/s)^2"
+        )
+        for variance in (() if settings.quick else page.get("fault_variances", ()))
     ]
     return report_content(
         {**page, "who": tuple(next(iter(seen.values())))},
         {"log": faulty},
-        heading=[HOLDS[figure](one) for one in told],
-        records=told,
+        heading=[HOLDS[figure](values) for values in record_values],
+        records=record_values,
         tables=_method_tables(seen, tabulated),
         drawings=[
             drawing(
@@ -393,7 +397,7 @@ def _views_panels(log: FlightLog, views: Views) -> list[Panel]:
     low, high = min(float(true.min()), 0.0), max(float(true.max()), 0.0)
     room = 0.6 * (high - low)
     airspeed = airspeed_panel(log, spans)
-    others = [one for one in views if one not in READINGS[:-1]]
+    others = [name for name in views if name not in READINGS[:-1]]
     return [
         replace(airspeed, curves=(*airspeed.curves, *_curves(views, ("sparse", "dmae", "risro"), "airspeed"))),
         *(
@@ -405,7 +409,7 @@ def _views_panels(log: FlightLog, views: Views) -> list[Panel]:
 
 # The claim of the thesis about a figure, as a condition on the values of a record.
 HOLDS: Mapping[str, Callable[[Mapping[str, Any]], bool]] = {
-    "5-5": lambda of: min(of[one].vaf_fault for one in ("sparse", "dmae")) > 50.0,
+    "5-5": lambda of: min(of[name].vaf_fault for name in ("sparse", "dmae")) > 50.0,
     "5-6": lambda of: bool(of["wander"] < 0.1 * abs(of["level"])),
     "5-10": lambda of: bool(of["sparse"].vaf_fault > 50.0),
     "5-11": lambda of: bool(of["dmae"].vaf_fault > 50.0),
@@ -418,5 +422,6 @@ def _curves(views: Views, names: Sequence[str], what: str) -> tuple[Curve, ...]:
     looks: tuple[Style, ...] = ("dashed", "dotted", "line", "dashed", "dotted")
     drawn = [views[name] for name in names if name in views]
     return tuple(
-        curve(one.label, one.time_s, getattr(one, what), style=look) for one, look in zip(drawn, looks, strict=False)
+        curve(view.label, view.time_s, getattr(view, what), style=look)
+        for view, look in zip(drawn, looks, strict=False)
     )

@@ -74,7 +74,7 @@ class _Case:
     @property
     def shapes(self) -> set[str]:
         """The shapes of the faults that the scan declares."""
-        return {one.fault.shape for one in self.scan.faults}
+        return {estimate.fault.shape for estimate in self.scan.faults}
 
 
 def thesis_5_13(settings: Settings) -> ReportContent:
@@ -85,14 +85,18 @@ def thesis_5_13(settings: Settings) -> ReportContent:
     with scanning(settings, SHAPES) as config:
         for label, record in records_of(faulty, settings).items():
             scans[label] = find_onset(record, config)
-    told = {label: "; ".join(map(dated, scan.faults)) or "none" for label, scan in scans.items()}
+    declared = {label: "; ".join(map(dated, scan.faults)) or "none" for label, scan in scans.items()}
     elevator = panel(page, "elevator", [curve("", log.time_s, log.channel("elevator").values)])
     panels = (elevator, airspeed_panel(faulty, spans), fault_panel(faulty, spans=spans))
     return report_content(
         page,
-        {"log": log, "onset_s": spans[0].low, "declared": "; ".join(f"{label}: {one}" for label, one in told.items())},
+        {
+            "log": log,
+            "onset_s": spans[0].low,
+            "declared": "; ".join(f"{label}: {words}" for label, words in declared.items()),
+        },
         heading=[bool(scan.faults) for scan in scans.values()],
-        records=[{"record": label, "declared": one} for label, one in told.items()],
+        records=[{"record": label, "declared": words} for label, words in declared.items()],
         drawings=[drawing(page, "thesis_5_13", panels)],
         notes=_about_the_scan(settings)[:1],
         simulated=settings.log is None,
@@ -105,7 +109,7 @@ def _right_shape(fault: Fault, figure: str, size: str, settings: Settings) -> Re
     cases = _cases(settings, fault, fault.shape)
     first = cases[0]
     spans = fault_starts(first.log)
-    profiles = [(one.label, p) for one in cases for p in one.scan.profiles if p.shape == fault.shape]
+    profiles = [(case.label, p) for case in cases for p in case.scan.profiles if p.shape == fault.shape]
     panels = [
         fault_panel(first.log, spans=spans),
         *map(_magnitudes_panel, cases),
@@ -121,8 +125,8 @@ def _right_shape(fault: Fault, figure: str, size: str, settings: Settings) -> Re
     return report_content(
         page,
         {**known, "size": size, "true_s": spans[0].low, "first": first},
-        heading=[len(one.scan.faults) == 1 and one.shapes == {fault.shape} for one in cases],
-        records=[{**known, **_told(one)} for one in cases],
+        heading=[len(case.scan.faults) == 1 and case.shapes == {fault.shape} for case in cases],
+        records=[{**known, **_case_record(case)} for case in cases],
         tables=[_peaks(cases), _statistics(cases)],
         drawings=[drawing(page, f"thesis_{figure.replace('-', '_')}", panels)],
         notes=_about_the_scan(settings),
@@ -141,16 +145,16 @@ def thesis_5_16(settings: Settings) -> ReportContent:
         "bias": _cases(settings, BIAS, "drift", step=0, of=2),
         "drift": _cases(settings, DRIFT, "bias", step=1, of=2),
     }
-    every = [one for group in cases.values() for one in group]
+    every = [case for group in cases.values() for case in group]
     drawings: list[Drawing] = []
     for i, pair in enumerate(zip(*cases.values(), strict=True)):
         titles = [page["titles"][fault] for fault in cases]
-        panels = [_magnitudes_panel(one, title=title) for one, title in zip(pair, titles, strict=True)]
-        panels += [_statistic_panel(one) for one in pair]
+        panels = [_magnitudes_panel(case, title=title) for case, title in zip(pair, titles, strict=True)]
+        panels += [_statistic_panel(case) for case in pair]
         name = "thesis_5_16" if i == 0 else "thesis_5_16_noise"
         drawings.append(drawing(page, name, panels, across=2, caption="thesis_5_16", record=pair[0].label))
     right = [
-        all(one.shapes <= {fault} for fault, one in zip(cases, pair, strict=True))
+        all(case.shapes <= {fault} for fault, case in zip(cases, pair, strict=True))
         for pair in zip(*cases.values(), strict=True)
     ]
     return report_content(
@@ -158,9 +162,9 @@ def thesis_5_16(settings: Settings) -> ReportContent:
         {"first": every[0]},
         heading=right,
         records=[
-            {"fault": fault, "published": page["published"][fault], **_told(one)}
+            {"fault": fault, "published": page["published"][fault], **_case_record(case)}
             for fault, group in cases.items()
-            for one in group
+            for case in group
         ],
         tables=[_peaks(every), _statistics(every)],
         drawings=drawings,
@@ -213,15 +217,17 @@ def _by_stage(data: Compressed) -> float:
     penalty = Penalty(n_rows=n_rows, n_effective=float(n_rows), n_candidates=1, evidence=STRONG_EVIDENCE)
     price, stage = penalty.per_parameter + penalty.per_atom, SparseStage(kind="exp-l0")
     visits = sparse_varx(problem, risro_varx(data), n_atoms=1, stage=stage, price=price)
-    proposals = [Proposal(order=LOW, atoms=one, z=went.z[list(one)]) for went in visits for one in went.supports]
+    proposals = [
+        Proposal(order=LOW, atoms=support, z=went.z[list(support)]) for went in visits for support in went.supports
+    ]
     (search,), _ = refine_supports([problem], [0], penalty, proposals=proposals, dropping_only=True)
     fit = search.best.fit
     return float(fit.z[0]) if fit.atoms else 0.0
 
 
-def _told(one: _Case) -> dict[str, object]:
-    peaks = {name: one.peak(name) for name in METHODS}
-    return {"record": one.label, "shape": one.shape, "declared": one.declared, "peaks": peaks}
+def _case_record(case: _Case) -> dict[str, object]:
+    peaks = {name: case.peak(name) for name in METHODS}
+    return {"record": case.label, "shape": case.shape, "declared": case.declared, "peaks": peaks}
 
 
 def _about_the_scan(settings: Settings) -> tuple[str, ...]:
@@ -245,11 +251,11 @@ def _statistics(cases: Sequence[_Case]) -> Table:
     rows = []
     for case in cases:
         fault = case.scan.truth[0].shape if case.scan.truth else "-"
-        for one in case.scan.profiles:
-            best = int(one.statistic.argmax())
-            values = (one.statistic[best], one.threshold, one.magnitude[best])
+        for profile in case.scan.profiles:
+            best = int(profile.statistic.argmax())
+            values = (profile.statistic[best], profile.threshold, profile.magnitude[best])
             shown = tuple(number(None if value is None else float(value)) for value in values)
-            rows.append((fault, case.label, one.shape, f"{one.onset_s[best]:.5g} s", *shown))
+            rows.append((fault, case.label, profile.shape, f"{profile.onset_s[best]:.5g} s", *shown))
     return table(load("thesis")["5-14"], "statistics", rows)
 
 
@@ -269,7 +275,9 @@ def _statistic_panel(case: _Case) -> Panel:
         title=f"ours, scan, {case.label}",
         x_label="assumed start [s]",
         y_label="statistic [-]",
-        curves=tuple(curve(one.shape, one.onset_s, one.statistic) for one in profiles),
-        levels=tuple((f"threshold, {one.shape}", one.threshold) for one in profiles if one.threshold is not None),
+        curves=tuple(curve(profile.shape, profile.onset_s, profile.statistic) for profile in profiles),
+        levels=tuple(
+            (f"threshold, {profile.shape}", profile.threshold) for profile in profiles if profile.threshold is not None
+        ),
         spans=fault_starts(case.log),
     )

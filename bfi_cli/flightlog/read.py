@@ -67,7 +67,7 @@ WITH_GROUPS: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
 )
 # By the first bytes of a file with messages, its recorder, and the function that reads the topics of given names.
 Topics = Callable[[str, Collection[str]], tuple[list[Topic], list[Note]]]
-OF_MESSAGES: tuple[tuple[Callable[[bytes], bool], Recorder, Topics], ...] = (
+MESSAGE_READERS: tuple[tuple[Callable[[bytes], bool], Recorder, Topics], ...] = (
     (is_ulog, "px4", read_ulog_topics),
     (is_dataflash, "ardupilot", read_dataflash_topics),
     (is_tlog, "mavlink", lambda path, _: read_tlog_topics(path)),
@@ -183,7 +183,7 @@ def _read_file(path: str, asked: Asked) -> RawLog:
             return reader(path, asked)
     if asked.group is not None:
         raise LogError(f"{path}: no group '{asked.group}', a log of this kind has none; leave out --group")
-    for is_one, recorder, topics_in in OF_MESSAGES:
+    for is_one, recorder, topics_in in MESSAGE_READERS:
         if is_one(head):
             _require_no_columns(path, asked)
             require_size(path, os.path.getsize(path), "cut the log")

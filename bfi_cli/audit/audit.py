@@ -61,7 +61,7 @@ def audit_dictionary(dictionary: Dictionary, config: Config, *, duration_s: floa
         return audit
     kinds = dictionary.searched.atoms
     audit = replace(audit, notes=(*map(Note.limit, unknown_channels(kinds)), *audit.notes))
-    return with_kinds(audit, dictionary, {one.channel: unit_of(one.channel) for one in kinds})
+    return with_kinds(audit, dictionary, {fault.channel: unit_of(fault.channel) for fault in kinds})
 
 
 def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | None) -> Audit:
@@ -79,7 +79,7 @@ def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | N
     values = None if theta is None else own_channel(theta)
     dead = ((j, dead_reason(fault, span.start_s, span.stop_s)) for j, fault in enumerate(faults))
     reasons = {j: reason for j, reason in dead if reason is not None}
-    reasons |= {j: no_signal(one) for j, one in enumerate(faults) if one.shape not in ADDITIVE}
+    reasons |= {j: no_signal(fault) for j, fault in enumerate(faults) if fault.shape not in ADDITIVE}
     if theta is not None and values is not None:
         rest = [j for j in range(len(faults)) if j not in reasons]
         reasons |= advised(unusable_atoms(AtomSignals.sampled(theta), names, rest), values)
@@ -108,7 +108,7 @@ def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | N
         rate_hz=float(rate_hz),
         n_samples=n_samples,
         why=why,
-        atoms=entries(faults, [unit_of(one.channel) for one in faults], reasons, remarks, signatures),
+        atoms=entries(faults, [unit_of(fault.channel) for fault in faults], reasons, remarks, signatures),
         signatures=signatures,
         notes=tuple(map(Note.limit, (*unknown_channels(faults), *warnings))),
     )
@@ -161,7 +161,7 @@ def audit_on_log(log: FlightLog, dictionary: Dictionary, config: Config) -> Audi
         audit = without_signals(dictionary, config, searched)
     else:
         raise DictionaryError(f"{dictionary.path}: no live atom: {reasons[0]}")
-    units = {one.channel: clean.unit_of(one.channel) for one in dictionary.searched.atoms}
+    units = {fault.channel: clean.unit_of(fault.channel) for fault in dictionary.searched.atoms}
     return with_kinds(audit, dictionary, units, reasons, searched)
 
 
@@ -186,7 +186,7 @@ def _audit_entries(log: FlightLog, clean: FlightLog, dictionary: Dictionary, con
         largest_model=max(fitted.regression.orders),
         n_outputs=len(window.outputs),
     )
-    units = [window.log.unit_of(one.channel) for one in faults]
+    units = [window.log.unit_of(fault.channel) for fault in faults]
     left, before = np.linalg.norm(fitted.unfolded.signatures, axis=(0, 1)), fitted.unfolded.raw_norm
     visible = left / np.where(before > 0.0, before, 1.0)
     detectable, exactly = fault_free_limits(window, config)

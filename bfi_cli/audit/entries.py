@@ -87,7 +87,7 @@ class Audit:
     @property
     def fastest_hz(self) -> float | None:
         """The highest frequency of the dictionary, None where nothing oscillates."""
-        return fastest_hz(one.fault for one in self.atoms)
+        return fastest_hz(atom.fault for atom in self.atoms)
 
     @property
     def all_notes(self) -> tuple[Note, ...]:
@@ -266,7 +266,7 @@ def searched_on_log(
     """
     start_s, stop_s = clean.window(config.window.from_s, config.window.to_s).ends()
     kinds = dictionary.searched.resolved(start_s)
-    reasons = [dead_reason_of_kind(one, start_s, stop_s, config.outputs) for one in kinds]
+    reasons = [dead_reason_of_kind(fault, start_s, stop_s, config.outputs) for fault in kinds]
     live = [kind for kind, reason in zip(kinds, reasons, strict=True) if reason is None]
     searched = search_onsets(clean, merge(config, {"method": "ml"}), kinds=live) if live else None
     return searched, reasons
@@ -314,7 +314,7 @@ def with_kinds(
     ------
     DictionaryError : nothing is left to be looked for.
     """
-    limits = {} if searched is None else {one.name: one for one in searched.evidence.candidates}
+    limits = {} if searched is None else {candidate.name: candidate for candidate in searched.evidence.candidates}
     left_out = iter(reasons or [None] * len(dictionary.atoms))
     stated, atoms = iter(audit.atoms), []
     for fault in dictionary.resolved(audit.start_s):
@@ -322,7 +322,7 @@ def with_kinds(
             atoms.append(next(stated))
         else:
             atoms.append(_kind(fault, units.get(fault.channel, ""), next(left_out), limits.get(fault.name or "")))
-    if not any(one.live for one in atoms):
+    if not any(atom.live for atom in atoms):
         raise DictionaryError(f"{dictionary.path}: no live atom: {atoms[0].note}")
     return replace(
         audit, atoms=tuple(atoms), notes=(*audit.notes, *(() if searched is None else searched.evidence.notes))

@@ -122,8 +122,8 @@ def audit_content(document: Plain, units: Units = SI) -> ReportContent:
     if document["model"] is not None:
         drawings.append(_draw_limits(document, live[:MAX_SIGNATURES], units))
     noted = [atom["note"] for atom in atoms if atom["note"] is not None]
-    notes, of_atoms = notes_of(document, units), len(set(noted))
-    more = Note.method(f"{of_atoms - MOST_NOTES} more faults have a note; all are in --json and --out")
+    notes, n_atom_notes = notes_of(document, units), len(set(noted))
+    more = Note.method(f"{n_atom_notes - MOST_NOTES} more faults have a note; all are in --json and --out")
     return ReportContent(
         category="Audit of a fault dictionary",
         title=str(document["path"]),
@@ -132,7 +132,11 @@ def audit_content(document: Plain, units: Units = SI) -> ReportContent:
         facts=_facts(document, units),
         tables=tuple(tables),
         drawings=tuple(drawings),
-        notes=(*notes[:of_atoms][:MOST_NOTES], *([more] if of_atoms > MOST_NOTES else []), *notes[of_atoms:]),
+        notes=(
+            *notes[:n_atom_notes][:MOST_NOTES],
+            *([more] if n_atom_notes > MOST_NOTES else []),
+            *notes[n_atom_notes:],
+        ),
         data=data,
     )
 
@@ -144,8 +148,8 @@ def _facts(document: Plain, units: Units) -> tuple[tuple[str, str], ...]:
     if model is None:
         facts.append(("Window", f"{span}, {window['why']}" if window["n_samples"] else window["why"]))
     else:
-        own = {atom["channel"]: atom["channel_unit"] for atom in document["atoms"]}
-        noise = noise_levels(model["noise_sd"], units, own)
+        channel_units = {atom["channel"]: atom["channel_unit"] for atom in document["atoms"]}
+        noise = noise_levels(model["noise_sd"], units, channel_units)
         facts.append(("Log", f"{log['path']}, {span}, recorded at {number(log['native_rate_hz'])} Hz"))
         facts.append(("Rate", f"{number(window['rate_hz'])} Hz: {window['why']}"))
         facts.append(("Model", f"VARX of order {model['order']} without fault, prediction error SD {noise}"))
@@ -154,8 +158,10 @@ def _facts(document: Plain, units: Units) -> tuple[tuple[str, str], ...]:
         facts.append(("Fastest", f"{document['fastest_hz']:g} Hz, {needed}"))
     if document["coherence"] is not None:
         condition = document["condition_number"]
-        told = "infinite" if condition is None else number(condition, digits=3)
-        facts.append(("Independent", f"{document['rank']} {document['coherence']['of']}, condition number {told}"))
+        condition_text = "infinite" if condition is None else number(condition, digits=3)
+        facts.append(
+            ("Independent", f"{document['rank']} {document['coherence']['of']}, condition number {condition_text}")
+        )
     return tuple(facts)
 
 
@@ -200,9 +206,9 @@ def _limit(atom: Plain, units: Units) -> str | None:
     meaning = change(value, units.of(unit, channel=atom["channel"], channel_unit=atom["channel_unit"]))
     if value == atom["minimal_detectable"]:
         return meaning
-    own = units.of(atom["unit"], channel=atom["channel"], channel_unit=atom["channel_unit"])
-    multiplier = number(own.change(atom["minimal_detectable"]), digits=2)
-    return f"{with_unit(multiplier, own.unit or 'x slope')} ({meaning})"
+    shown = units.of(atom["unit"], channel=atom["channel"], channel_unit=atom["channel_unit"])
+    multiplier = number(shown.change(atom["minimal_detectable"]), digits=2)
+    return f"{with_unit(multiplier, shown.unit or 'x slope')} ({meaning})"
 
 
 def _list_coherence(document: Plain, names: Sequence[str], matrix: FloatArray) -> Table:
@@ -237,10 +243,10 @@ def _draw_signatures(document: Plain) -> Drawing:
     series, n = document["series"], len(document["coherence"]["atoms"])
     x: list[FloatArray] = []
     y: list[FloatArray] = []
-    for row, one in enumerate(series):
-        values = np.array(one["values"], dtype=np.float64)
+    for row, atom in enumerate(series):
+        values = np.array(atom["values"], dtype=np.float64)
         peak = float(np.max(np.abs(values), initial=0.0)) or 1.0
-        x += [np.array(one["time_s"], dtype=np.float64), np.array([np.nan])]
+        x += [np.array(atom["time_s"], dtype=np.float64), np.array([np.nan])]
         y += [row - 0.45 * values / peak, np.array([np.nan])]
     on_log = document["model"] is not None
     what = "Filtered signatures, off the model's regressors," if on_log else "Raw signals"
@@ -251,7 +257,7 @@ def _draw_signatures(document: Plain) -> Drawing:
         curves=(curve("", np.concatenate(x), np.concatenate(y)),),
         x_limits=(document["window"]["start_s"], document["window"]["stop_s"]),
         y_limits=(len(series) - 0.4, -0.6),
-        y_ticks=_rows([one["name"] for one in series]),
+        y_ticks=_rows([atom["name"] for atom in series]),
         height=_height(len(series)),
     )
     caption = f"{what} of the faults that can be looked for, each to its own scale."

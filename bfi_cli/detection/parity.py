@@ -364,7 +364,7 @@ def parity_limits(samples: DecimatedRecord, passes: Sequence[MonitoringPass], *,
     ----------
     factor : on these magnitudes, ABSORBED or SMEARED.
     """
-    keys, of_passes = ("onset_s", "size", "sd", "detectable", "hidden"), []
+    keys, limits = ("onset_s", "size", "sd", "detectable", "hidden"), []
     for monitored in passes:
         drops, window, lasting = monitored.drops, monitored.window, monitored.drops.old_size.shape[1]
         # A row tells of the onset that is the oldest in its window, the rows before it of the same onset.
@@ -377,6 +377,6 @@ def parity_limits(samples: DecimatedRecord, passes: Sequence[MonitoringPass], *,
         hidden = np.maximum(declared, np.abs(size) + ONE_SIDED_99 * sd)
         steps = np.full((4, len(rows), samples.y.shape[1]), np.nan)
         steps[:, :, monitored.channels] = np.array([size, sd, declared, hidden]) * monitored.model.unit
-        of_passes.append((samples.time_s[monitored.model.predicted[rows - window + 1]], *steps))
-    joined = (np.concatenate(arrays) for arrays in zip(*of_passes, strict=True))
+        limits.append((samples.time_s[monitored.model.predicted[rows - window + 1]], *steps))
+    joined = (np.concatenate(arrays) for arrays in zip(*limits, strict=True))
     return StepLimits(**dict(zip(keys, joined, strict=True)))

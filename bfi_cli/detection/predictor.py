@@ -163,15 +163,15 @@ def _with_unseen(data: _Scaled, chosen: _Rows) -> _Rows:
     the past moves along the direction, and the coefficient is learnt then.
     """
     q = data.y.shape[1]
-    own = len(chosen.basis) // q
-    longest = max(own, LONG_PASTS[0])
+    n_lags = len(chosen.basis) // q
+    longest = max(n_lags, LONG_PASTS[0])
     if data.half - longest - int(np.count_nonzero(chosen.prior == PRIOR)) - q < SPARE:
-        longest = own
+        longest = n_lags
     seen = past_basis(data.y[: data.n_healthy], lags=longest, edge=EDGE)[0]
     unseen = np.linalg.qr(seen, mode="complete")[0][:, seen.shape[1] :]
     first = max(chosen.first, longest)
     past = lagged(data.y, range(1, longest + 1), first=first) @ unseen
-    basis = np.pad(chosen.basis, ((0, (longest - own) * q), (0, 0)))
+    basis = np.pad(chosen.basis, ((0, (longest - n_lags) * q), (0, 0)))
     later = first - chosen.first
     return _Rows(
         X=np.hstack([chosen.X[later:], past]),

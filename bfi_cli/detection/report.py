@@ -58,8 +58,8 @@ def detect_screen(result: DetectResult, units: Units = SI) -> Screen:
     contradicted = contradiction(result.plausibility, result.notes, units)
     if contradicted is not None:
         return contradicted
-    failing = [_alarm_in_words(one, units) for one in result.alarms]
-    suspects = [suspect_in_words(one) for one in result.candidates if one.state == "suspected"]
+    failing = [_alarm_in_words(alarm, units) for alarm in result.alarms]
+    suspects = [suspect_in_words(candidate) for candidate in result.candidates if candidate.state == "suspected"]
     claims = candidate_lines(result.candidates, units)
     if failing:
         headline = Headline(state="fault", channel=result.alarms[0].channel, text=failing[0])
@@ -71,7 +71,7 @@ def detect_screen(result: DetectResult, units: Units = SI) -> Screen:
         name="",
         lines=lines_of(
             {
-                "Also": [*failing[1:], *(f"suspected: {one}" for one in suspects[0 if failing else 1 :])],
+                "Also": [*failing[1:], *(f"suspected: {suspect}" for suspect in suspects[0 if failing else 1 :])],
                 **claims,
                 **notes,
                 "To decide": [*result.commands, *notes["To decide"]],
@@ -85,10 +85,10 @@ def _alarm_in_words(alarm: Alarm, units: Units) -> str:
     low, high = alarm.ci95 or (np.nan, np.nan)
     known = alarm.size is not None and not low <= 0.0 <= high
     shown = units.of(alarm.unit, channel=alarm.channel)
-    said, size = error_in_words("bias", alarm.channel, alarm.size if known else None, alarm.ci95, shown)
+    effect, size = error_in_words("bias", alarm.channel, alarm.size if known else None, alarm.ci95, shown)
     if not known:
-        said = f"{channel_in_words(alarm.channel)} fails, {UNKNOWN},"
-    return f"{said} from {instant(alarm.onset_s)} s{intervals(size, '')}"
+        effect = f"{channel_in_words(alarm.channel)} fails, {UNKNOWN},"
+    return f"{effect} from {instant(alarm.onset_s)} s{intervals(size, '')}"
 
 
 def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str = "result") -> ReportContent:
@@ -105,19 +105,19 @@ def detect_content(document: Mapping[str, Any], units: Units = SI, *, where: str
     tables = [*_alarms(result, units), *candidate_tables(candidates, units), _channels(result, units)]
     hidden = hidden_drawing(candidates, units)
     spans = [] if result.train is None else [Span(label="healthy time", low=result.train[0], high=result.train[1])]
-    for one in result.alarms:
-        spans.append(Span(label=f"alarm of {shortened(one.channel, 20)}", low=one.time_s, high=one.time_s))
+    for alarm in result.alarms:
+        spans.append(Span(label=f"alarm of {shortened(alarm.channel, 20)}", low=alarm.time_s, high=alarm.time_s))
     panels = [
         Panel(
-            title=one.channel,
+            title=series.channel,
             x_label="time [s]",
             y_label="criterion [-]" if exact else "deviate [sd]",
-            curves=(curve("", result.time_s, np.maximum(one.statistic, LEAST) if exact else one.statistic),),
+            curves=(curve("", result.time_s, np.maximum(series.statistic, LEAST) if exact else series.statistic),),
             log_y=exact,
-            levels=(("threshold", one.threshold),),
+            levels=(("threshold", series.threshold),),
             spans=tuple(spans),
         )
-        for one in result.series
+        for series in result.series
     ]
     content = ReportContent(
         category="Detection of a failing channel",
@@ -180,12 +180,12 @@ def _channels(result: DetectResult, units: Units) -> Table:
     heads = ("channel", "prediction error", "largest statistic", "threshold")
     rows = tuple(
         (
-            shortened(one.channel, 40),
-            change(_noise_sd(result, one), units.of(one.unit, channel=one.channel)),
-            number(_largest(one)),
-            number(one.threshold),
+            shortened(series.channel, 40),
+            change(_noise_sd(result, series), units.of(series.unit, channel=series.channel)),
+            number(_largest(series)),
+            number(series.threshold),
         )
-        for one in result.series
+        for series in result.series
     )
     return Table(name="channels", title="Channels watched", heads=heads, rows=rows)
 
@@ -218,19 +218,19 @@ def _files(result: DetectResult) -> dict[str, dict[str, list[Any]]]:
     declared |= {"ci95_low": [low for low, _ in ends], "ci95_high": [high for _, high in ends]}
     declared["unit"] = [alarm.unit for alarm in alarms]
     listed: dict[str, list[Any]] = {
-        "channel": [one.channel for one in channels],
-        "unit": [one.unit for one in channels],
-        "noise_sd": [_noise_sd(result, one) for one in channels],
-        "largest_statistic": [_largest(one) for one in channels],
-        "threshold": [one.threshold for one in channels],
+        "channel": [series.channel for series in channels],
+        "unit": [series.unit for series in channels],
+        "noise_sd": [_noise_sd(result, series) for series in channels],
+        "largest_statistic": [_largest(series) for series in channels],
+        "threshold": [series.threshold for series in channels],
     }
     return {**({"alarms.csv": declared} if alarms else {}), "channels.csv": listed}
 
 
-def _noise_sd(result: DetectResult, one: ChannelSeries) -> float | None:
-    return None if result.model is None else result.model.noise_sd.get(one.channel)
+def _noise_sd(result: DetectResult, series: ChannelSeries) -> float | None:
+    return None if result.model is None else result.model.noise_sd.get(series.channel)
 
 
-def _largest(one: ChannelSeries) -> float | None:
-    known = one.statistic[np.isfinite(one.statistic)]
+def _largest(series: ChannelSeries) -> float | None:
+    known = series.statistic[np.isfinite(series.statistic)]
     return float(known.max()) if known.size else None

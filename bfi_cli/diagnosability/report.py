@@ -149,13 +149,13 @@ def _manoeuvres(scores: Sequence[ManoeuvreScore], shown: Sequence[int], names: S
 
 def _facts(result: DiagnosabilityResult, units: Units) -> tuple[tuple[str, str], ...]:
     log, model, atoms = result.log, result.model, result.atoms
-    own = {atom.channel: atom.channel_unit for atom in atoms}
+    channel_units = {atom.channel: atom.channel_unit for atom in atoms}
     sizes = "multiples of the minimal detectable ones" if result.in_limits else "as given"
     facts = [
         ("Window", f"{instant(log.start_s)} to {instant(log.stop_s)} s, {log.n_samples} samples"),
         ("Rate", f"{number(log.rate_hz)} Hz (recorded at {number(log.native_rate_hz)} Hz)"),
         ("Model", f"VARX of order {model.order}, inputs {', '.join(model.inputs) or 'none'}"),
-        ("Prediction error", noise_levels(model.noise_sd, units, own)),
+        ("Prediction error", noise_levels(model.noise_sd, units, channel_units)),
         ("Dictionary", f"{result.dictionary}, {len(atoms)} faults"),
         ("Magnitudes", f"root mean squares, {sizes}"),
     ]
@@ -212,7 +212,7 @@ def _curves(result: DiagnosabilityResult, live: Sequence[int]) -> Drawing:
     deviations, bits = result.deviations, result.bits
     shown = (bits > SHOWN_BITS[0]) & (bits < SHOWN_BITS[1])
     atoms = [(atom, limit) for j in live if (limit := (atom := result.atoms[j]).minimal_detectable) is not None]
-    hardest = sorted(atoms, key=lambda one: one[0].divergence_bits or 0.0)[:MOST_CURVES]
+    hardest = sorted(atoms, key=lambda pair: pair[0].divergence_bits or 0.0)[:MOST_CURVES]
     at_deviations = result.limit_deviations
     at_limit = float(np.interp(at_deviations, deviations, bits))
     panels = []

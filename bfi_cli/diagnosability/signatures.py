@@ -207,8 +207,8 @@ def single_sample_bits(records: Sequence[FaultSignatures], magnitudes: FloatArra
     bits = np.empty((len(records), len(magnitudes)))
     for n, record in enumerate(records):
         for output in set(record.outputs):
-            own = np.flatnonzero(np.array(record.outputs) == output)
-            bits[n, own] = sample_bits(record.errors[:, output], finite[own] * record.traces[:, own])
+            atoms = np.flatnonzero(np.array(record.outputs) == output)
+            bits[n, atoms] = sample_bits(record.errors[:, output], finite[atoms] * record.traces[:, atoms])
     return np.asarray(np.mean(bits, axis=0))
 
 

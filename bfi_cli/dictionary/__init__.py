@@ -353,16 +353,16 @@ class Dictionary:
     @property
     def exact(self) -> Dictionary:
         """The entries whose onsets are stated."""
-        return replace(self, atoms=tuple(one for one in self.atoms if one.onset_range_s is None))
+        return replace(self, atoms=tuple(fault for fault in self.atoms if fault.onset_range_s is None))
 
     @property
     def searched(self) -> Dictionary:
         """The kinds of fault, whose onsets are not known."""
-        return replace(self, atoms=tuple(one for one in self.atoms if one.onset_range_s is not None))
+        return replace(self, atoms=tuple(fault for fault in self.atoms if fault.onset_range_s is not None))
 
     def resolved(self, window_start_s: float) -> tuple[Fault, ...]:
         """Return the atoms with onset and offset on the log's time axis."""
-        return self.atoms if self.relative_to == "log" else tuple(one.later(window_start_s) for one in self.atoms)
+        return self.atoms if self.relative_to == "log" else tuple(fault.later(window_start_s) for fault in self.atoms)
 
 
 def load_dictionary(
@@ -483,19 +483,19 @@ def dead_sentences(
     ----------
     faults, start_s, stop_s, outputs : see `dead_reason`; faults that may leave a trace are not mentioned.
     """
-    heard = [one for one in faults if outputs is None or one.channel in outputs]
+    heard = [fault for fault in faults if outputs is None or fault.channel in outputs]
     sentences = [
-        f"'{one.name}' is a kind of fault, searched by bfi identify alone; give its onset_s"
-        for one in heard
-        if one.onset_range_s is not None
+        f"'{fault.name}' is a kind of fault, searched by bfi identify alone; give its onset_s"
+        for fault in heard
+        if fault.onset_range_s is not None
     ]
-    heard = [one for one in heard if one.onset_range_s is None]
-    late = [one for one in heard if one.onset_s >= stop_s]
-    early = [one for one in heard if one.offset_s is not None and one.offset_s <= start_s]
-    starts, ends = [one.onset_s for one in late], [one.offset_s or 0.0 for one in early]
+    heard = [fault for fault in heard if fault.onset_range_s is None]
+    late = [fault for fault in heard if fault.onset_s >= stop_s]
+    early = [fault for fault in heard if fault.offset_s is not None and fault.offset_s <= start_s]
+    starts, ends = [fault.onset_s for fault in late], [fault.offset_s or 0.0 for fault in early]
 
     def named(group: Sequence[Fault]) -> str:
-        return ", ".join(f"'{one.called}'" for one in group)
+        return ", ".join(f"'{fault.called}'" for fault in group)
 
     for group, verb, key, times_s, where in (
         (late, "start", "onset", starts, f"after the window ends ({instant(stop_s)} s)"),
@@ -503,11 +503,11 @@ def dead_sentences(
     ):
         if group:
             s, move = ("s", f"its {key}") if len(group) == 1 else ("", f"their {key}s")
-            times = " to ".join(f"{one:g}" for one in dict.fromkeys((min(times_s), max(times_s))))
+            times = " to ".join(f"{time_s:g}" for time_s in dict.fromkeys((min(times_s), max(times_s))))
             sentences.append(f"{named(group)} {verb}{s} at {times} s, {where}; move {move} or widen the window")
-    mute = [one for one in faults if outputs is not None and one.channel not in outputs]
-    for channel in dict.fromkeys(one.channel for one in mute):
-        group = [one for one in mute if one.channel == channel]
+    mute = [fault for fault in faults if outputs is not None and fault.channel not in outputs]
+    for channel in dict.fromkeys(fault.channel for fault in mute):
+        group = [fault for fault in mute if fault.channel == channel]
         sentences.append(f"{named(group)} act{'s' * (len(group) == 1)} on {_not_an_output(channel, outputs or ())}")
     return tuple(sentences)
 

@@ -43,7 +43,7 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
         "log": whole["log"],
         "decision": whole["decision"],
         "headline": to_plain(
-            window_screen(result, own={output.channel: output.unit for output in result.outputs}).headline
+            window_screen(result, channel_units={output.channel: output.unit for output in result.outputs}).headline
         ),
         "verdicts": whole["verdicts"],
         "summary": whole["summary"],

@@ -106,7 +106,7 @@ def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent
 def identify_screen(result: IdentifyResult, units: Units = SI) -> Screen:
     """Return the first screen of an identification, in `units`."""
     channel_units = {series.channel: series.unit for series in result.outputs}
-    return window_screen(result, units, own=channel_units, named=True)
+    return window_screen(result, units, channel_units=channel_units, named=True)
 
 
 def content_of_document(document: object, units: Units = SI, *, where: str = "result") -> ReportContent:

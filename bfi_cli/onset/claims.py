@@ -172,7 +172,7 @@ def claims_of(
         for shape in (*settings.shapes, *beside)
         if record.kinds.may_be(shape, i)
     ]
-    for (shape, output), of_shape in parts(report, wanted):
+    for (shape, output), share in parts(report, wanted):
         channel, scale, unit = record.output(output)
         alike = (fault for fault in estimates if (fault.form.shape, fault.form.output) == (shape, output))
         declared = next(alike, None)
@@ -203,7 +203,7 @@ def claims_of(
         if kind in claims:
             bounded = _weighed if shape in WEIGHED else _sized
             seen = last.standing_out.get(output)
-            candidate = bounded(record, scans[output], rule, candidate, form, peak, seen, of_shape)
+            candidate = bounded(record, scans[output], rule, candidate, form, peak, seen, share)
         elif suspicion is None:
             continue
         if suspicion is not None:
@@ -245,8 +245,8 @@ def _sized(
 ) -> Candidate:
     """Return a candidate of a shape that is excluded by the size that it would have needed at the worst onset."""
     forms = _claimed(record, scan, form, peak, seen, report)
-    of_forms = [_limits(record, scan, claimed, rule.threshold(form.shape)) for claimed in forms]
-    covered = [limits for limits in of_forms if limits is not None]
+    form_limits = [_limits(record, scan, claimed, rule.threshold(form.shape)) for claimed in forms]
+    covered = [limits for limits in form_limits if limits is not None]
     if not covered:
         return candidate if peak is None else _bounded(record, candidate, form.output, peak.profile, None)
     worst = max(covered, key=lambda limits: float(limits.effect.max()))
@@ -289,12 +289,12 @@ def _weighed(
         return candidate
     detectable = None if peak is None else float(np.median([glance.detected for glance in covered.values()]))
     if every > 1:
-        of_most = {
+        worst_forms = {
             claimed
             for most in (lambda at: covered[at].hidden(), lambda at: covered[at].beyond)
             for claimed in sorted(covered, key=most)[-FULL:]
         }
-        looked_at = (_likeliness(record, scan, claimed, tolerance) for claimed in forms if claimed in of_most)
+        looked_at = (_likeliness(record, scan, claimed, tolerance) for claimed in forms if claimed in worst_forms)
         likelinesses = [likeliness for likeliness in looked_at if likeliness is not None]
     else:
         likelinesses = list(covered.values())
@@ -403,7 +403,7 @@ def limits_near_onsets(
     tolerance_s : how far the onset of a fault may be from that of the dictionary.
     report : called with the fraction that is done.
     """
-    of_forms = dict[ShapeHypothesis, Limits | Likeliness | None]()
+    form_limits = dict[ShapeHypothesis, Limits | Likeliness | None]()
     # An onset lies between two samples of the analysis.
     near_s = tolerance_s + 1.0 / record.settings.rate_hz
     limits: list[ScanLimit | None] = []
@@ -417,14 +417,14 @@ def limits_near_onsets(
         parameter = fault.frequency_hz or fault.time_constant_s or fault.duration_s
         form = ShapeHypothesis(shape=shape, output=output, parameter=parameter, file=fault.file)
         scale, slope = float(record.unit[output]), abs(fault.slope or 1.0)  # a slope is so many times the hypothesis's
-        if form not in of_forms:
+        if form not in form_limits:
             scan = scans[output]
-            of_forms[form] = (
+            form_limits[form] = (
                 _likeliness(record, scan, form, tolerances[fault.channel] / scale)
                 if shape in WEIGHED
                 else _limits(record, scan, form, rule.threshold(shape))
             )
-        hidden = _near(of_forms[form], fault.onset_s, near_s)
+        hidden = _near(form_limits[form], fault.onset_s, near_s)
         if hidden is None:
             limits.append(ScanLimit(covered=False))
             continue
@@ -569,7 +569,7 @@ def _suspicion(rule: Rule, first: HypothesisScan, estimates: Sequence[Estimate],
                 f"calibration, but not {threshold:.3g}, which counts where none fits"
             )
         return None
-    explained = max((one.statistic for one in first.peaks if one.form.output == peak.form.output), default=0.0)
+    explained = max((other.statistic for other in first.peaks if other.form.output == peak.form.output), default=0.0)
     if not estimates:
         return f"its statistic {peak.statistic:.3g} exceeds the threshold {threshold:.3g}, but it was declined"
     if explained - peak.statistic < threshold:

@@ -166,7 +166,7 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
             return _rule(table, "gaussian", config, note)
         case "self":
             windows = earlier_windows(log, config)
-            table = table_of_windows([(log, window) for window in windows], config, _of_windows(progress, windows))
+            table = table_of_windows([(log, window) for window in windows], config, _windows_report(progress, windows))
             return _rule(table, "self", config, Note.method(_note_on_own(table, windows, "before the analysed one")))
         case "auto":
             shipped = _shipped_tables()
@@ -269,7 +269,9 @@ def own_table(
     pieces, rate_hz = [(log, window) for window in windows], config.conditioning.rate_hz
     alike = merge(config, {"conditioning.rate_hz": record.window.same_rate if rate_hz == "auto" else rate_hz})
     try:
-        table = table_of_windows(pieces, alike, _of_windows(progress, windows), like=None if why else record.settings)
+        table = table_of_windows(
+            pieces, alike, _windows_report(progress, windows), like=None if why else record.settings
+        )
     except LogError as problem:
         return None, why or f"none of the log's {len(windows)} windows in flight can be analysed ({problem})"
     if table.n_windows < FEWEST_WINDOWS:
@@ -288,7 +290,7 @@ def _note_on_own(table: CalibrationTable, windows: Windows, where: str) -> str:
     )
 
 
-def _of_windows(progress: Progress, windows: Windows) -> Report:
+def _windows_report(progress: Progress, windows: Windows) -> Report:
     return partial(progress, f"threshold from {len(windows)} windows of the log")
 
 
@@ -321,12 +323,12 @@ def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report 
     past = past * np.repeat(shrink ** np.arange(1, order + 1), n_outputs)[:, None]
     scans = []
     with threadpool_limits(1):
-        for _, own in parts(report, range(TRIALS)):
+        for _, share in parts(report, range(TRIALS)):
             expected = driven + sizes * (rng.standard_normal(model.error.shape) @ (scale[:, None] * axes))
             y = record.y.copy()
             for k in range(order, len(y)):
                 y[k] = expected[k - order] + y[k - 1 :: -1][:order].reshape(-1) @ past
-            scans.append(scan_hypotheses(record, y, order, own))
+            scans.append(scan_hypotheses(record, y, order, share))
     return _table(record.settings, scans, ("simulated",))
 
 
@@ -429,7 +431,7 @@ def table_of_windows(
     names: dict[str, None] = {}
     n_unusable = 0
     problem: LogError | None = None
-    for (log, (from_s, to_s)), own in parts(report, pieces):
+    for (log, (from_s, to_s)), share in parts(report, pieces):
         try:
             record = prepare_record(log, merge(config, {"window": {"from_s": from_s, "to_s": to_s}}))
             made = record.settings
@@ -438,7 +440,7 @@ def table_of_windows(
             ):
                 raise LogError(f"{log.path}: the window from {instant(from_s)} s is shorter than the others")
             with threadpool_limits(1):
-                scans.append(scan_hypotheses(record, record.y, report=own))
+                scans.append(scan_hypotheses(record, record.y, report=share))
         except LogError as unusable:
             n_unusable, problem = n_unusable + 1, unusable
             continue

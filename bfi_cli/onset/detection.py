@@ -85,8 +85,8 @@ def find_onset(
     flown = () if published else (manoeuvres_of(log, config.outputs),)
     conclusion = conclude([searched.evidence, *beside, *flown], config.require)
     helps = None if published else what_would_help(log, config, conclusion.verdicts)
-    of_sources = [note for source in (searched.evidence, *beside) for note in source.notes]
-    notes = [*conclusion.notes, *of_sources, *filter(None, [helps])]
+    source_notes = [note for source in (searched.evidence, *beside) for note in source.notes]
+    notes = [*conclusion.notes, *source_notes, *filter(None, [helps])]
     return result_of(searched, conclusion, config.start_time.false_alarm, notes)
 
 
@@ -134,12 +134,12 @@ def search_onsets(
         estimates = eliminate(record, estimates, order, rule, progress)
         estimates, doubted = _measured(log, record, estimates, config, progress, order=order)
         tolerances = tolerances_of(log, record.window.log, config.outputs, config)
-        of_limits = partial(progress, "what could not have been seen")
-        of_entries, limiting = shares(of_limits, len(entries) / 8, 2)
+        limits_report = partial(progress, "what could not have been seen")
+        entries_report, limiting = shares(limits_report, len(entries) / 8, 2)
         y, declared = subtract_faults(record.y, *estimates), [*known_faults(record, known), *estimates]
         scans = scans_beside(record, y, declared, order)
-        of_dictionary = limits_near_onsets(
-            record, rule, entries, config.onset_tolerance_s, tolerances, scans, report=of_entries
+        dictionary_limits = limits_near_onsets(
+            record, rule, entries, config.onset_tolerance_s, tolerances, scans, report=entries_report
         )
         seen = {} if known else first.standing_out
         declared = with_rivals(record, y, declared, tolerances, order=order, seen=seen)
@@ -158,7 +158,7 @@ def search_onsets(
             order=order,
             report=limiting,
         )
-        of_limits(1.0)
+        limits_report(1.0)
     verdict = estimates[0].verdict if estimates else None
     verdict = verdict or rule.verdict(first)
     faults, covered = declared_faults(record, estimates, tolerances), covered_s(record, order)
@@ -176,7 +176,7 @@ def search_onsets(
         rule=rule,
         verdict=verdict,
         covered_s=covered,
-        of_dictionary=of_dictionary,
+        dictionary_limits=dictionary_limits,
         rivals=frozenset((shape, config.outputs[output]) for shape, output in rivals_of(declared)),
     )
 
@@ -256,7 +256,7 @@ def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, orde
     where that is uncertain. Of those with about the least criterion the simplest is named, and `among` has the others.
     """
     log_n = float(np.log(len(y) - order))
-    of_steps, of_rivals = shares(report, 1, 3)
+    steps_report, rivals_report = shares(report, 1, 3)
     peaks = sorted(
         [*verdict.significant, *_rival_peaks(record, y, verdict, order)],
         key=lambda peak: (peak.form.shape != "bias", bic_change(peak)),
@@ -267,7 +267,7 @@ def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, orde
         n_parameters = peak.n_parameters + (peak.form.shape == "sine")
         lowest = min((criterion for criterion, _ in criteria), default=np.inf)
         least = max(0.0, (n_parameters * log_n - NOT_TOLD) * dispersion - lowest)
-        report_step = of_steps if n == 0 else silent
+        report_step = steps_report if n == 0 else silent
         fault = estimate(record, y, peak, order=order, jump_s=jump_s, least=least, report=report_step)
         if n == 0:
             dispersion = _dispersion(record, subtract_faults(y, fault), fault, order)
@@ -277,7 +277,7 @@ def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, orde
         nameable = record.kinds.may_be(peak.form.shape, peak.form.output) and fault.frequency_is_known
         if nameable or is_last_and_alone:
             criteria.append((n_parameters * log_n * dispersion - fault.statistic, fault))
-    of_rivals(1.0)
+    rivals_report(1.0)
     least = min(criterion for criterion, _ in criteria)
     alike = [fault for criterion, fault in criteria if criterion - least <= NOT_TOLD * dispersion]
     best = min(alike, key=lambda fault: (fault.form.parameter is not None, -fault.statistic))
@@ -294,7 +294,7 @@ def _rival_peaks(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int
         if form.output in outputs:
             peak = lasting_peak(record, scan_of(record, y, order, output=form.output), form)
             peaks.setdefault((form.shape, form.output), []).append(peak)
-    return [max(of_shape, key=lambda peak: peak.statistic) for of_shape in peaks.values()]
+    return [max(group, key=lambda peak: peak.statistic) for group in peaks.values()]
 
 
 def _with_likeliest_constant(record: ScanRecord, y: FloatArray, fault: Estimate, order: int) -> Estimate:
@@ -329,10 +329,10 @@ def refine_jointly(record: ScanRecord, faults: list[Estimate], order: int, repor
     rejected: a higher order leaves out more onsets near the ends of the record, the true one perhaps among them.
     """
     misfit = _misfit(record, faults, order)
-    for _, of_round in parts(report, range(MOST_ROUNDS)):
+    for _, round_share in parts(report, range(MOST_ROUNDS)):
         before = faults
-        for i, own in parts(of_round, range(len(before))):
-            moved = [*faults[:i], reestimate(record, faults, i, order, own), *faults[i + 1 :]]
+        for i, share in parts(round_share, range(len(before))):
+            moved = [*faults[:i], reestimate(record, faults, i, order, share), *faults[i + 1 :]]
             if len(moved) > 1:
                 z = np.array([fault.z for fault in moved])
                 best = record.likelihood(record.y, order).fit(unit_signals(record.y, moved), z).z
@@ -373,8 +373,8 @@ def eliminate(record: ScanRecord, faults: list[Estimate], order: int, rule: Rule
         return faults
     report = partial(progress, f"{len(faults)} faults, each left out")
     whole = _misfit(record, faults, order)
-    for i, of_fault in parts(report, sorted(range(len(faults)), key=lambda k: faults[k].statistic)):
-        others = refine_jointly(record, faults[:i] + faults[i + 1 :], order, of_fault)
+    for i, share in parts(report, sorted(range(len(faults)), key=lambda k: faults[k].statistic)):
+        others = refine_jointly(record, faults[:i] + faults[i + 1 :], order, share)
         if _misfit(record, others, order) - whole < rule.threshold(faults[i].form.shape):
             report(1.0)
             return eliminate(record, others, order, rule, progress)

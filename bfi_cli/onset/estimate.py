@@ -214,7 +214,10 @@ def with_likeliest_recorder(
         return record, peak, 0.0
     scan = scan_of(record, y, order, output=peak.form.output)
     responses = [response_of(chain, record.sampling.native_hz) for chain in chains]
-    records = [record, *(replace(record, sampling=replace(record.sampling, response=own)) for own in responses)]
+    records = [
+        record,
+        *(replace(record, sampling=replace(record.sampling, response=response)) for response in responses),
+    ]
     peaks = []
     for through in records:
         nearby = np.arange(peak.onset - BESIDE, peak.onset + BESIDE + 1) - through.sampling.lead

@@ -233,7 +233,9 @@ def _refine_frequency(search: OscillationSearch, wave: Sinusoid) -> Sinusoid:
     information, k = joint.information, signals.shape[1]
     covariance = np.linalg.pinv(information, hermitian=True)[:k, :k]
     cross = information[:k, k]
-    own = float(information[k, k] - cross @ np.linalg.pinv(information[:k, :k], hermitian=True) @ cross)
+    frequency_information = float(
+        information[k, k] - cross @ np.linalg.pinv(information[:k, :k], hermitian=True) @ cross
+    )
     fit = search.fit(signals, start)
     z, phase = float(fit.z[0]), 0.0
     if wave.free:
@@ -250,7 +252,7 @@ def _refine_frequency(search: OscillationSearch, wave: Sinusoid) -> Sinusoid:
         phase_rad=phase,
         statistic=search.likelihood.statistic(fit),
         sizes=fit.z,
-        frequency_sd_hz=(1.0 / float(np.sqrt(own)) if own > 0.0 else np.inf) / size,
+        frequency_sd_hz=(1.0 / float(np.sqrt(frequency_information)) if frequency_information > 0.0 else np.inf) / size,
         duration_s=duration_s,
     )
 

@@ -68,7 +68,7 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
     """
     profiles, onset_s = result.profiles, [profile.onset_s for profile in result.profiles]
     # Each shape has onsets of its own only where the search for ends made them differ.
-    same = all(np.array_equal(own, onset_s[0]) for own in onset_s)
+    same = all(np.array_equal(times_s, onset_s[0]) for times_s in onset_s)
     body = to_plain(
         {
             **{key: getattr(result, key) for key in DECISION_KEYS},
@@ -103,7 +103,7 @@ def onset_from_document(document: Plain, *, where: str = "result") -> OnsetResul
         OnsetResult,
         {
             **document,
-            "faults": [plain_estimate(one, where=f"{where}: faults[{i}]") for i, one in enumerate(faults)],
+            "faults": [plain_estimate(fault, where=f"{where}: faults[{i}]") for i, fault in enumerate(faults)],
             "profiles": [
                 {**{key: profile[key][i] for key in keys}, "onset_s": own_s}
                 for i, own_s in enumerate(onsets if onsets and isinstance(onsets[0], list) else [onsets] * n)
@@ -126,20 +126,24 @@ def onset_content(document: Plain, units: Units = SI, *, where: str = "result") 
     ConfigError : the document, named by `where`, is damaged.
     """
     result = onset_from_document(document, where=where)
-    candidates, own = result.candidates, {one.channel: one.unit for one in result.series}
+    candidates, channel_units = result.candidates, {series.channel: series.unit for series in result.series}
     screen, hidden = onset_screen(result, units), hidden_drawing(candidates, units)
     drawn = []
-    for one in result.profiles:
-        shown = units.of(one.unit, channel=one.channel, channel_unit=own.get(one.channel, ""))
-        size, sd = shown.changes(one.magnitude), shown.changes(one.sd)
-        drawn.append(replace(one, unit=shown.unit, magnitude=size, sd=sd))
+    for profile in result.profiles:
+        shown = units.of(profile.unit, channel=profile.channel, channel_unit=channel_units.get(profile.channel, ""))
+        size, sd = shown.changes(profile.magnitude), shown.changes(profile.sd)
+        drawn.append(replace(profile, unit=shown.unit, magnitude=size, sd=sd))
     content = ReportContent(
         category="Onset of a fault",
         title=result.log.path,
         tone=result.decision,
         lead=len(hidden),
-        facts=tuple(_facts(result, units, own)),
-        tables=(*_fault_tables(result, units, own), *candidate_tables(candidates, units), _shape_table(drawn)),
+        facts=tuple(_facts(result, units, channel_units)),
+        tables=(
+            *_fault_tables(result, units, channel_units),
+            *candidate_tables(candidates, units),
+            _shape_table(drawn),
+        ),
         drawings=(*hidden, _profile_drawing(drawn, result.faults), _series_drawing(result, units)),
         notes=shown_notes(result.notes, units),
         data=_data(result),
@@ -149,25 +153,25 @@ def onset_content(document: Plain, units: Units = SI, *, where: str = "result") 
 
 def onset_screen(result: OnsetResult, units: Units = SI) -> Screen:
     """Return the first screen of a scan over all onsets, in `units`."""
-    return window_screen(result, units, own={one.channel: one.unit for one in result.series})
+    return window_screen(result, units, channel_units={series.channel: series.unit for series in result.series})
 
 
 def _data(result: OnsetResult) -> dict[str, dict[str, Any]]:
     """Return the CSV files of faults, candidates and profiles at full precision."""
     profiles = result.profiles
-    lengths = [one.onset_s.size for one in profiles]
+    lengths = [profile.onset_s.size for profile in profiles]
     points: dict[str, Any] = {
-        key: np.repeat([getattr(one, key) for one in profiles], lengths) for key in ("shape", "channel", "unit")
+        key: np.repeat([getattr(profile, key) for profile in profiles], lengths) for key in ("shape", "channel", "unit")
     }
     shapes: dict[str, Any] = {
-        key: [getattr(one, key) for one in profiles]
+        key: [getattr(profile, key) for profile in profiles]
         for key in ("shape", "channel", "frequency_hz", "threshold", "unit")
     }
-    best = [int(one.statistic.argmax()) for one in profiles]
+    best = [int(profile.statistic.argmax()) for profile in profiles]
     for key in ("onset_s", "magnitude", "sd", "statistic"):
-        shapes[key] = [float(getattr(one, key)[k]) for one, k in zip(profiles, best, strict=True)]
+        shapes[key] = [float(getattr(profile, key)[k]) for profile, k in zip(profiles, best, strict=True)]
     for key in ("onset_s", "statistic", "magnitude", "sd"):
-        points[key] = np.concatenate([getattr(one, key) for one in profiles])
+        points[key] = np.concatenate([getattr(profile, key) for profile in profiles])
     return {
         "faults.csv": fault_columns(result.faults, FAULT_COLUMNS),
         "candidates.csv": candidate_columns(result.candidates),
@@ -176,7 +180,7 @@ def _data(result: OnsetResult) -> dict[str, dict[str, Any]]:
     }
 
 
-def _facts(result: OnsetResult, units: Units, own: Mapping[str, str]) -> list[tuple[str, str]]:
+def _facts(result: OnsetResult, units: Units, channel_units: Mapping[str, str]) -> list[tuple[str, str]]:
     log, model, use = result.log, result.model, result.calibration
     rows = [
         (
@@ -184,7 +188,7 @@ def _facts(result: OnsetResult, units: Units, own: Mapping[str, str]) -> list[tu
             f"{instant(log.start_s)} to {instant(log.stop_s)} s, {log.n_samples} samples at {number(log.rate_hz)} Hz",
         ),
         ("Model", f"VARX of order {model.order}, inputs {', '.join(model.inputs)}"),
-        ("Noise", noise_levels(model.noise_sd, units, own)),
+        ("Noise", noise_levels(model.noise_sd, units, channel_units)),
     ]
     if use is not None:
         fits = "made for these settings" if use.matches else "made for other settings"
@@ -193,13 +197,13 @@ def _facts(result: OnsetResult, units: Units, own: Mapping[str, str]) -> list[tu
         rows.append(("p-value", bound + number(result.p_value, digits=2)))
     for series in result.series:
         alarms = series.plain_alarms_s
-        told = f"{len(alarms)}, first at {instant(min(alarms))} s" if alarms else "none"
-        rows.append((f"Plain 5-sigma test, {series.channel}", told))
+        text = f"{len(alarms)}, first at {instant(min(alarms))} s" if alarms else "none"
+        rows.append((f"Plain 5-sigma test, {series.channel}", text))
     for fault in result.truth or ():
         where = f"on {fault.channel} " if fault.channel else ""  # a pressure line is no channel
         size = ""
         if SHAPES[fault.shape].has_magnitude:
-            unit_of = own.get(fault.channel, "")
+            unit_of = channel_units.get(fault.channel, "")
             value, unit = physical(fault, fault.magnitude, unit_of)
             known = units.of(unit, channel=fault.channel, channel_unit=unit_of)
             size = f", magnitude {with_unit(number(value / known.factor), known.unit)}"
@@ -208,12 +212,12 @@ def _facts(result: OnsetResult, units: Units, own: Mapping[str, str]) -> list[tu
     return rows
 
 
-def _fault_tables(result: OnsetResult, units: Units, own: Mapping[str, str]) -> tuple[Table, ...]:
+def _fault_tables(result: OnsetResult, units: Units, channel_units: Mapping[str, str]) -> tuple[Table, ...]:
     rows = []
-    for one in result.faults:
-        fault, when = one.fault, one.onset_ci95 or (math.nan, math.nan)
-        scale, shown = meaning(one, units, own.get(fault.channel, ""))
-        size = (scale * one.ci95[0], scale * one.ci95[1])
+    for estimate in result.faults:
+        fault, when = estimate.fault, estimate.onset_ci95 or (math.nan, math.nan)
+        scale, shown = meaning(estimate, units, channel_units.get(fault.channel, ""))
+        size = (scale * estimate.ci95[0], scale * estimate.ci95[1])
         rows.append(
             (
                 kind_in_words(fault.shape, fault.frequency_hz),
@@ -221,27 +225,36 @@ def _fault_tables(result: OnsetResult, units: Units, own: Mapping[str, str]) -> 
                 f"{number(fault.onset_s, spread=half(when))} s",
                 with_unit(interval(when), "s"),
                 "-" if fault.offset_s is None else f"{instant(fault.offset_s)} s",
-                with_unit(number(scale * one.magnitude, spread=half(size), extra=1), shown.unit),
+                with_unit(number(scale * estimate.magnitude, spread=half(size), extra=1), shown.unit),
                 with_unit(interval(size), shown.unit),
-                number(one.statistic),
-                number(one.p_value, digits=2),
+                number(estimate.statistic),
+                number(estimate.p_value, digits=2),
             )
         )
     within = "95 % interval"
     heads = ("shape", "channel", "onset", within, "until", "magnitude", within, "statistic", "p-value")
-    times_s = tuple((one.fault.onset_s, one.fault.offset_s) for one in result.faults)
+    times_s = tuple((estimate.fault.onset_s, estimate.fault.offset_s) for estimate in result.faults)
     table = Table(name="faults", title="Faults", heads=heads, rows=tuple(rows), times_s=times_s, last_time=4)
     return (table,) if rows else ()
 
 
 def _shape_table(profiles: Sequence[ShapeProfile]) -> Table:
     rows, times_s = [], []
-    for one in profiles:
-        best = int(one.statistic.argmax())
-        onset, size = instant(one.onset_s[best]), quantity(float(one.magnitude[best]), one.unit)
-        statistic, threshold = number(float(one.statistic[best])), number(one.threshold)
-        rows.append((kind_in_words(one.shape, one.frequency_hz), one.channel, f"{onset} s", size, statistic, threshold))
-        times_s.append((float(one.onset_s[best]),))
+    for profile in profiles:
+        best = int(profile.statistic.argmax())
+        onset, size = instant(profile.onset_s[best]), quantity(float(profile.magnitude[best]), profile.unit)
+        statistic, threshold = number(float(profile.statistic[best])), number(profile.threshold)
+        rows.append(
+            (
+                kind_in_words(profile.shape, profile.frequency_hz),
+                profile.channel,
+                f"{onset} s",
+                size,
+                statistic,
+                threshold,
+            )
+        )
+        times_s.append((float(profile.onset_s[best]),))
     heads = ("shape", "channel", "best onset", "magnitude", "statistic", "threshold")
     title = "Every shape at its best onset"
     return Table(name="shapes", title=title, heads=heads, rows=tuple(rows), times_s=tuple(times_s), last_time=2)
@@ -249,29 +262,29 @@ def _shape_table(profiles: Sequence[ShapeProfile]) -> Table:
 
 def _profile_drawing(profiles: Sequence[ShapeProfile], faults: Sequence[FaultEstimate]) -> Drawing:
     panels: list[Panel] = []
-    for one in profiles:
+    for profile in profiles:
         spans: list[Span] = []
         for fault in faults:
-            if fault.fault.shape == one.shape:
+            if fault.fault.shape == profile.shape:
                 low, high = fault.onset_ci95 or (fault.fault.onset_s, fault.fault.onset_s)
                 spans.append(Span(label="onset", low=low, high=high))
                 if fault.fault.offset_s is not None:
                     spans.append(Span(label="end", low=fault.fault.offset_s, high=fault.fault.offset_s))
-        onset_s, statistic, z, sd = one.onset_s, one.statistic, one.magnitude, np.nan_to_num(one.sd)
+        onset_s, statistic, z, sd = profile.onset_s, profile.statistic, profile.magnitude, np.nan_to_num(profile.sd)
         reach = INSIDE * max(abs(float(z[statistic.argmax()])), float(np.quantile(np.abs(z), 0.9)))
         panels += [
             Panel(
-                title=f"{kind_in_words(one.shape, one.frequency_hz)} on {one.channel}",
+                title=f"{kind_in_words(profile.shape, profile.frequency_hz)} on {profile.channel}",
                 x_label="onset [s]",
                 y_label="statistic [-]",
                 curves=(curve("", onset_s, np.maximum(statistic, LEAST)),),
                 log_y=True,
-                levels=() if one.threshold is None else (("threshold", max(one.threshold, LEAST)),),
+                levels=() if profile.threshold is None else (("threshold", max(profile.threshold, LEAST)),),
                 spans=tuple(spans),
             ),
             Panel(
                 x_label="onset [s]",
-                y_label=f"magnitude [{one.unit or '-'}]",
+                y_label=f"magnitude [{profile.unit or '-'}]",
                 curves=(curve("", onset_s, z, low=z - 2.0 * sd, high=z + 2.0 * sd),),
                 spans=tuple(spans),
                 y_limits=(-reach, reach) if reach > 0.0 else None,
@@ -282,17 +295,17 @@ def _profile_drawing(profiles: Sequence[ShapeProfile], faults: Sequence[FaultEst
 
 def _series_drawing(result: OnsetResult, units: Units) -> Drawing:
     panels = []
-    for one in result.series:
-        shown = units.of(one.unit, channel=one.channel)
-        curves = [curve("measured", result.time_s, shown.readings(one.measured))]
-        if any(fault.fault.channel == one.channel for fault in result.faults):
-            curves.append(curve("corrected", result.time_s, shown.readings(one.corrected), style="dashed"))
+    for series in result.series:
+        shown = units.of(series.unit, channel=series.channel)
+        curves = [curve("measured", result.time_s, shown.readings(series.measured))]
+        if any(fault.fault.channel == series.channel for fault in result.faults):
+            curves.append(curve("corrected", result.time_s, shown.readings(series.corrected), style="dashed"))
         panels.append(
             Panel(
                 x_label="time [s]",
-                y_label=f"{one.channel} [{shown.unit or '-'}]",
+                y_label=f"{series.channel} [{shown.unit or '-'}]",
                 curves=tuple(curves),
-                spans=tuple(Span(label="plain 5-sigma test", low=t, high=t) for t in one.plain_alarms_s),
+                spans=tuple(Span(label="plain 5-sigma test", low=t, high=t) for t in series.plain_alarms_s),
             )
         )
     return Drawing(name="outputs", caption=SERIES_CAPTION, panels=tuple(panels))

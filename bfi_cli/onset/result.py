@@ -64,7 +64,7 @@ class OnsetResult:
     verdicts : on each kind of fault; candidates : every shape on every output, see `bfi_cli.decision`.
     summary : what the log says of the kinds of which no fault is declared.
     covered_s : first and last onset for which the claims hold, None where the method makes no claim.
-    of_dictionary : limits of the faults that were asked for, in their order.
+    dictionary_limits : limits of the faults that were asked for, in their order.
     statistic, threshold : 2 log of the likelihood ratio of the shape that stands out most, and what it must exceed.
     p_value : of the largest standardised statistic, a bound where it is 1 / (n + 1) of n windows; None where no
         calibration fits the settings.
@@ -78,7 +78,7 @@ class OnsetResult:
     candidates: tuple[Candidate, ...]
     summary: str
     covered_s: tuple[float, float] | None = None
-    of_dictionary: tuple[ScanLimit | None, ...] = ()
+    dictionary_limits: tuple[ScanLimit | None, ...] = ()
     false_alarm: float
     p_value: float | None
     statistic: float

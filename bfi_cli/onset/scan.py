@@ -86,8 +86,8 @@ class HypothesisScan:
 
     def of(self, shape: str, output: int | None = None) -> Peak:
         """Return the best peak of a shape, over all outputs or on `output`."""
-        of_shape = (peak for peak in self.peaks if peak.form.shape == shape and output in (None, peak.form.output))
-        return max(of_shape, key=lambda peak: peak.statistic)
+        peaks = (peak for peak in self.peaks if peak.form.shape == shape and output in (None, peak.form.output))
+        return max(peaks, key=lambda peak: peak.statistic)
 
 
 def scan_hypotheses(
@@ -109,7 +109,7 @@ def scan_hypotheses(
         [scan_of(record, y, s, output=i, first=max(orders)) for i in range(y.shape[1])]
         for s, _ in parts(preparing, orders)
     ]
-    without_fault = [fault_free_bic(record, of_outputs[0]) for of_outputs in scans]
+    without_fault = [fault_free_bic(record, order_scans[0]) for order_scans in scans]
     seen: list[dict[int, tuple[float, ...]]] = [{} for _ in orders]
     best = without_fault
     if several:
@@ -122,11 +122,11 @@ def scan_hypotheses(
         # oscillation: start and end of the best hypothesis are sought anew at every order.
         comparing, peaking = shares(again, 1, 3)
         peak, criteria = min(scanned, key=bic_change), []
-        for (s, base), own in parts(comparing, list(zip(orders, without_fault, strict=True))):
+        for (s, base), share in parts(comparing, list(zip(orders, without_fault, strict=True))):
             scan = scan_of(record, y, s, output=peak.form.output, first=max(orders))
             sharp = waveform(peak.form, replace(record.sampling, n_samples=scan.n_samples, factor=1))
             charge = peak.n_parameters * float(np.log(scan.n_rows))
-            criteria.append(base - scan_ends(scan, sharp, report=own).statistic + charge)
+            criteria.append(base - scan_ends(scan, sharp, report=share).statistic + charge)
         best = np.minimum(best, criteria).tolist()
         if (better := orders[int(np.argmin(np.minimum(without_fault, best)))]) != chosen:
             chosen, scanned = better, _scan_at_order(record, y, better, {}, peaking)
@@ -159,31 +159,31 @@ def _bic_with_fault(
     looking, comparing = shares(report, 3, 6 if record.settings.ends else 1)
     low, high = (f / record.sampling.rate_hz for f in record.band_hz)
     candidates: dict[int, FloatArray] = {}
-    for form, of_form in parts(looking, record.forms):
+    for form, form_share in parts(looking, record.forms):
         if form.shape == "sine" and form.output not in candidates:
-            of_orders = set[float]()
-            for k, of_order in parts(of_form, _screened(without_fault)):
+            frequencies = set[float]()
+            for k, order_share in parts(form_share, _screened(without_fault)):
                 scan = scans[k][form.output]
-                of_orders.update(standing_out(scan, frequency_grid(scan, (low, high)), of_order))
-            candidates[form.output] = np.array(sorted(of_orders))
+                frequencies.update(standing_out(scan, frequency_grid(scan, (low, high)), order_share))
+            candidates[form.output] = np.array(sorted(frequencies))
     best, seen = list[float](), list[dict[int, tuple[float, ...]]]()
-    for (of_outputs, base), of_order in parts(comparing, list(zip(scans, without_fault, strict=True))):
-        criteria, of_outputs_seen = [], dict[int, tuple[float, ...]]()
-        for form, own in parts(of_order, record.forms):
-            scan, n_parameters = of_outputs[form.output], 3 if form.parameter or form.shape == "sine" else 2
+    for (order_scans, base), order_share in parts(comparing, list(zip(scans, without_fault, strict=True))):
+        criteria, ranked = [], dict[int, tuple[float, ...]]()
+        for form, share in parts(order_share, record.forms):
+            scan, n_parameters = order_scans[form.output], 3 if form.parameter or form.shape == "sine" else 2
             sampling = replace(record.sampling, n_samples=scan.n_samples)
             if form.shape == "sine":
-                screened = screen_sines(scan, candidates[form.output], own)
+                screened = screen_sines(scan, candidates[form.output], share)
                 statistic = float(screened.max())
-                of_outputs_seen[form.output] = tuple(candidates[form.output][np.argsort(-screened)].tolist())
+                ranked[form.output] = tuple(candidates[form.output][np.argsort(-screened)].tolist())
             elif record.settings.ends:
-                statistic = scan_ends(scan, waveform(form, replace(sampling, factor=1)), report=own).statistic
+                statistic = scan_ends(scan, waveform(form, replace(sampling, factor=1)), report=share).statistic
                 n_parameters += 1
             else:
                 statistic = largest_statistic(scan, waveform(form, sampling))
             criteria.append(base - statistic + n_parameters * float(np.log(scan.n_rows)))
         best.append(min(criteria))
-        seen.append(of_outputs_seen)
+        seen.append(ranked)
     return best, seen
 
 
@@ -198,9 +198,10 @@ def _scan_at_order(
     """
     scans = [scan_of(record, y, order, output=i) for i in range(y.shape[1])]
     lengths = [SEARCH if form.shape == "sine" and form.parameter is None else 1 for form in record.forms]
-    of_forms = zip(record.forms, shares(report, *lengths), strict=True)
+    form_shares = zip(record.forms, shares(report, *lengths), strict=True)
     return tuple(
-        scan_hypothesis(record, scans[form.output], form, own, begin=seen.get(form.output)) for form, own in of_forms
+        scan_hypothesis(record, scans[form.output], form, share, begin=seen.get(form.output))
+        for form, share in form_shares
     )
 
 

@@ -35,7 +35,7 @@ class OnsetSearch:
     order : of the model without the faults; series_order : of that of the outputs as measured, which may hold faults.
     rule, verdict : what decided; None where the method has no test.
     covered_s : first and last onset for which the claims hold, None where the method makes no claim.
-    of_dictionary : limits of the faults that were asked for, in their order.
+    dictionary_limits : limits of the faults that were asked for, in their order.
     rivals : shape and channel of what may stand in place of a declared fault.
     """
 
@@ -49,7 +49,7 @@ class OnsetSearch:
     rule: Rule | None = None
     verdict: Verdict | None = None
     covered_s: tuple[float, float] | None = None
-    of_dictionary: tuple[ScanLimit | None, ...] = ()
+    dictionary_limits: tuple[ScanLimit | None, ...] = ()
     rivals: frozenset[tuple[Shape, str]] = frozenset()
 
     @cached_property
@@ -132,7 +132,7 @@ def result_of(search: OnsetSearch, conclusion: Conclusion, false_alarm: float, n
         candidates=conclusion.candidates,
         summary=conclusion.summary,
         covered_s=search.covered_s,
-        of_dictionary=search.of_dictionary,
+        dictionary_limits=search.dictionary_limits,
         false_alarm=false_alarm,
         p_value=verdict.p_value if verdict else None,
         statistic=verdict.statistic if verdict else statistic,

@@ -142,8 +142,8 @@ class KindsOfFault:
         """Return the earliest and the latest onset, s, of faults of a shape, and of those that it is scanned for."""
         alike = [
             span
-            for (other, own), span in self.ranges_s.items()
-            if own == output and shape in (other, SCANNED_AS.get(other))
+            for (other, channel), span in self.ranges_s.items()
+            if channel == output and shape in (other, SCANNED_AS.get(other))
         ]
         if not alike or not self.only:
             return -np.inf, np.inf
@@ -204,7 +204,7 @@ def kinds_of_entries(entries: Sequence[Fault], outputs: Sequence[str], duration_
         elif shape in SCANNED_AS:
             low, high = entry.parameter_range or (0.0, np.inf)
             tried = (stated,) if stated else tuple(c for c in constants_s(duration_s) if low <= c <= high) or (low,)
-            rivals += [ShapeHypothesis(shape=shape, output=key[1], parameter=one) for one in tried]
+            rivals += [ShapeHypothesis(shape=shape, output=key[1], parameter=parameter) for parameter in tried]
     known = [band for band in bands if band is not None]
     return KindsOfFault(
         detected=tuple(dict.fromkeys(detected)),

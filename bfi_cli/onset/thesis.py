@@ -71,8 +71,8 @@ def search_as_published(log: FlightLog, config: Config, progress: Progress = uns
     stage = None if decides_by_rule(config) else stage_of(config)
     forms = [form for form in record.forms if form.shape in PUBLISHED]
     peaks = [
-        Peak(form=form, profile=_solved(record, scan, form, config, stage, of_form), end=None)
-        for form, of_form in parts(partial(progress, "a solution for every onset"), forms)
+        Peak(form=form, profile=_solved(record, scan, form, config, stage, share), end=None)
+        for form, share in parts(partial(progress, "a solution for every onset"), forms)
     ]
     largest = [int(np.argmax(np.abs(peak.profile.z))) for peak in peaks]
     peak, best = min(zip(peaks, largest, strict=True), key=lambda pair: pair[0].profile.rss[pair[1]])
@@ -89,7 +89,7 @@ def search_as_published(log: FlightLog, config: Config, progress: Progress = uns
     )
     notes = [Note.limit(NOTE)]
     if stage is not None:
-        z = np.concatenate([of_shape.profile.z for of_shape in peaks])
+        z = np.concatenate([peak.profile.z for peak in peaks])
         notes = [Note.limit(STAGE_NOTE.format(kind=stage.kind, zeros=np.count_nonzero(z == 0.0), n=z.size))]
     if left := ", ".join(shape for shape in wanted.shapes if shape not in PUBLISHED):
         notes.append(Note.limit(f"the published method is for steps and ramps; left out: {left}"))
@@ -97,13 +97,13 @@ def search_as_published(log: FlightLog, config: Config, progress: Progress = uns
     channel, scale, unit = record.output(0)
     candidates = [
         candidate_of(
-            fault_of(of_shape.form, channel),
+            fault_of(scanned.form, channel),
             unit,
-            name=of_shape.form.shape,
-            declared=bool(estimates) and of_shape is peak,
-            magnitude=scale * float(of_shape.profile.z[k]),
+            name=scanned.form.shape,
+            declared=bool(estimates) and scanned is peak,
+            magnitude=scale * float(scanned.profile.z[k]),
         )
-        for of_shape, k in zip(peaks, largest, strict=True)
+        for scanned, k in zip(peaks, largest, strict=True)
     ]
     tolerances = tolerances_of(log, record.window.log, config.outputs, config)
     faults = declared_faults(record, estimates, tolerances)

@@ -203,7 +203,7 @@ def _whole_pieces(log: FlightLog, names: Sequence[str], first: int, stop: int) -
     for name in names:
         if name in log.channels:
             known &= np.isfinite(log.channels[name].values)
-    rotors = [(one.from_s, one.to_s) for one in phases_of(log) if one.phase in (HOVER, TRANSITION)]
+    rotors = [(phase.from_s, phase.to_s) for phase in phases_of(log) if phase.phase in (HOVER, TRANSITION)]
     known &= ~within(log.time_s, rotors)
     pieces, gaps = list[tuple[int, int]](), gap_starts(log.time_s) + 1
     for low, high in runs(known):
@@ -227,11 +227,11 @@ def require_one_trim(window: FlightLog, faults: Sequence[Fault], config: Config)
     if (advice := advice_on_windows(window)) is None:
         return
     start_s, stop_s = float(window.time_s[0]), float(window.time_s[-1])
-    last_s = max((one.onset_s for one in faults if start_s <= one.onset_s <= stop_s), default=start_s)
+    last_s = max((fault.onset_s for fault in faults if start_s <= fault.onset_s <= stop_s), default=start_s)
     later = [
-        one.phase
-        for one in phases_of(window, suspects=config.outputs)
-        if one.phase in TRIMS and one.from_s > last_s and one.to_s - one.from_s > last_s - start_s
+        phase.phase
+        for phase in phases_of(window, suspects=config.outputs)
+        if phase.phase in TRIMS and phase.from_s > last_s and phase.to_s - phase.from_s > last_s - start_s
     ]
     if later:
         raise LogError(

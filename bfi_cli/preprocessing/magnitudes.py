@@ -114,13 +114,13 @@ def estimate_magnitudes(
     if coarse is None:
         return estimates
     active = list(fits[0].fit.atoms)
-    of_coarse = replace(penalty, n_rows=coarse.n_rows, n_effective=float(coarse.n_rows))
+    coarse_penalty = replace(penalty, n_rows=coarse.n_rows, n_effective=float(coarse.n_rows))
     start = estimates.value[active] / coarse.magnitude_unit[active]
     scored = []
     for order, _ in parts(fitting, coarse.orders):
         fit = fit_magnitudes(coarse.problem(order), active, start)
-        scored.append(ScoredFit(criterion=of_coarse.criterion(fit), fit=fit))
-    other = averaged_magnitudes(coarse, scored, of_coarse, dispersion, report=there)
+        scored.append(ScoredFit(criterion=coarse_penalty.criterion(fit), fit=fit))
+    other = averaged_magnitudes(coarse, scored, coarse_penalty, dispersion, report=there)
     # What sampling does not explain of the change between the rates.
     excess = (other.value - estimates.value) ** 2 - np.maximum(estimates.variance, other.variance)
     variance = estimates.variance + RATE_WEIGHT * np.nan_to_num(np.maximum(excess, 0.0))
@@ -284,7 +284,7 @@ def limits_within_tolerance(
         moving, sizing = shares(report, 1, 1)
         moved = with_onsets(window, moves)
         there = regression.with_dictionary(moved.signals.theta, regression.atoms, moving, slopes=moved.signals.slopes)
-        charged = searched(penalty, max(of_entry.size for of_entry in shifts.values()))
+        charged = searched(penalty, max(shifts_s.size for shifts_s in shifts.values()))
         at_half = None
         if coarse is not None:
             native, rate = moved.native, (coarse.signals.factor, window.lowpass)
@@ -293,11 +293,11 @@ def limits_within_tolerance(
         estimates = estimate_magnitudes(there, fits, charged, overdispersion, at_half, sizing)
         return profiled_limits(there, best, estimates, charged, overdispersion)
 
-    for end, of_end in parts(report, (0, -1)):
-        moves = {entry: float(of_entry[end]) for entry, of_entry in shifts.items() if of_entry.size}
+    for end, share in parts(report, (0, -1)):
+        moves = {entry: float(shifts_s[end]) for entry, shifts_s in shifts.items() if shifts_s.size}
         if moves:
             moved = [absent[entry] for entry in moves]
-            limits[moved] = np.fmax(limits[moved], limits_at(moves, of_end)[moved])
+            limits[moved] = np.fmax(limits[moved], limits_at(moves, share)[moved])
     return limits
 
 
@@ -345,15 +345,15 @@ def _with_unit_root(
     fit, n_outputs = scored.fit, regression.layout.y.shape[1]
     problem = with_unit_root(regression.problem(fit.order))
     held = fit_magnitudes(problem, fit.atoms, fit.z)
-    value, own = single_magnitudes(problem, held, len(z))
+    value, value_variance = single_magnitudes(problem, held, len(z))
     ratio = penalty.n_effective * (held.log_det - fit.log_det) / overdispersion
     weight = special.expit(0.5 * (n_outputs * UNIT_ROOT - ratio))
-    weight = np.where(np.isfinite(own), weight, 0.0)
-    value, own = np.where(weight > 0.0, value, z), np.where(weight > 0.0, own, variance)
+    weight = np.where(np.isfinite(value_variance), weight, 0.0)
+    value, value_variance = np.where(weight > 0.0, value, z), np.where(weight > 0.0, value_variance, variance)
     mean = (1.0 - weight) * z + weight * value
     spread = (1.0 - weight) * (z - mean) ** 2 + weight * (value - mean) ** 2
     # The spread is no sampling error, so that the overdispersion does not act on it.
-    return mean, (1.0 - weight) * variance + weight * own + spread / overdispersion
+    return mean, (1.0 - weight) * variance + weight * value_variance + spread / overdispersion
 
 
 def magnitudes_of_fit(regression: RegressionData, scored: ScoredFit, penalty: Penalty) -> MagnitudeEstimates:

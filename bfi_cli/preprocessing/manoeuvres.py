@@ -19,16 +19,16 @@ def manoeuvres_of(log: FlightLog, suspects: Collection[str]) -> Evidence:
     ----------
     suspects : channels that may be faulty, which do not say how the aircraft flies where others do.
     """
-    found = [one for one in phases_of(log, suspects=suspects) if one.phase in NAMES]
+    phases = [phase for phase in phases_of(log, suspects=suspects) if phase.phase in NAMES]
     return Evidence(
         source="phases",
         manoeuvres=tuple(
-            Manoeuvre(name=one.phase, from_s=one.from_s, to_s=one.to_s, beside_s=RECOVERY_S) for one in found
+            Manoeuvre(name=phase.phase, from_s=phase.from_s, to_s=phase.to_s, beside_s=RECOVERY_S) for phase in phases
         ),
     )
 
 
 def modelled_stretches(log: FlightLog, suspects: Collection[str]) -> list[tuple[float, float]]:
     """Return (from_s, to_s) of the stretches of flight that a linear model may follow: without stalls and parabolas."""
-    disturbed = [one.reach_s for one in manoeuvres_of(log, suspects).manoeuvres]
+    disturbed = [manoeuvre.reach_s for manoeuvre in manoeuvres_of(log, suspects).manoeuvres]
     return left_of(airborne_stretches(log, suspects=suspects), disturbed)

@@ -125,17 +125,17 @@ class RegressionData:
         blocks = np.array_split(np.arange(n_rows), min(n_rows, MOST_SLOPES))
         starts = np.array([block[0] for block in blocks])
         rows = np.tile(np.array([float(len(block)) for block in blocks])[:, None], (1, n_outputs))
-        found = {}
+        mean_slopes = {}
         for j, entry in enumerate(self.atoms):
             if entry in self.signals.slopes:
-                own = self.signals.slopes[entry][first:]
+                slope = self.signals.slopes[entry][first:]
             elif entry in self.signals.scaling:
-                own = (theta[first:, :, j] != 0.0).astype(float)
+                slope = (theta[first:, :, j] != 0.0).astype(float)
             else:
                 continue
-            means = np.add.reduceat(own, starts, axis=0) / rows
-            found[j] = (means * self.magnitude_unit[j]).ravel()
-        return found, rows.ravel()
+            means = np.add.reduceat(slope, starts, axis=0) / rows
+            mean_slopes[j] = (means * self.magnitude_unit[j]).ravel()
+        return mean_slopes, rows.ravel()
 
     def at_order(self, order: int) -> Compressed:
         """Return the factor of one order."""
@@ -232,7 +232,7 @@ def build_regression(
         layout = _evened(layout, floor, signals.rate_hz)
     if signals.earlier:
         units = np.concatenate([u_unit, unit])
-        earlier = [_earlier_rows(one, layout, units, floor, is_even=is_even) for one in signals.earlier]
+        earlier = [_earlier_rows(record, layout, units, floor, is_even=is_even) for record in signals.earlier]
         layout = replace(layout, earlier=EarlierRows.together(earlier))
     return RegressionData(
         signals=replace(signals, theta=AtomSignals.none(*signals.y.shape)),

@@ -93,7 +93,7 @@ class NativeSignals:
     faults : every entry, times on the axis of the log; seen : indices of those that act in the window.
     window_start_s : what `phase_reference: window` counts from.
     response : of the filters that the log went through.
-    of_log : by index, the signals of entries that depend on what the log shows.
+    log_signals : by index, the signals of entries that depend on what the log shows.
     resampled : by index, (n_samples, n_outputs), those that were resampled with the log.
     earlier : of other records, see `Signals`; weight : of one of these.
     """
@@ -105,7 +105,7 @@ class NativeSignals:
     seen: Sequence[int] = ()
     window_start_s: float = 0.0
     response: Response = IDENTITY
-    of_log: Mapping[int, LogSignal] = field(default_factory=dict)
+    log_signals: Mapping[int, LogSignal] = field(default_factory=dict)
     resampled: Mapping[int, FloatArray] = field(default_factory=dict)
     earlier: tuple[NativeSignals, ...] = ()
     weight: float = 1.0
@@ -164,12 +164,12 @@ class NativeSignals:
     @property
     def given(self) -> dict[int, FloatArray]:
         """By index, (n_samples, n_outputs), the signals that are known sample by sample, not from a formula."""
-        return {j: one.values for j, one in self.of_log.items()} | dict(self.resampled)
+        return {j: signal.values for j, signal in self.log_signals.items()} | dict(self.resampled)
 
     @property
     def slopes(self) -> Mapping[int, FloatArray]:
         """By index, (n_samples, n_outputs), by how much the signal of a fault of a pressure line changes with them."""
-        return {j: one.slopes for j, one in self.of_log.items() if one.slopes is not None}
+        return {j: signal.slopes for j, signal in self.log_signals.items() if signal.slopes is not None}
 
     def slopes_at(self, factor: int, lowpass: Lowpass) -> dict[int, FloatArray]:
         """Return the slopes, which change slowly, at the samples that a decimation leaves."""
@@ -179,25 +179,27 @@ class NativeSignals:
     @property
     def scaling(self) -> tuple[int, ...]:
         """Entries whose signal is the output itself."""
-        return tuple(j for j, one in self.of_log.items() if one.slopes is None)
+        return tuple(j for j, signal in self.log_signals.items() if signal.slopes is None)
 
-    def of_others(self, faults: Sequence[Fault], seen: Sequence[int], of_log: Mapping[int, LogSignal]) -> NativeSignals:
+    def with_faults(
+        self, faults: Sequence[Fault], seen: Sequence[int], log_signals: Mapping[int, LogSignal]
+    ) -> NativeSignals:
         """Return the window with other faults, those that are not `seen` zero."""
-        made = replace(self, faults=tuple(faults), seen=seen, of_log=of_log, resampled={})
+        made = replace(self, faults=tuple(faults), seen=seen, log_signals=log_signals, resampled={})
         made._even.update(self._even)
         return made
 
-    def with_others(self, faults: Mapping[int, Fault], of_log: Mapping[int, LogSignal]) -> NativeSignals:
+    def with_others(self, faults: Mapping[int, Fault], log_signals: Mapping[int, LogSignal]) -> NativeSignals:
         """Return the window with other faults in place of some entries.
 
         Parameters
         ----------
-        faults : by index; of_log : the signals of those that depend on what the log shows.
+        faults : by index; log_signals : the signals of those that depend on what the log shows.
         """
         return replace(
             self,
             faults=tuple(faults.get(j, fault) for j, fault in enumerate(self.faults)),
-            of_log={**self.of_log, **of_log},
+            log_signals={**self.log_signals, **log_signals},
             resampled={j: values for j, values in self.resampled.items() if j not in faults},
         )
 
@@ -222,17 +224,17 @@ class NativeSignals:
         atoms, outputs, given = [Stretches()] * n_faults, [0] * n_faults, self.given
         for j in self.seen:
             fault = self.faults[j]
-            own = outputs[j] = self.outputs.index(fault.channel)
+            output = outputs[j] = self.outputs.index(fault.channel)
             if (signal := given.get(j)) is not None:
-                made, largest[j] = decimate(signal, factor, lowpass), np.max(np.abs(signal[:, own]), initial=0.0)
+                made, largest[j] = decimate(signal, factor, lowpass), np.max(np.abs(signal[:, output]), initial=0.0)
                 if in_stretches:
-                    atoms[j] = signal_of(made[:, own])
+                    atoms[j] = signal_of(made[:, output])
                 else:
                     theta[:, :, j] = made
             elif in_stretches:
                 atoms[j], largest[j] = self.stretches_of(fault, factor, lowpass)
             else:
-                theta[:, own, j], largest[j] = self.signal_of(fault, factor, lowpass)
+                theta[:, output, j], largest[j] = self.signal_of(fault, factor, lowpass)
         if not in_stretches:
             return AtomSignals.sampled(theta), largest
         step_s, n_outputs = factor * self.step_s, len(self.outputs)
@@ -282,9 +284,9 @@ class NativeSignals:
             column, largest = self._in_blocks(fault, self.time_s, factor, lowpass)
             return signal_of(column), largest
         form, since_s, holds_s = tail
-        own, delay = lowpass_taps(factor, lowpass), lost_samples(factor, lowpass)[0] if factor > 1 else 0
+        decimation_taps, delay = lowpass_taps(factor, lowpass), lost_samples(factor, lowpass)[0] if factor > 1 else 0
         n_rows, step_s, time_s, response = self.n_rows(factor, lowpass), self.step_s, self.time_s, self.response
-        n_taps, taps = own.size, np.convolve(response.taps, own)
+        n_taps, taps = decimation_taps.size, np.convolve(response.taps, decimation_taps)
         fall = -complex(form.exponent).real
         if fall * max(factor * step_s / STEEPEST, step_s * taps.size / LONGEST_REACH) > 1.0:
             holds_s += GONE / fall
@@ -384,7 +386,7 @@ def decimate_native(native: NativeSignals, factor: int, lowpass: Lowpass = WHITE
         theta=theta,
         scaling=native.scaling,
         slopes=native.slopes_at(factor, lowpass),
-        earlier=tuple(decimate_native(one, factor, lowpass)[0] for one in native.earlier),
+        earlier=tuple(decimate_native(record, factor, lowpass)[0] for record in native.earlier),
         weight=native.weight,
     )
     return signals, largest

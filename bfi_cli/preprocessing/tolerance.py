@@ -71,7 +71,7 @@ def tolerance_of(log: FlightLog, window: FlightLog, channel: str) -> float:
         # An airspeed that is lost from the first sample on has no share of a speed.
         return min(max(AIRSPEED_SHARE * speed, AIRSPEED_LEAST), AIRSPEED_MOST * speed) or AIRSPEED_LEAST
     if quantity in ("altitude", "baro_altitude"):
-        known = [one for one in AIRSPEEDS if one in window.channels]
+        known = [name for name in AIRSPEEDS if name in window.channels]
         speed = _cruising_speed(window, known[0]) if known else 0.0
         return max(ALTITUDE_PER_SPEED * speed, ALTITUDE_LEAST)
     outside = (log.time_s < window.time_s[0]) | (log.time_s > window.time_s[-1])

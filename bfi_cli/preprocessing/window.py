@@ -178,7 +178,7 @@ def prepare_window(
             native,
             log=part,
             response=response_of(filters, part.rate_hz),
-            of_log={j: one.at(part.time_s, log.time_s) for j, one in native.of_log.items()},
+            log_signals={j: signal.at(part.time_s, log.time_s) for j, signal in native.log_signals.items()},
             resampled={j: theta[:, :, j] for j in native.seen},
         )
     _require_movement(part, config)
@@ -209,7 +209,7 @@ def prepare_window(
         largest=largest,
         rate=rate,
         filters=filters,
-        recorder="; ".join(filter(None, (about_recorder, *(one.text for one in log.notes[known:])))),
+        recorder="; ".join(filter(None, (about_recorder, *(note.text for note in log.notes[known:])))),
         recorder_hz=recorder_hz,
         lowpass=lowpass,
         window_stop_s=span[1],
@@ -232,9 +232,9 @@ def _earlier_signals(log: FlightLog, rate_hz: float, config: Config, *, resample
     """
     used, made = [*config.inputs, *config.outputs], []
     weights = log.earlier_weights or (1.0,) * len(log.earlier)
-    for one, weight in zip(log.earlier, weights, strict=True):
+    for earlier_log, weight in zip(log.earlier, weights, strict=True):
         try:
-            part = with_derived(one, used)
+            part = with_derived(earlier_log, used)
             require_usable(part, used, resampling=resamples)
             if resamples:
                 part = resample(part, rate_hz)
@@ -268,14 +268,14 @@ def _signals_of_entries(
     """
     dead = ((j, dead_reason(fault, *span, outputs=config.outputs)) for j, fault in enumerate(faults))
     reasons = {j: reason for j, reason in dead if reason is not None}
-    unknown = [j for j, one in enumerate(faults) if j not in reasons and SHAPES[one.shape].acts_on == "course"]
+    unknown = [j for j, fault in enumerate(faults) if j not in reasons and SHAPES[fault.shape].acts_on == "course"]
     free = tuple(unknown) if courses else ()
     reasons |= {j: no_signal(faults[j]) for j in unknown if j not in free}
-    of_log: dict[int, LogSignal] = {}
+    log_signals: dict[int, LogSignal] = {}
     for j, fault in enumerate(faults):
         if j not in reasons and SHAPES[fault.shape].acts_on not in ("channel", "course"):
             try:
-                of_log[j] = _of_log(log, fault, response, config.outputs)
+                log_signals[j] = _log_signal(log, fault, response, config.outputs)
             except (DictionaryError, LogError) as problem:
                 if SHAPES[fault.shape].lines is None:
                     raise
@@ -289,7 +289,7 @@ def _signals_of_entries(
         seen=seen,
         window_start_s=span[0],
         response=response,
-        of_log=of_log,
+        log_signals=log_signals,
     )
     return native, reasons, free
 
@@ -364,13 +364,15 @@ def signals_of_faults(window: PreparedWindow, faults: Sequence[Fault], sizes: Se
     ----------
     sizes : of each fault, see `PreparedWindow.sizes`; default 0.
     """
-    of_log = dict[int, LogSignal]()
-    told = [i for i, fault in enumerate(faults) if SHAPES[fault.shape].acts_on == "channel"]
+    log_signals = dict[int, LogSignal]()
+    stated = [i for i, fault in enumerate(faults) if SHAPES[fault.shape].acts_on == "channel"]
     for i, (fault, size) in enumerate(zip(faults, sizes or [0.0] * len(faults), strict=True)):
-        if i not in told:
+        if i not in stated:
             with contextlib.suppress(DictionaryError, LogError):
-                of_log[i] = _of_log(window.log, fault, window.response, window.outputs, size=size, with_slopes=False)
-    made = window.native.of_others(faults, (*told, *of_log), of_log)
+                log_signals[i] = _log_signal(
+                    window.log, fault, window.response, window.outputs, size=size, with_slopes=False
+                )
+    made = window.native.with_faults(faults, (*stated, *log_signals), log_signals)
     return made.theta_decimated(window.rate.factor, window.lowpass, in_stretches=window.signals.theta.in_stretches)[0]
 
 
@@ -402,21 +404,23 @@ def with_sizes(window: PreparedWindow, sizes: Mapping[int, float]) -> PreparedWi
 def _with_entries(window: PreparedWindow, faults: Mapping[int, Fault], sizes: Mapping[int, float]) -> PreparedWindow:
     """Return the window with faults in place of some entries, those of pressure lines as secants to some sizes."""
     native, entries, largest = window.native, list(faults), window.largest.copy()
-    of_log = {
-        entry: _of_log(window.log, fault, window.response, window.outputs, size=sizes.get(entry, 0.0))
+    log_signals = {
+        entry: _log_signal(window.log, fault, window.response, window.outputs, size=sizes.get(entry, 0.0))
         for entry, fault in faults.items()
         if SHAPES[fault.shape].acts_on != "channel"
     }
-    alone = native.of_others(
-        list(faults.values()), range(len(faults)), {n: of_log[j] for n, j in enumerate(entries) if j in of_log}
+    alone = native.with_faults(
+        list(faults.values()),
+        range(len(faults)),
+        {n: log_signals[j] for n, j in enumerate(entries) if j in log_signals},
     )
     rate, held = (window.rate.factor, window.lowpass), window.signals.theta
-    own, largest[entries] = alone.theta_decimated(*rate, in_stretches=held.in_stretches)
-    made = native.with_others(faults, of_log)
+    theta, largest[entries] = alone.theta_decimated(*rate, in_stretches=held.in_stretches)
+    made = native.with_others(faults, log_signals)
     return replace(
         window,
         native=made,
-        signals=replace(window.signals, theta=held.replaced(entries, own), slopes=made.slopes_at(*rate)),
+        signals=replace(window.signals, theta=held.replaced(entries, theta), slopes=made.slopes_at(*rate)),
         largest=largest,
         sizes=dict(sizes),
     )
@@ -445,7 +449,7 @@ def must_resample(part: FlightLog, names: Sequence[str], rate_hz: float | str) -
     return not whole or not is_uniform(part.time_s) or any(held)
 
 
-def _of_log(
+def _log_signal(
     log: FlightLog,
     fault: Fault,
     response: Response,
@@ -468,10 +472,10 @@ def _of_log(
         values[:, names.index(channel)] = added.get(channel, 0.0)
         return LogSignal(values=values)
     made = line_signals(log, fault, response, size=size, with_slopes=with_slopes)
-    own = log.channel(fault.channel).name
-    if made and own not in made:
+    channel = log.channel(fault.channel).name
+    if made and channel not in made:
         follow = ", ".join(made)
-        raise DictionaryError(f"'{fault.called}' does not change '{own}'; name one of its channel: {follow}")
+        raise DictionaryError(f"'{fault.called}' does not change '{channel}'; name one of its channel: {follow}")
     for k, name in enumerate(names):
         if name in made:
             values[:, k], slopes[:, k] = made[name].values, made[name].slopes

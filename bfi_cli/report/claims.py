@@ -35,36 +35,40 @@ HIDDEN_CAPTION = (
 )
 
 
-def shown_meaning(one: Candidate, units: Units) -> tuple[float, Shown]:
+def shown_meaning(candidate: Candidate, units: Units) -> tuple[float, Shown]:
     """Return the physical value of a magnitude of 1, in SI, and how that is shown; see `Candidate.meaning`."""
-    scale, unit = one.meaning
-    if one.shape == "drift" and not unit and one.channel_unit:  # of a result that does not say the slope
+    scale, unit = candidate.meaning
+    if candidate.shape == "drift" and not unit and candidate.channel_unit:  # of a result that does not say the slope
         return scale, Shown(unit="x slope")
-    return scale, units.of(unit, channel=one.channel, channel_unit=one.channel_unit)
+    return scale, units.of(unit, channel=candidate.channel, channel_unit=candidate.channel_unit)
 
 
 def candidate_tables(candidates: Sequence[Candidate], units: Units = SI) -> tuple[Table, ...]:
     """Return the table of the candidates, declared and suspected first; () without candidates."""
     rows = []
-    for one in sorted(candidates, key=lambda one: STATES[one.state]):
-        scale, shown = shown_meaning(one, units)
+    for candidate in sorted(candidates, key=lambda candidate: STATES[candidate.state]):
+        scale, shown = shown_meaning(candidate, units)
         factor = scale / shown.factor
         size = number(
-            None if one.magnitude is None else factor * one.magnitude,
-            spread=None if one.sd is None else TWO_SIDED_95 * abs(factor) * one.sd,
+            None if candidate.magnitude is None else factor * candidate.magnitude,
+            spread=None if candidate.sd is None else TWO_SIDED_95 * abs(factor) * candidate.sd,
             extra=1,
         )
-        limit = one.minimal_detectable if one.minimal_detectable is not None else one.minimal_detectable_scan
-        hidden = "-" if one.state in ("declared", None) else shown_limit(one, units) or "any"
+        limit = (
+            candidate.minimal_detectable
+            if candidate.minimal_detectable is not None
+            else candidate.minimal_detectable_scan
+        )
+        hidden = "-" if candidate.state in ("declared", None) else shown_limit(candidate, units) or "any"
         rows.append(
             (
-                shortened(one.name, NAME_LETTERS),
-                WORDS.get(one.state, str(one.state)),
+                shortened(candidate.name, NAME_LETTERS),
+                WORDS.get(candidate.state, str(candidate.state)),
                 with_unit(size, shown.unit),
                 change(None if limit is None else abs(scale) * limit, shown),
                 hidden,
-                one.channel,
-                units.sentence(one.note or "", channel=one.channel),
+                candidate.channel,
+                units.sentence(candidate.note or "", channel=candidate.channel),
             )
         )
     title = "What was looked for, declared first"
@@ -73,16 +77,18 @@ def candidate_tables(candidates: Sequence[Candidate], units: Units = SI) -> tupl
 
 def candidate_columns(candidates: Sequence[Candidate]) -> dict[str, list[Any]]:
     """Return the columns of the CSV file of the candidates."""
-    return {key: [getattr(one, key) for one in candidates] for key in CANDIDATE_COLUMNS}
+    return {key: [getattr(candidate, key) for candidate in candidates] for key in CANDIDATE_COLUMNS}
 
 
 def hidden_drawing(candidates: Sequence[Candidate], units: Units = SI) -> tuple[Drawing, ...]:
     """Return the figure of the largest hidden errors, one panel per channel; () without limits."""
     panels = []
-    for channel in dict.fromkeys(one.channel for one in candidates):
-        shown = _rows([one for one in candidates if one.channel == channel and one.state is not None])
-        tolerance = next((one.tolerance for one in shown if one.tolerance), None)
-        if tolerance is not None and any(one.state in ("excluded", "not_seen") for one in shown):
+    for channel in dict.fromkeys(candidate.channel for candidate in candidates):
+        shown = _rows(
+            [candidate for candidate in candidates if candidate.channel == channel and candidate.state is not None]
+        )
+        tolerance = next((candidate.tolerance for candidate in shown if candidate.tolerance), None)
+        if tolerance is not None and any(candidate.state in ("excluded", "not_seen") for candidate in shown):
             panels.append(_panel(channel, shown, tolerance, units))
     return (Drawing(name="hidden", caption=HIDDEN_CAPTION, panels=tuple(panels)),) if panels else ()
 
@@ -96,31 +102,33 @@ def _rows(candidates: Sequence[Candidate]) -> list[Candidate]:
         return list(candidates)
     worst: dict[str, Candidate] = {}
     bounded: dict[str, Candidate] = {}
-    for one in sorted(candidates, key=lambda one: -(math.inf if one.limit is None else one.limit)):
-        worst.setdefault(one.shape, one)
-        if one.limit is not None:
-            bounded.setdefault(one.shape, one)
-    seen = [one for one in candidates if one.state in ("declared", "suspected")]
-    kept = {id(one) for one in [*seen[:MOST_ROWS], *worst.values(), *bounded.values()]}
-    return [one for one in candidates if id(one) in kept]
+    for candidate in sorted(
+        candidates, key=lambda candidate: -(math.inf if candidate.limit is None else candidate.limit)
+    ):
+        worst.setdefault(candidate.shape, candidate)
+        if candidate.limit is not None:
+            bounded.setdefault(candidate.shape, candidate)
+    seen = [candidate for candidate in candidates if candidate.state in ("declared", "suspected")]
+    kept = {id(candidate) for candidate in [*seen[:MOST_ROWS], *worst.values(), *bounded.values()]}
+    return [candidate for candidate in candidates if id(candidate) in kept]
 
 
 def _panel(channel: str, shown: Sequence[Candidate], tolerance: float, units: Units) -> Panel:
     axis = units.of(shown[0].channel_unit, channel=channel)
     unit, limit = axis.unit, tolerance / axis.factor
-    known = [one.limit / axis.factor for one in shown if one.limit is not None]
+    known = [candidate.limit / axis.factor for candidate in shown if candidate.limit is not None]
     low = min([limit / BELOW, *(0.5 * size for size in known)])
     high = ROOM * max([ABOVE * limit, *known])
     bars: dict[str, list[tuple[float, float]]] = {"excluded": [], "not seen": [], "suspected": []}
     notes: list[tuple[str, float]] = []
-    for row, one in enumerate(shown):
+    for row, candidate in enumerate(shown):
         place = float(row)
-        if one.state == "declared":
+        if candidate.state == "declared":
             notes.append(("declared", place))
             continue
-        end = high if one.limit is None else one.limit / axis.factor
-        bars[WORDS.get(one.state, str(one.state))].append((end, place))
-        notes.append((shown_limit(one, units) or "any size", place))
+        end = high if candidate.limit is None else candidate.limit / axis.factor
+        bars[WORDS.get(candidate.state, str(candidate.state))].append((end, place))
+        notes.append((shown_limit(candidate, units) or "any size", place))
     curves: list[Curve] = [
         curve(name, [end for end, _ in ends], [place for _, place in ends], style=STYLES[name])
         for name, ends in bars.items()
@@ -134,7 +142,7 @@ def _panel(channel: str, shown: Sequence[Candidate], tolerance: float, units: Un
         log_x=True,
         x_limits=(low, high),
         y_limits=(len(shown) - 0.5, -0.5),
-        y_ticks=tuple((one.name, float(row)) for row, one in enumerate(shown)),
+        y_ticks=tuple((candidate.name, float(row)) for row, candidate in enumerate(shown)),
         side_notes=tuple(notes),
         height=0.3 + 0.11 * max(len(shown), 3),
     )

@@ -41,39 +41,39 @@ def _contradictions(document: Plain) -> Iterator[str]:
         yield "decision is 'no_fault', but no verdict is"
     key = DECLARED[document["kind"]]
     declared = [
-        one
-        for one in document[key]
-        if one.get("state", "declared") == "declared" and one.get("beyond_tolerance") is not False
+        entry
+        for entry in document[key]
+        if entry.get("state", "declared") == "declared" and entry.get("beyond_tolerance") is not False
     ]
     if decision == "fault" and not declared:
         yield f"decision is 'fault', but '{key}' holds none"
     if decision == "no_fault" and declared:
         yield f"decision is 'no_fault', but '{key}' holds {len(declared)}"
-    for one in declared:
-        if one.get("kind") in verdicts and verdicts[one["kind"]] != "fault":
-            yield f"{key} has a declared fault that is {one['kind']}, but that verdict is {verdicts[one['kind']]!r}"
+    for entry in declared:
+        if entry.get("kind") in verdicts and verdicts[entry["kind"]] != "fault":
+            yield f"{key} has a declared fault that is {entry['kind']}, but that verdict is {verdicts[entry['kind']]!r}"
     for name in dict.fromkeys((key, "candidates")):
-        for k, one in enumerate(document.get(name) or ()):
-            yield from (f"{name}[{k}]: {what}" for what in _of_entry(one))
+        for k, entry in enumerate(document.get(name) or ()):
+            yield from (f"{name}[{k}]: {what}" for what in _entry_contradictions(entry))
 
 
-def _of_entry(one: Plain) -> Iterator[str]:
+def _entry_contradictions(entry: Plain) -> Iterator[str]:
     for value, interval in (("magnitude", "ci95"), ("onset_s", "onset_ci95")):
-        ends = one.get(interval)
+        ends = entry.get(interval)
         if ends is None:
             continue
         low, high = (float(end) if end is not None else math.nan for end in ends)
         slack = ROUNDING * max(abs(low), abs(high))
         if high < low - slack:
             yield f"{interval} runs from {low:g} to {high:g}"
-        elif one.get(value) is not None and not low - slack <= float(one[value]) <= high + slack:
-            yield f"{value} {float(one[value]):g} lies outside of {interval}, {low:g} to {high:g}"
-    if one.get("sd") is not None and not float(one["sd"]) >= 0.0:
-        yield f"sd is {one['sd']}, which no standard deviation is"
-    if one.get("p_value") is not None and not 0.0 <= float(one["p_value"]) <= 1.0:
-        yield f"p_value is {one['p_value']}, which no probability is"
-    onset, offset = one.get("onset_s"), one.get("offset_s")
+        elif entry.get(value) is not None and not low - slack <= float(entry[value]) <= high + slack:
+            yield f"{value} {float(entry[value]):g} lies outside of {interval}, {low:g} to {high:g}"
+    if entry.get("sd") is not None and not float(entry["sd"]) >= 0.0:
+        yield f"sd is {entry['sd']}, which no standard deviation is"
+    if entry.get("p_value") is not None and not 0.0 <= float(entry["p_value"]) <= 1.0:
+        yield f"p_value is {entry['p_value']}, which no probability is"
+    onset, offset = entry.get("onset_s"), entry.get("offset_s")
     if onset is not None and offset is not None and float(offset) < float(onset):
         yield f"it ends at {float(offset):g} s, before it begins at {float(onset):g} s"
-    if one.get("count") is not None and one["count"] != len(one.get("times_s") or ()):
-        yield f"count is {one['count']}, but times_s holds {len(one.get('times_s') or ())}"
+    if entry.get("count") is not None and entry["count"] != len(entry.get("times_s") or ()):
+        yield f"count is {entry['count']}, but times_s holds {len(entry.get('times_s') or ())}"

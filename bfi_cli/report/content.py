@@ -241,7 +241,7 @@ def notes_of(document: Mapping[str, Any], units: Units = SI) -> tuple[Note, ...]
 
 def shown_notes(notes: Iterable[Note], units: Units) -> tuple[Note, ...]:
     """Return notes with the amounts in `units`."""
-    return tuple(replace(one, text=units.sentence(one.text)) for one in notes)
+    return tuple(replace(note, text=units.sentence(note.text)) for note in notes)
 
 
 def curve(

@@ -51,9 +51,9 @@ def plain_estimate(entry: object, *, where: str) -> dict[str, Any]:
     }
 
 
-def meaning(estimate: FaultEstimate, units: Units, own: str) -> tuple[float, Shown]:
+def meaning(estimate: FaultEstimate, units: Units, channel_unit: str) -> tuple[float, Shown]:
     """Return the physical value of a magnitude of 1, in the unit that is shown, and that unit."""
-    shown = units.of(estimate.physical_unit, channel=estimate.fault.channel, channel_unit=own)
+    shown = units.of(estimate.physical_unit, channel=estimate.fault.channel, channel_unit=channel_unit)
     return (estimate.physical_value / estimate.magnitude if estimate.magnitude else 1.0) / shown.factor, shown
 
 
@@ -77,11 +77,11 @@ def fault_columns(faults: Sequence[FaultEstimate], names: Sequence[str]) -> dict
     """Return columns of estimates, of their faults and of the ends of their intervals, by name."""
     ends = {end: (key, i) for key, pair in ENDS.items() for i, end in enumerate(pair)}
 
-    def cell(one: FaultEstimate, name: str) -> Any:
+    def cell(estimate: FaultEstimate, name: str) -> Any:
         if name not in ends:
-            return getattr(one if hasattr(one, name) else one.fault, name)
+            return getattr(estimate if hasattr(estimate, name) else estimate.fault, name)
         key, i = ends[name]
-        both = getattr(one, key)
+        both = getattr(estimate, key)
         return None if both is None else both[i]
 
-    return {name: [cell(one, name) for one in faults] for name in names}
+    return {name: [cell(estimate, name) for estimate in faults] for name in names}

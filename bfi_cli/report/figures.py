@@ -11,7 +11,7 @@ import numpy as np
 
 from ..printable import printable
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, SHADES, SKY, VERMILLION, Look, fix_places, plain, styled
-from .text import clock, of_day
+from .text import clock, clock_of_day
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -76,7 +76,7 @@ def draw(drawing: Drawing) -> Figure:
     heights = [max(PANEL_IN * panel.height + _legend_in(panel, wide[panel]) for panel in row) for row in rows]
     if not drawing.shared_x:
         heights = [height + (X_LABEL_IN if row[-1].lanes else 0.0) for height, row in zip(heights, rows, strict=True)]
-    heights += [min(CELL_IN * len(one.rows), TALLEST_MAP_IN) + MAP_LABELS_IN for one in drawing.heat_maps]
+    heights += [min(CELL_IN * len(heat_map.rows), TALLEST_MAP_IN) + MAP_LABELS_IN for heat_map in drawing.heat_maps]
     figure = Figure(figsize=(WIDTH_IN, sum(heights)))
     figure.set_layout_engine("constrained", w_pad=PAD_IN, h_pad=PAD_IN)
     FigureCanvasAgg(figure)
@@ -105,7 +105,7 @@ def _labels(panel: Panel) -> set[str]:
     keyed = {label for label, _ in _unwritten(panel, ())} if panel.lanes else set()
     labels = (
         keyed
-        | {one.label for one in panel.curves}
+        | {curve.label for curve in panel.curves}
         | {name for name, _ in panel.levels}
         | {s.label for s in panel.spans}
     )
@@ -121,9 +121,9 @@ def _draw_panel(axes: Axes, panel: Panel, *, columns: int, room: int) -> None:
     if panel.lanes:
         _draw_lanes(axes, panel)
     looks = count()
-    for one in panel.curves:
-        look = OWN_LOOKS[one.style] if one.style in OWN_LOOKS else LOOKS[next(looks) % len(LOOKS)]
-        _draw_curve(axes, one, look, plain(one.label, letters) or None)
+    for curve in panel.curves:
+        look = OWN_LOOKS[curve.style] if curve.style in OWN_LOOKS else LOOKS[next(looks) % len(LOOKS)]
+        _draw_curve(axes, curve, look, plain(curve.label, letters) or None)
     dashes = cycle(("--", ":", "-.", (0, (1, 3))))
     dash = next(dashes)
     for i, (label, level) in enumerate(panel.levels):
@@ -202,7 +202,9 @@ def _unwritten(panel: Panel, written: Collection[str]) -> list[tuple[str, Shade]
     blocks = [block for lane in panel.lanes for block in lane.blocks if block.shade not in {*LOUD, *UNKEYED}]
     left, right = panel.x_limits or (0.0, 1.0)
     shown = [block for block in blocks if block.low <= right and block.high >= left]
-    return list(dict.fromkeys((one.label, one.shade) for one in shown if one.label and one.label not in written))
+    return list(
+        dict.fromkeys((block.label, block.shade) for block in shown if block.label and block.label not in written)
+    )
 
 
 def _write_block(
@@ -236,11 +238,11 @@ def _add_clock(axes: Axes, limits: tuple[float, float], midnight_s: float | None
     """Number the upper edge of axes in minutes and seconds too, or by the clock of the day that is 0:00 at midnight."""
     upper = axes.secondary_xaxis("top")
     span = limits[1] - limits[0]
-    step = next((one for one in CLOCK_STEPS if span / one <= MOST_CLOCK_TICKS), CLOCK_STEPS[-1])
+    step = next((seconds for seconds in CLOCK_STEPS if span / seconds <= MOST_CLOCK_TICKS), CLOCK_STEPS[-1])
     step *= max(1, math.ceil(span / step / MOST_CLOCK_TICKS))
     low, high = ((limit - (midnight_s or 0.0)) / step for limit in limits)
     times = [float(step * k) for k in range(math.ceil(low), math.floor(high) + 1)]
-    labels = [clock(time) if midnight_s is None else of_day(time) for time in times]
+    labels = [clock(time) if midnight_s is None else clock_of_day(time) for time in times]
     upper.set_ticks([time + (midnight_s or 0.0) for time in times], labels=labels)
     upper.tick_params(labelsize=6.5, length=2.0)
 
@@ -281,35 +283,35 @@ def _write_legend(axes: Axes, title: str, columns: int, *, lift_in: float = 0.0)
     legend.get_title().set_fontsize(axes.title.get_fontsize())
 
 
-def _draw_curve(axes: Axes, one: Curve, look: Look, label: str | None) -> None:
-    name: Look = {"lw": 1.0, "label": label, "ls": DASHES.get(one.style, "-")}
-    if one.style == "boxes":
-        _draw_boxes(axes, one, look, label)
-    elif one.style.startswith("rows"):
-        axes.barh(one.y, one.x, height=ROW_WIDTH, color=look["color"], label=label)
-    elif one.style in ("points", "bars", "intervals", "faint_intervals"):
-        sideways = one.style.endswith("intervals")
-        middle, ends = one.x if sideways else one.y, None
-        if one.low is not None and one.high is not None:
-            ends = np.clip([middle - one.low, one.high - middle], 0.0, None)
+def _draw_curve(axes: Axes, curve: Curve, look: Look, label: str | None) -> None:
+    name: Look = {"lw": 1.0, "label": label, "ls": DASHES.get(curve.style, "-")}
+    if curve.style == "boxes":
+        _draw_boxes(axes, curve, look, label)
+    elif curve.style.startswith("rows"):
+        axes.barh(curve.y, curve.x, height=ROW_WIDTH, color=look["color"], label=label)
+    elif curve.style in ("points", "bars", "intervals", "faint_intervals"):
+        sideways = curve.style.endswith("intervals")
+        middle, ends = curve.x if sideways else curve.y, None
+        if curve.low is not None and curve.high is not None:
+            ends = np.clip([middle - curve.low, curve.high - middle], 0.0, None)
         bars: Look = {"xerr" if sideways else "yerr": ends}
-        axes.errorbar(one.x, one.y, **bars, **{"ms": 3.5, "capsize": 2.0, **name, **look})
+        axes.errorbar(curve.x, curve.y, **bars, **{"ms": 3.5, "capsize": 2.0, **name, **look})
     else:
-        if one.low is not None and one.high is not None:
-            axes.fill_between(one.x, one.low, one.high, color=look["color"], alpha=0.25, lw=0.0)
-        steps = "steps-post" if one.style == "steps" else "default"
-        axes.plot(one.x, one.y, drawstyle=steps, **{**name, **look, "marker": ""})
+        if curve.low is not None and curve.high is not None:
+            axes.fill_between(curve.x, curve.low, curve.high, color=look["color"], alpha=0.25, lw=0.0)
+        steps = "steps-post" if curve.style == "steps" else "default"
+        axes.plot(curve.x, curve.y, drawstyle=steps, **{**name, **look, "marker": ""})
 
 
-def _draw_boxes(axes: Axes, one: Curve, look: Look, label: str | None) -> None:
+def _draw_boxes(axes: Axes, curve: Curve, look: Look, label: str | None) -> None:
     line: Look = {"color": look["color"], "lw": 0.9}
     boxes = [
         {"whislo": y[0], "q1": y[1], "med": y[2], "q3": y[3], "whishi": y[4], "fliers": y[5:]}
-        for y in one.y.reshape(-1, 6)
+        for y in curve.y.reshape(-1, 6)
     ]
     axes.bxp(
         boxes,
-        positions=one.x[::6],
+        positions=curve.x[::6],
         widths=BOX_WIDTH,
         manage_ticks=False,
         boxprops=line,

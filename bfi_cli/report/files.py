@@ -60,7 +60,7 @@ def content_files(
     files |= {f"{table.name}.csv": to_csv(table.heads, table.rows) for table in plain.tables}
     for name, made in plain.data.items():
         columns = made() if callable(made) else made
-        values = (one.tolist() if isinstance(one, np.ndarray) else one for one in columns.values())
+        values = (column.tolist() if isinstance(column, np.ndarray) else column for column in columns.values())
         files[name] = to_csv(tuple(columns), zip(*values, strict=True))
     if content.zoom:
         files["zoom.html"] = render_zoom(content).encode("utf-8", SHOWN)
@@ -73,14 +73,14 @@ def _points(drawing: Drawing) -> Iterable[Sequence[object]]:
     """Yield the rows of the CSV file of a figure; a heat map has the column's name as x and the value as y."""
     for k, panel in enumerate(drawing.panels):
         # A panel without a label shares the axis of a panel below it.
-        x_label = next((one.x_label for one in drawing.panels[k:] if one.x_label), "")
+        x_label = next((lower.x_label for lower in drawing.panels[k:] if lower.x_label), "")
         x_is, y_is = _one_line(x_label), _one_line(panel.y_label)
         name = _one_line(panel.title) or (y_is if "[" in y_is else x_is)
-        for one in panel.curves:
-            nothing = [None] * one.x.size
-            low, high = (nothing if ends is None else ends.tolist() for ends in (one.low, one.high))
-            for x, y, *ends in zip(one.x.tolist(), one.y.tolist(), low, high, strict=True):
-                yield (name, _one_line(one.label), x_is, x, y_is, y, *ends)
+        for curve in panel.curves:
+            nothing = [None] * curve.x.size
+            low, high = (nothing if ends is None else ends.tolist() for ends in (curve.low, curve.high))
+            for x, y, *ends in zip(curve.x.tolist(), curve.y.tolist(), low, high, strict=True):
+                yield (name, _one_line(curve.label), x_is, x, y_is, y, *ends)
     for heat_map in drawing.heat_maps:
         for row, values in zip(heat_map.rows, heat_map.values, strict=True):
             for column, value in zip(heat_map.columns, values.tolist(), strict=True):

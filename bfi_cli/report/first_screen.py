@@ -101,8 +101,10 @@ class Screen:
 
 def lines_of(parts: Mapping[Label, Iterable[str]]) -> tuple[Line, ...]:
     """Return the lines of a screen, each sentence once, without those that have nothing to say."""
-    lines = (Line(label=label, parts=tuple(dict.fromkeys(filter(None, said)))) for label, said in parts.items())
-    return tuple(one for one in lines if one.parts)
+    lines = (
+        Line(label=label, parts=tuple(dict.fromkeys(filter(None, sentences)))) for label, sentences in parts.items()
+    )
+    return tuple(line for line in lines if line.parts)
 
 
 def error_in_words(
@@ -137,14 +139,14 @@ def error_in_words(
         between = (low, high)
     spread = None if between is None else 0.5 * (between[1] - between[0])
     says = entry.says or f"{entry.plainly} by {{size}}"
-    said = says.format(
+    effect = says.format(
         size=with_unit(number(size, spread=spread), unit),
         side="high" if sign > 0.0 else "low",
         way="up" if sign > 0.0 else "down",
         frequency="" if frequency_hz is None else f" at {number(frequency_hz)} Hz",
         seconds="" if seconds is None else duration(seconds),
     )
-    return f"{subject}{said}", "" if between is None else interval(between)
+    return f"{subject}{effect}", "" if between is None else interval(between)
 
 
 def intervals(size: str, onset: str) -> str:
@@ -156,41 +158,41 @@ def intervals(size: str, onset: str) -> str:
     return f" (onset, 95 %: {onset} s)" if onset else ""
 
 
-def estimate_in_words(one: FaultEstimate, units: Units, own: str, tolerance: float | None) -> str:
+def estimate_in_words(estimate: FaultEstimate, units: Units, channel_unit: str, tolerance: float | None) -> str:
     """Return a declared fault: what it does, from when, its intervals, and that it is within its tolerance.
 
     Parameters
     ----------
-    own : unit of its channel, where that is not standard; tolerance : of it, in SI.
+    channel_unit : of its channel, where that is not standard; tolerance : of it, in SI.
     """
-    fault, entry = one.fault, SHAPES[one.fault.shape]
-    shown = units.of(one.physical_unit, channel=fault.channel, channel_unit=own)
+    fault, entry = estimate.fault, SHAPES[estimate.fault.shape]
+    shown = units.of(estimate.physical_unit, channel=fault.channel, channel_unit=channel_unit)
     sized = entry.has_magnitude or entry.acts_on == "course"
-    scale = one.physical_value / one.magnitude if one.magnitude else 1.0
-    low, high = (scale * end for end in one.ci95)
-    said, size = error_in_words(
+    scale = estimate.physical_value / estimate.magnitude if estimate.magnitude else 1.0
+    low, high = (scale * end for end in estimate.ci95)
+    effect, size = error_in_words(
         fault.shape,
         fault.channel,
-        one.physical_value if sized else None,
+        estimate.physical_value if sized else None,
         (low, high),
         shown,
         frequency_hz=fault.frequency_hz,
         seconds=fault.time_constant_s if fault.duration_s is None else fault.duration_s,
     )
     onset, between = instant(fault.onset_s), ""
-    if one.onset_ci95 is not None and all(map(math.isfinite, one.onset_ci95)):
-        spread = 0.5 * (one.onset_ci95[1] - one.onset_ci95[0])
-        onset, between = number(fault.onset_s, spread=spread), interval(one.onset_ci95)
+    if estimate.onset_ci95 is not None and all(map(math.isfinite, estimate.onset_ci95)):
+        spread = 0.5 * (estimate.onset_ci95[1] - estimate.onset_ci95[0])
+        onset, between = number(fault.onset_s, spread=spread), interval(estimate.onset_ci95)
     until = "" if fault.offset_s is None else f" to {instant(fault.offset_s)}"
     small = ""
-    if one.beyond_tolerance is False and tolerance is not None:
-        small = f", within its tolerance of {change(tolerance, units.of(unit_of_channel(fault.channel, own)))}"
-    return f"{said} from {onset}{until} s{intervals(size, between)}{small}"
+    if estimate.beyond_tolerance is False and tolerance is not None:
+        small = f", within its tolerance of {change(tolerance, units.of(unit_of_channel(fault.channel, channel_unit)))}"
+    return f"{effect} from {onset}{until} s{intervals(size, between)}{small}"
 
 
-def unit_of_channel(name: str, own: str) -> str:
-    """Return the SI unit of a channel, `own` of one that is not standard."""
-    return STANDARD[name].unit if name in STANDARD else own
+def unit_of_channel(name: str, channel_unit: str) -> str:
+    """Return the SI unit of a channel, `channel_unit` of one that is not standard."""
+    return STANDARD[name].unit if name in STANDARD else channel_unit
 
 
 def candidate_lines(candidates: Sequence[Candidate], units: Units) -> dict[Label, list[str]]:
@@ -200,26 +202,30 @@ def candidate_lines(candidates: Sequence[Candidate], units: Units) -> dict[Label
     unchecked: list[str] = []
     for kind in KINDS:
         noun, nouns = NOUNS[kind]
-        of_kind = [one for one in candidates if one.kind == kind and one.state is not None]
-        declared = any(one.state == "declared" for one in of_kind)
-        asked = [one for one in of_kind if one.state in ("excluded", "not_seen")]
-        if not of_kind:
+        same_kind = [candidate for candidate in candidates if candidate.kind == kind and candidate.state is not None]
+        declared = any(candidate.state == "declared" for candidate in same_kind)
+        asked = [candidate for candidate in same_kind if candidate.state in ("excluded", "not_seen")]
+        if not same_kind:
             unchecked.append(nouns)
         if not asked:
             continue
-        worst = max(asked, key=lambda one: beside_tolerance(one.limit, one.tolerance))
-        on = f" of {channel_in_words(worst.channel)}" if len({one.channel for one in of_kind}) > 1 else ""
+        worst = max(asked, key=lambda candidate: beside_tolerance(candidate.limit, candidate.tolerance))
+        on = f" of {channel_in_words(worst.channel)}" if len({candidate.channel for candidate in same_kind}) > 1 else ""
         limit = shown_limit(worst, units)
-        if all(one.state == "excluded" for one in asked):
+        if all(candidate.state == "excluded" for candidate in asked):
             ruled.append(f"{'other ' if declared else ''}{nouns}{on} above {limit}")
         else:
             article = "another" if declared else "an" if noun[0] in "aeiou" else "a"
             possible.append(f"{article} {noun}{on} of {'any size' if limit is None else f'up to {limit}'}")
-    spans = [one.onsets_checked for one in candidates if one.onsets_checked and one.state in ("excluded", "not_seen")]
+    spans = [
+        candidate.onsets_checked
+        for candidate in candidates
+        if candidate.onsets_checked and candidate.state in ("excluded", "not_seen")
+    ]
     if spans:
         first_s, last_s = max(span[0][0] for span in spans), min(span[-1][1] for span in spans)
         unchecked.append(f"faults that start before {instant(first_s)} s or after {instant(last_s)} s")
-    near_an_end = [one.name for one in candidates if one.state is None and one.note == UNTESTED]
+    near_an_end = [candidate.name for candidate in candidates if candidate.state is None and candidate.note == UNTESTED]
     if near_an_end:
         start = f"'{near_an_end[0]}' starts" if len(near_an_end) == 1 else f"{len(near_an_end)} entries start"
         unchecked.append(f"{start} {UNTESTED}")
@@ -231,11 +237,13 @@ def beside_tolerance(error: float | None, tolerance: float | None) -> float:
     return math.inf if error is None or not tolerance else error / tolerance
 
 
-def suspect_in_words(one: Candidate) -> str:
+def suspect_in_words(candidate: Candidate) -> str:
     """Return a suspected candidate, "a step of true airspeed from 431 s: why"."""
-    label = SHAPES[one.shape].label if one.shape in SHAPES else one.shape
-    since = "" if one.onset_s is None else f" from {instant(one.onset_s)} s"
-    return f"a {label} of {channel_in_words(one.channel)}{since}" + (f": {one.note}" if one.note else "")
+    label = SHAPES[candidate.shape].label if candidate.shape in SHAPES else candidate.shape
+    since = "" if candidate.onset_s is None else f" from {instant(candidate.onset_s)} s"
+    return f"a {label} of {channel_in_words(candidate.channel)}{since}" + (
+        f": {candidate.note}" if candidate.note else ""
+    )
 
 
 class OfWindow(Protocol):
@@ -262,29 +270,38 @@ class OfWindow(Protocol):
         """What is wrong with channels throughout."""
 
 
-def window_screen(answer: OfWindow, units: Units = SI, *, own: Mapping[str, str], named: bool = False) -> Screen:
+def window_screen(
+    answer: OfWindow, units: Units = SI, *, channel_units: Mapping[str, str], named: bool = False
+) -> Screen:
     """Return the first screen of an analysis of a window: what is declared in it, and what could be there.
 
     Parameters
     ----------
-    own : units of the outputs by channel.
+    channel_units : of the outputs, by channel.
     named : whether faults have names of a dictionary.
     """
     # What surely lies within its tolerance comes last.
-    faults, candidates = sorted(answer.faults, key=lambda one: one.beyond_tolerance is False), answer.candidates
+    faults, candidates = (
+        sorted(answer.faults, key=lambda estimate: estimate.beyond_tolerance is False),
+        answer.candidates,
+    )
     if contradicted := contradiction(answer.plausibility, answer.notes, units):
         return contradicted
-    tolerances = {one.channel: one.tolerance for one in candidates if one.tolerance is not None}
-    said = [
-        estimate_in_words(one, units, own.get(one.fault.channel, ""), tolerances.get(one.fault.channel))
-        for one in faults
+    tolerances = {candidate.channel: candidate.tolerance for candidate in candidates if candidate.tolerance is not None}
+    texts = [
+        estimate_in_words(
+            estimate, units, channel_units.get(estimate.fault.channel, ""), tolerances.get(estimate.fault.channel)
+        )
+        for estimate in faults
     ]
-    suspects = [suspect_in_words(one) for one in candidates if one.state == "suspected"]
+    suspects = [suspect_in_words(candidate) for candidate in candidates if candidate.state == "suspected"]
     claims = candidate_lines(candidates, units)
     name = faults[0].name if faults and named else ""
-    others = [f"{text} [{one.name}]" if named else text for text, one in zip(said[1:], faults[1:], strict=True)]
-    if said:
-        headline = Headline(state="fault", channel=faults[0].fault.channel, text=said[0])
+    others = [
+        f"{text} [{estimate.name}]" if named else text for text, estimate in zip(texts[1:], faults[1:], strict=True)
+    ]
+    if texts:
+        headline = Headline(state="fault", channel=faults[0].fault.channel, text=texts[0])
     else:
         headline = undeclared(answer.decision, candidates, suspects, claims, units)
     return Screen(
@@ -292,7 +309,7 @@ def window_screen(answer: OfWindow, units: Units = SI, *, own: Mapping[str, str]
         name=name,
         lines=lines_of(
             {
-                "Also": [*others, *(f"suspected: {one}" for one in suspects[0 if said else 1 :])],
+                "Also": [*others, *(f"suspected: {suspect}" for suspect in suspects[0 if texts else 1 :])],
                 **claims,
                 **note_lines(answer.notes, units),
             }
@@ -302,19 +319,19 @@ def window_screen(answer: OfWindow, units: Units = SI, *, own: Mapping[str, str]
 
 def contradiction(findings: Sequence[Implausible], notes: Sequence[Note], units: Units) -> Screen | None:
     """Return the first screen while channels contradict each other and nothing is concluded, None where they do not."""
-    to_state = [one for one in findings if one.is_open]
+    to_state = [finding for finding in findings if finding.is_open]
     if not to_state:
         return None
     first, *others = to_state
-    said = note_lines(notes, units)
+    lines = note_lines(notes, units)
     return Screen(
         headline=Headline(state="cannot_tell", channel=next(iter(first.channels), ""), text=first.text),
         name="",
         lines=lines_of(
             {
-                "Also": [one.text for one in others],
-                "Caution": said["Caution"],
-                "To decide": [*(one.advice for one in to_state), *said["To decide"]],
+                "Also": [finding.text for finding in others],
+                "Caution": lines["Caution"],
+                "To decide": [*(finding.advice for finding in to_state), *lines["To decide"]],
             }
         ),
     )
@@ -331,21 +348,21 @@ def undeclared(
     if decision == "fault":  # of a method that says that there is one, and no more
         return Headline(state="fault", channel="", text="the method raises an alarm and names no fault")
     if suspects:
-        first = next(one for one in candidates if one.state == "suspected")
+        first = next(candidate for candidate in candidates if candidate.state == "suspected")
         return Headline(state="suspected", channel=first.channel, text=suspects[0])
     if decision == "no_fault":
         return Headline(state="no_fault_found", channel="", text="in this window")
-    open_ones = [one for one in candidates if one.state == "not_seen"]
-    if not open_ones:
+    not_seen = [candidate for candidate in candidates if candidate.state == "not_seen"]
+    if not not_seen:
         return Headline(state="cannot_tell", channel="", text="not every kind of fault could be checked")
-    worst = max(open_ones, key=lambda one: beside_tolerance(one.limit, one.tolerance))
-    several = len({one.channel for one in candidates if one.kind == worst.kind}) > 1
+    worst = max(not_seen, key=lambda candidate: beside_tolerance(candidate.limit, candidate.tolerance))
+    several = len({candidate.channel for candidate in candidates if candidate.kind == worst.kind}) > 1
     nouns = NOUNS[worst.kind][1] + (f" of {channel_in_words(worst.channel)}" if several else "")
     limit = shown_limit(worst, units)
     size = "any size" if limit is None else f"up to {limit}"
     shown = units.of(worst.channel_unit, channel=worst.channel)
     allowed = "" if worst.tolerance is None else f" (allowed {change(worst.tolerance, shown)})"
-    kinds = [kind for kind in KINDS if any(one.kind == kind for one in open_ones)]
+    kinds = [kind for kind in KINDS if any(candidate.kind == kind for candidate in not_seen)]
     rest = [text for kind, text in zip(kinds, claims["Still possible"], strict=True) if kind != worst.kind]
     claims["Still possible"] = rest
     return Headline(state="cannot_tell", channel=worst.channel, text=f"{nouns} of {size} could hide{allowed}")
@@ -354,6 +371,6 @@ def undeclared(
 def note_lines(notes: Sequence[Note], units: Units) -> dict[Label, list[str]]:
     """Return what narrows an answer, and what its reader can do."""
     return {
-        "Caution": [units.sentence(one.text) for one in notes if one.kind == "limit"],
-        "To decide": [units.sentence(one.text) for one in notes if one.kind == "advice"],
+        "Caution": [units.sentence(note.text) for note in notes if note.kind == "limit"],
+        "To decide": [units.sentence(note.text) for note in notes if note.kind == "advice"],
     }

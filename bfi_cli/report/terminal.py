@@ -39,12 +39,12 @@ def print_content(content: ReportContent, console: Console) -> None:
     else:
         console.print(Text(printable(content.verdict), style=COLOURS[content.tone]))
     max_rows, max_notes = (MAX_ROWS, MAX_NOTES) if console.is_terminal else (None, None)
-    for one in content.tables:
-        console.print(Text(f"\n{printable(one.title)}", style="dim"))
-        rows = one.rows[:max_rows]
-        _print_table(console, one.heads, [[shortened(cell, CELL_LETTERS) for cell in row] for row in rows])
-        if len(rows) < len(one.rows):
-            console.print(f"   and {len(one.rows) - len(rows)} more; a pipe and --out get all\n", highlight=False)
+    for table in content.tables:
+        console.print(Text(f"\n{printable(table.title)}", style="dim"))
+        rows = table.rows[:max_rows]
+        _print_table(console, table.heads, [[shortened(cell, CELL_LETTERS) for cell in row] for row in rows])
+        if len(rows) < len(table.rows):
+            console.print(f"   and {len(table.rows) - len(rows)} more; a pipe and --out get all\n", highlight=False)
     notes = [note.text for note in content.notes[:max_notes]]
     if len(notes) < len(content.notes):
         notes.append(f"{len(content.notes) - len(notes)} more notes; a pipe and --out get all")
@@ -67,12 +67,12 @@ def print_screen(content: ReportContent, console: Console) -> None:
     first = Text(printable(screen.first), style=COLOURS[content.tone])
     console.print(first)
     rows = len(first.wrap(console, console.width))
-    for one in screen.lines:
-        line = Text(one.label, style="dim").append_text(Text(f"  {_fitting(one, console.width)}", style="not dim"))
-        rows += len(line.wrap(console, console.width))
+    for line in screen.lines:
+        row = Text(line.label, style="dim").append_text(Text(f"  {_fitting(line, console.width)}", style="not dim"))
+        rows += len(row.wrap(console, console.width))
         if rows > MOST_ROWS and console.width >= LEAST_WIDTH:
             break
-        console.print(line)
+        console.print(row)
 
 
 def _fitting(line: Line, width: int) -> str:

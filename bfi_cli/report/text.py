@@ -60,7 +60,7 @@ def clock(time_s: float) -> str:
     return f"{sign}{hours}:{minutes:02d}:{seconds:02d}" if hours else f"{sign}{minutes}:{seconds:02d}"
 
 
-def of_day(time_s: float) -> str:
+def clock_of_day(time_s: float) -> str:
     """Return a time since a midnight as the clock of a day shows it, hh:mm:ss from 0 to 24 h."""
     minutes, seconds = divmod(round(time_s) % 86_400, 60)
     return f"{minutes // 60:02d}:{minutes % 60:02d}:{seconds:02d}"
@@ -83,14 +83,14 @@ def change(value: float | None, shown: Shown) -> str:
     return quantity(shown.change(value), shown.unit)
 
 
-def noise_levels(noise_sd: Mapping[str, float], units: Units, own: Mapping[str, str]) -> str:
+def noise_levels(noise_sd: Mapping[str, float], units: Units, channel_units: Mapping[str, str]) -> str:
     """Return "tas 0.03 m/s, aoa 0.002 rad".
 
     Parameters
     ----------
-    own : units of the channels of the log by name, for those that are not standard; a unit in neither is left out.
+    channel_units : of the channels of the log by name, for those that are not standard; a unit in neither is left out.
     """
-    shown = {name: units.of(unit_of(name, own.get(name, "")), channel=name) for name in noise_sd}
+    shown = {name: units.of(unit_of(name, channel_units.get(name, "")), channel=name) for name in noise_sd}
     return ", ".join(f"{name} {change(sd, shown[name])}" for name, sd in noise_sd.items())
 
 

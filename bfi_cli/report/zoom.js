@@ -33,7 +33,7 @@ const ticks = (low, high, most) => {
 };
 const CLOCK_STEPS = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400];
 const clockTicks = (low, high, most) => {
-  const by = CLOCK_STEPS.find((one) => (high - low) / one <= most) || step(high - low, most), places = [];
+  const by = CLOCK_STEPS.find((step_s) => (high - low) / step_s <= most) || step(high - low, most), places = [];
   const zero = page.midnight || 0;
   for (let i = Math.ceil((low - zero) / by); zero + i * by <= high; i++) places.push(zero + i * by);
   return places;
@@ -117,23 +117,23 @@ const drawLanes = (panel, svg, top) => {
 // Ends of an axis about values.
 const padded = (values) => {
   let low = Infinity, high = -Infinity;
-  for (const one of values) { low = Math.min(low, one); high = Math.max(high, one); }
+  for (const reading of values) { low = Math.min(low, reading); high = Math.max(high, reading); }
   if (!(high >= low)) return [0, 1];
   const pad = high > low ? 0.06 * (high - low) : 0.5 * Math.max(Math.abs(high), 1e-9);
   return [low - pad, high + pad];
 };
 // A line through points [x, y]; null lifts the pen.
-const line = (points) => points.map((one, i) => one ? (i && points[i - 1] ? "L" : "M") + one[0].toFixed(1) + " " + one[1].toFixed(1) : "").join("");
+const line = (points) => points.map((point, i) => point ? (i && points[i - 1] ? "L" : "M") + point[0].toFixed(1) + " " + point[1].toFixed(1) : "").join("");
 const drawCurves = (panel, svg, height) => {
-  const scaled = (one) => one === null || !panel.log ? one : one > 0 ? Math.log10(one) : null;
+  const scaled = (reading) => reading === null || !panel.log ? reading : reading > 0 ? Math.log10(reading) : null;
   const curves = panel.curves.filter((curve) => !off.has(curve.look)), shown = curves.map(visible), inside = [];
   curves.forEach((curve, c) => {
     for (const i of shown[c]) {
       if (curve.x[i] < view[0] || curve.x[i] > view[1]) continue;
-      for (const one of [curve.y[i], ...curve.band.map((end) => end[i])]) if (scaled(one) !== null) inside.push(scaled(one));
+      for (const reading of [curve.y[i], ...curve.band.map((end) => end[i])]) if (scaled(reading) !== null) inside.push(scaled(reading));
     }
   });
-  const [low, high] = padded(inside), y = (one) => (high - scaled(one)) / (high - low) * height, most = Math.max(2, height / 32);
+  const [low, high] = padded(inside), y = (reading) => (high - scaled(reading)) / (high - low) * height, most = Math.max(2, height / 32);
   panel.y = y;
   for (const place of ticks(low, high, most)) {
     const real = panel.log ? Math.pow(10, place) : place, text = panel.log ? real.toPrecision(2) : number(place, step(high - low, most));
@@ -148,7 +148,7 @@ const drawCurves = (panel, svg, height) => {
   curves.forEach((curve, c) => {
     const points = (ends) => shown[c].map((i) => scaled(ends[i]) === null ? null : [at(curve.x[i]), y(ends[i])]);
     if (curve.band.length) {
-      const outline = [...points(curve.band[0]), ...points(curve.band[1]).reverse()].filter((one) => one);
+      const outline = [...points(curve.band[0]), ...points(curve.band[1]).reverse()].filter((point) => point);
       make("path", { d: line(outline), fill: curve.colour, opacity: 0.18, "clip-path": "url(#inside)" }, svg);
     }
     make("path", { class: "curve", d: line(points(curve.y)), fill: "none", stroke: curve.colour, "stroke-width": 1.1, "clip-path": "url(#inside)" }, svg);
@@ -227,7 +227,7 @@ const point = () => {
     const dots = svg.querySelector(".dots");
     text.replaceChildren(); dots.replaceChildren();
     if (cursor === null) return;
-    for (const curve of panel.curves.filter((one) => !off.has(one.look))) {
+    for (const curve of panel.curves.filter((curve) => !off.has(curve.look))) {
       const now = value(curve, cursor), then = pinned === null ? null : value(curve, pinned);
       const change = now === null || then === null ? "" : " (" + (now < then ? "" : "+") + readable(now - then) + ")";
       make("tspan", { fill: curve.colour, dx: text.firstChild ? 12 : 0 }, text, readable(now) + change);
@@ -257,11 +257,11 @@ const drawXY = () => {
   if (!a || !b) return;
   xy.setAttribute("viewBox", "0 0 " + width + " " + TALL);
   const from = find(a.x, view[0]), to = find(a.x, view[1] + 1e-9);
-  const values = a.x.slice(from, to).map((t, i) => [a.y[from + i], value(b, t), t]).map((one) => one[0] === null || one[1] === null ? null : one);
-  const known = values.filter((one) => one), foot = TALL - BELOW;
-  const [left, right] = padded(known.map((one) => one[0])), [low, high] = padded(known.map((one) => one[1]));
-  toXY = (one) => [LEFT + (one[0] - left) / (right - left) * (width - LEFT - RIGHT), (high - one[1]) / (high - low) * foot];
-  seenXY = known.map((one) => [...toXY(one), one[2]]);
+  const values = a.x.slice(from, to).map((t, i) => [a.y[from + i], value(b, t), t]).map((point) => point[0] === null || point[1] === null ? null : point);
+  const known = values.filter((point) => point), foot = TALL - BELOW;
+  const [left, right] = padded(known.map((point) => point[0])), [low, high] = padded(known.map((point) => point[1]));
+  toXY = (point) => [LEFT + (point[0] - left) / (right - left) * (width - LEFT - RIGHT), (high - point[1]) / (high - low) * foot];
+  seenXY = known.map((point) => [...toXY(point), point[2]]);
   for (const place of ticks(left, right, width / 110)) {
     const x = toXY([place, low])[0];
     make("line", { x1: x, x2: x, y1: 0, y2: foot, stroke: LINE }, xy);
@@ -274,7 +274,7 @@ const drawXY = () => {
   }
   make("text", { x: (LEFT + width - RIGHT) / 2, y: foot + 31, "text-anchor": "middle", fill: INK }, xy, a.name);
   make("text", { transform: "translate(13," + foot / 2 + ") rotate(-90)", "text-anchor": "middle", fill: INK }, xy, b.name);
-  make("path", { class: "curve", d: line(values.map((one) => one && toXY(one))), fill: "none", stroke: b.colour, "stroke-width": 1 }, xy);
+  make("path", { class: "curve", d: line(values.map((point) => point && toXY(point))), fill: "none", stroke: b.colour, "stroke-width": 1 }, xy);
   make("rect", { x: LEFT, y: 0, width: width - LEFT - RIGHT, height: foot, fill: "none", stroke: "#888" }, xy);
   make("g", { class: "dots", "pointer-events": "none" }, xy);
 };

@@ -28,7 +28,7 @@ def render_zoom(content: ReportContent) -> str:
     """
     panels = [panel for drawing in content.zoom for panel in drawing.panels]
     limits = _limits(panels)
-    labels = tuple(dict.fromkeys(one.label for panel in panels for one in panel.curves if one.label))
+    labels = tuple(dict.fromkeys(curve.label for panel in panels for curve in panel.curves if curve.label))
     data = {
         "limits": limits,
         "midnight": next((panel.midnight_s for panel in panels if panel.midnight_s is not None), None),
@@ -39,7 +39,7 @@ def render_zoom(content: ReportContent) -> str:
     text = to_json(data, indent=None, ascii_only=True)
     for letter in "<>&":
         text = text.replace(letter, f"\\u{ord(letter):04x}")
-    blocks = dict.fromkeys((one.label, one.shade) for panel in panels for one in panel.bands if one.label)
+    blocks = dict.fromkeys((band.label, band.shade) for panel in panels for band in panel.bands if band.label)
     return (
         page_environment()
         .get_template("zoom.html.j2")
@@ -67,8 +67,8 @@ def _limits(panels: list[Panel]) -> tuple[float, float]:
 
 def _step(panels: list[Panel], limits: tuple[float, float]) -> float:
     """Return the smallest median time step of the curves, which limits the zoom."""
-    steps = [float(np.median(np.diff(one.x))) for panel in panels for one in panel.curves if one.x.size > 1]
-    return min((one for one in steps if one > 0.0), default=0.01 * (limits[1] - limits[0]))
+    steps = [float(np.median(np.diff(curve.x))) for panel in panels for curve in panel.curves if curve.x.size > 1]
+    return min((step for step in steps if step > 0.0), default=0.01 * (limits[1] - limits[0]))
 
 
 def _panel(panel: Panel, labels: Sequence[str]) -> dict[str, Any]:
@@ -80,23 +80,23 @@ def _panel(panel: Panel, labels: Sequence[str]) -> dict[str, Any]:
     """
     label = [printable(line) for line in panel.y_label.split("\n")]
 
-    def stated(i: int, one: Curve) -> dict[str, Any]:
-        look = labels.index(one.label) if one.label else i
-        name = " ".join(filter(None, (*label, printable(one.label))))
-        band = () if one.low is None or one.high is None else (_rounded(one.low), _rounded(one.high))
-        x, y = np.round(one.x, TIME_DECIMALS), _rounded(one.y)
+    def stated(i: int, curve: Curve) -> dict[str, Any]:
+        look = labels.index(curve.label) if curve.label else i
+        name = " ".join(filter(None, (*label, printable(curve.label))))
+        band = () if curve.low is None or curve.high is None else (_rounded(curve.low), _rounded(curve.high))
+        x, y = np.round(curve.x, TIME_DECIMALS), _rounded(curve.y)
         return {"x": x, "y": y, "band": band, "name": name, "look": look, "colour": _colour(look)}
 
     return {
         "label": [*label, ""][:2],
         "height": round(PANEL_PIXELS * panel.height),
         "lanes": [
-            {"label": printable(lane.label), "blocks": [_block(one) for one in lane.blocks]} for lane in panel.lanes
+            {"label": printable(lane.label), "blocks": [_block(block) for block in lane.blocks]} for lane in panel.lanes
         ],
-        "bands": [_block(one) for one in panel.bands],
+        "bands": [_block(band) for band in panel.bands],
         "levels": [(printable(name), place) for name, place in panel.levels],
         "log": panel.log_y,
-        "curves": [stated(i, one) for i, one in enumerate(panel.curves)],
+        "curves": [stated(i, curve) for i, curve in enumerate(panel.curves)],
     }
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -29,6 +30,29 @@ class Outcome:
     code: int
     stdout: str
     stderr: str
+
+
+def is_whole(config: pytest.Config) -> bool:
+    """Return whether no files are named, so that all are imported."""
+    return config.args_source is pytest.Config.ArgsSource.TESTPATHS
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Keep what is compiled, also where the environment does not: assertions of 55 000 lines take ten seconds."""
+    if is_whole(config):
+        sys.dont_write_bytecode = False
+        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection(session: pytest.Session) -> None:
+    """Let each worker begin to import at a place of its own, so that it finds compiled what the others began with."""
+    workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
+    if workers > 1 and is_whole(session.config):
+        files = sorted(Path(__file__).parent.rglob("test_*.py"))
+        first = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw")) * len(files) // workers
+        for path in (*files[first:], *files[:first]):
+            pytest.Module.from_parent(session, path=path).obj  # noqa: B018, which imports it
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -56,18 +80,6 @@ def bfi(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> 
         return Outcome(code, printed.out, printed.err)
 
     return run
-
-
-@pytest.fixture(scope="session", autouse=True)
-def compiled_once(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Let the programs that tests start share compiled modules, where the environment keeps none beside the sources."""
-    base = tmp_path_factory.getbasetemp()
-    shared = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
-    with pytest.MonkeyPatch.context() as patch:
-        if os.environ.get("PYTHONDONTWRITEBYTECODE"):
-            patch.delenv("PYTHONDONTWRITEBYTECODE")
-            patch.setenv("PYTHONPYCACHEPREFIX", str(shared / "compiled"))
-        yield
 
 
 @pytest.fixture

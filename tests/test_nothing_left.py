@@ -124,7 +124,7 @@ def test_workers_end_with_their_parent(number: int, started: list, tmp_path: Pat
 @pytest.mark.first_rows(1)
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGKILL])
 def test_a_command_on_many_logs_leaves_no_worker(number: int, started: list, tmp_path: Path):
-    for k in range(400):
+    for k in range(60):
         (tmp_path / f"{k}.h5").symlink_to(LOG)
     out = tmp_path / "out"
     process = start("-m", "bfi_cli", "info", tmp_path, "--workers", 2, "--out", out)
@@ -163,7 +163,7 @@ def test_programs_of_others_end_with_all_that_they_started(number: int | None, s
 
 
 def test_what_nohup_ignores_stays_ignored(started: list, tmp_path: Path):
-    for k in range(30):
+    for k in range(6):
         (tmp_path / f"{k}.h5").symlink_to(LOG)
     out = tmp_path / "out"
     process = start("-c", IGNORED, "info", tmp_path, "--workers", 1, "--out", out)

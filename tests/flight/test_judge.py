@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from bfi_cli.faults import parse_spec
 from bfi_cli.flight.bench import Bench, bench_of, place_of
 from bfi_cli.flight.fit import fitted_levels
 from bfi_cli.flight.gross import gross_errors, swings_of
-from bfi_cli.flight.judge import ALIKE, explains, is_on_ground, judge, rows_of
+from bfi_cli.flight.judge import ALIKE, Judgement, explains, is_on_ground, judge, rows_of
 from bfi_cli.flight.model import FlightModel, flight_model
 from bfi_cli.flight.seconds import seconds_of
 from bfi_cli.flight.tables import LEVELS
@@ -23,7 +24,8 @@ from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.bounded_filter import Stack, filter_stack
 
-ONSET_S, END_S = 420.0, 520.0
+ONSET_S = 420.0
+STEP = f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}"
 
 
 def model_of(log: FlightLog) -> FlightModel:
@@ -46,6 +48,7 @@ def healthy(journey: FlightLog) -> Bench:
 
 @pytest.fixture(scope="module")
 def with_fault(journey: FlightLog) -> Callable[[str], Bench]:
+    @cache
     def bench(spec: str) -> Bench:
         log = inject(journey, [parse_spec(spec, unit_of=lambda name: journey.channel(name).unit)])
         return bench_of(model_of(log))
@@ -53,30 +56,44 @@ def with_fault(journey: FlightLog) -> Callable[[str], Bench]:
     return bench
 
 
-@pytest.mark.parametrize("at_s", [350.0, ONSET_S, 600.0])
+@pytest.fixture(scope="module")
+def judged(with_fault: Callable[[str], Bench]) -> Callable[[str, str], Judgement]:
+    """Return what is judged at the onset of a fault, made once for each: `judged(spec, fault)`."""
+
+    @cache
+    def at_the_onset(spec: str, fault: str) -> Judgement:
+        judgement = judge(with_fault(spec), ONSET_S, None, named=(fault,))
+        assert judgement is not None
+        return judgement
+
+    return at_the_onset
+
+
+@pytest.mark.first_rows(1)
+@pytest.mark.parametrize("at_s", [ONSET_S, 350.0, 600.0])
 def test_nothing_wins_on_a_healthy_flight(healthy: Bench, at_s: float) -> None:
     judgement = judge(healthy, at_s, None)
     assert judgement is not None
     assert all(one.margin < DECLARED for one in judgement.weights if not one.refused)
 
 
+@pytest.mark.first_rows(3)
 @pytest.mark.parametrize(
     ("spec", "fault", "size"),
     [
-        (f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}", "tas", 4.0),
-        (f"drift,channel=cas,magnitude=0.05,onset_s={ONSET_S}", "cas", None),
+        (STEP, "tas", 4.0),
         (f"bias,channel=aoa,magnitude=0.03,onset_s={ONSET_S}", "aoa", 0.03),
-        (f"bias,channel=normal_acc,magnitude=1,onset_s={ONSET_S}", "normal_acc", 1.0),
         (f"pitot_leak,time_constant_s=60,onset_s={ONSET_S}", "pitot_leak", None),
+        (f"drift,channel=cas,magnitude=0.05,onset_s={ONSET_S}", "cas", None),
+        (f"bias,channel=normal_acc,magnitude=1,onset_s={ONSET_S}", "normal_acc", 1.0),
         (f"pitot_blocked,onset_s={ONSET_S}", "pitot_blocked", None),
         (f"static_blocked,onset_s={ONSET_S}", "static_blocked", None),
     ],
 )
 def test_what_is_injected_is_the_best_explanation(
-    with_fault: Callable[[str], Bench], spec: str, fault: str, size: float | None
+    judged: Callable[[str, str], Judgement], spec: str, fault: str, size: float | None
 ) -> None:
-    judgement = judge(with_fault(spec), ONSET_S, None, named=(fault,))
-    assert judgement is not None
+    judgement = judged(spec, fault)
     weight = judgement.weight(fault)
     assert weight is not None
     assert weight.margin > DECLARED
@@ -126,10 +143,9 @@ def test_a_step_of_the_altitude_is_as_well_an_altimeter_that_is_set(with_fault: 
 
 
 def test_margins_are_the_sums_of_their_shares_and_the_set_is_within_ten_to_one(
-    with_fault: Callable[[str], Bench],
+    judged: Callable[[str, str], Judgement],
 ) -> None:
-    judgement = judge(with_fault(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}"), ONSET_S, None)
-    assert judgement is not None
+    judgement = judged(STEP, "tas")
     assert all(one.margin == pytest.approx(sum(one.shares.values()), rel=1e-9) for one in judgement.weights)
     best = judgement.weights[0].margin
     assert judgement.among == tuple(
@@ -138,7 +154,7 @@ def test_margins_are_the_sums_of_their_shares_and_the_set_is_within_ten_to_one(
 
 
 def test_rows_of_a_known_fault_testify_no_more(with_fault: Callable[[str], Bench]) -> None:
-    bench = with_fault(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}")
+    bench = with_fault(STEP)
     known = bench.without(rows_of(bench, ("tas",)), ONSET_S - 20.0, np.inf)
     judgement = judge(known, ONSET_S, None)
     assert judgement is not None

@@ -185,7 +185,7 @@ def null_from(statistics: Mapping[str, FloatArray]) -> Null:
     """Return the distribution of statistics, (n_windows,) by shape, of windows without a fault."""
     shapes, values = tuple(statistics), np.stack(list(statistics.values()))
     median, high = np.quantile(values, [0.5, TAIL], axis=1)
-    scale = np.array([np.mean(own[own >= start]) for own, start in zip(values, high, strict=True)])
+    scale = np.array([np.mean(sample[sample >= start]) for sample, start in zip(values, high, strict=True)])
     scale = np.maximum(scale, np.finfo(float).eps)
     maxima = np.sort((values / scale[:, None]).max(axis=0))
     start = float(np.quantile(maxima, TAIL))
@@ -233,14 +233,16 @@ def nearest(tables: Sequence[CalibrationTable], settings: CalibrationSettings) -
 
 def join_tables(tables: Sequence[CalibrationTable], table: CalibrationTable) -> tuple[CalibrationTable, ...]:
     """Return the tables with one more; its windows join those of a table of the same settings."""
-    same = [one for one in tables if not differences(one, table.settings) and not differences(table, one.settings)]
-    others = [one for one in tables if one not in same]
-    for one in same:
+    same = [
+        other for other in tables if not differences(other, table.settings) and not differences(table, other.settings)
+    ]
+    others = [other for other in tables if other not in same]
+    for other in same:
         table = CalibrationTable(
-            settings=one.settings,
-            statistics={shape: np.concatenate([x, table.statistics[shape]]) for shape, x in one.statistics.items()},
-            logs=tuple(dict.fromkeys((*one.logs, *table.logs))),
-            n_unusable=one.n_unusable + table.n_unusable,
+            settings=other.settings,
+            statistics={shape: np.concatenate([x, table.statistics[shape]]) for shape, x in other.statistics.items()},
+            logs=tuple(dict.fromkeys((*other.logs, *table.logs))),
+            n_unusable=other.n_unusable + table.n_unusable,
         )
     return (*others, table)
 
@@ -290,19 +292,19 @@ def check_digest(document: Mapping[str, Any], *, where: str) -> None:
 
 def _wrong_with(table: CalibrationTable) -> str | None:
     """Return in what the key of a table, or its numbers, make no sense."""
-    own = table.settings
+    settings = table.settings
     for name in ("rate_hz", "duration_s", "native_rate_hz", "recorder_hz"):
-        value = getattr(own, name)
+        value = getattr(settings, name)
         if value is not None and not (np.isfinite(value) and value > 0.0):
             return f"settings.{name} is {value}, not a positive number"
-    if not own.orders or min(own.orders) < 1:
-        return f"settings.orders is {list(own.orders)}, not orders of a model"
+    if not settings.orders or min(settings.orders) < 1:
+        return f"settings.orders is {list(settings.orders)}, not orders of a model"
     for name in ("inputs", "outputs", "shapes"):
-        if not getattr(own, name):
+        if not getattr(settings, name):
             return f"settings.{name} is empty"
-    if set(own.shapes) != set(table.statistics):
+    if set(settings.shapes) != set(table.statistics):
         has = ", ".join(table.statistics) or "nothing"
-        return f"settings.shapes is {', '.join(own.shapes)}, but the statistics are of {has}"
+        return f"settings.shapes is {', '.join(settings.shapes)}, but the statistics are of {has}"
     counts = {len(values) for values in table.statistics.values()}
     if len(counts) > 1:
         return f"the shapes have {' and '.join(map(str, sorted(counts)))} windows, not as many each"

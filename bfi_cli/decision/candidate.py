@@ -148,7 +148,7 @@ def candidate_of(
         its shape, where none is given.
     """
     scale, unit = meaning(fault, channel_unit)
-    told = {
+    defaults = {
         "name": fault.name or fault.shape,
         "kind": kind_of(fault, declared=declared),
         "state": state_of(declared=declared, suspected=suspected, effect=effect, tolerance=tolerance),
@@ -164,7 +164,7 @@ def candidate_of(
         channel_unit=channel_unit,
         physical_scale=scale,
         physical_unit=unit,
-        **{**told, **others},
+        **{**defaults, **others},
     )
 
 
@@ -188,7 +188,7 @@ def estimate_of(
     others : further attributes of `FaultEstimate`; the name is that of the fault, or its shape, where none is given.
     """
     value, physical_unit = physical(fault, magnitude, channel_unit)
-    told = {"name": fault.name or fault.shape, "unit": magnitude_unit(fault, channel_unit)} | others
+    defaults = {"name": fault.name or fault.shape, "unit": magnitude_unit(fault, channel_unit)} | others
     return FaultEstimate(
         fault=fault,
         magnitude=magnitude,
@@ -198,16 +198,16 @@ def estimate_of(
         ci95=(magnitude - quantile * sd, magnitude + quantile * sd),
         effect=effect,
         beyond_tolerance=None if effect is None else beyond_tolerance(effect, magnitude, sd, tolerance),
-        **told,
+        **defaults,
     )
 
 
-def shown_limit(one: Candidate, units: Units = SI) -> str | None:
+def shown_limit(candidate: Candidate, units: Units = SI) -> str | None:
     """Return the largest error that may hide, to two digits with its unit; None where any may."""
-    if one.limit is None:
+    if candidate.limit is None:
         return None
-    shown = units.of(one.channel_unit, channel=one.channel)
-    value = one.limit / shown.factor
+    shown = units.of(candidate.channel_unit, channel=candidate.channel)
+    value = candidate.limit / shown.factor
     return two_digits(value) if shown.unit == "1" else f"{two_digits(value)} {shown.unit}".rstrip()
 
 

@@ -89,48 +89,51 @@ def conclude(
     candidates: list[Candidate] = []
     notes: list[Note] = []
     refuted: dict[int, Note] = {}
-    manoeuvres = [manoeuvre for one in evidence for manoeuvre in one.manoeuvres]
-    for one in evidence:
-        others = [other for other in evidence if other is not one]
-        for fault in one.faults:
+    manoeuvres = [manoeuvre for source in evidence for manoeuvre in source.manoeuvres]
+    for source in evidence:
+        others = [other for other in evidence if other is not source]
+        for fault in source.faults:
             if (by := _excluded_by(fault, others)) is not None:
-                refuted[id(fault)] = _disagreement(fault, one.source, by)
-            elif one.source in MODELS and (within := _within(fault, manoeuvres)) is not None:
-                refuted[id(fault)] = _beside(fault, one.source, within)
+                refuted[id(fault)] = _disagreement(fault, source.source, by)
+            elif source.source in MODELS and (within := _within(fault, manoeuvres)) is not None:
+                refuted[id(fault)] = _beside(fault, source.source, within)
     notes += refuted.values()
     declared = [
-        replace(fault, source=one.source) for one in evidence for fault in one.faults if id(fault) not in refuted
+        replace(fault, source=source.source)
+        for source in evidence
+        for fault in source.faults
+        if id(fault) not in refuted
     ]
     for fault in sorted(declared, key=_rank):
-        same = _told(fault, faults)
+        same = _same_fault(fault, faults)
         if same is None:
             faults.append(replace(fault, evidence={fault.source: fault.statistic}))
         else:
             known = faults[same]
             faults[same] = replace(known, evidence={**known.evidence, fault.source: fault.statistic})
-    order = {one.source: k for k, one in enumerate(evidence)}
-    faults.sort(key=lambda one: order[one.source])
-    for one in evidence:
-        for candidate in one.candidates:
+    order = {source.source: k for k, source in enumerate(evidence)}
+    faults.sort(key=lambda estimate: order[estimate.source])
+    for source in evidence:
+        for candidate in source.candidates:
             # An entry of the dictionary may be declared by the search.
-            of_it = [
+            matching = [
                 fault
                 for other in evidence
                 for fault in other.faults
-                if (other is one or fault.name == candidate.name) and _is_of(fault, candidate)
+                if (other is source or fault.name == candidate.name) and _is_of(fault, candidate)
             ]
-            if candidate.state == "declared" and of_it and all(id(fault) in refuted for fault in of_it):
+            if candidate.state == "declared" and matching and all(id(fault) in refuted for fault in matching):
                 candidate = replace(candidate, state="suspected", note=REFUTED)
             candidates.append(candidate)
     bounded = tuple(_while_it_read(_with_least_limit(candidate, evidence), faults) for candidate in candidates)
     verdicts: dict[Kind, Decision] = {
         **verdicts_of(bounded),
-        **dict.fromkeys([SHAPES[one.fault.shape].kind for one in faults], "fault"),
+        **dict.fromkeys([SHAPES[estimate.fault.shape].kind for estimate in faults], "fault"),
     }
     decision = "fault" if fires else decide(verdicts, required)
     if failed:
         decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
-    said = Conclusion(
+    conclusion = Conclusion(
         decision=decision,
         verdicts=verdicts,
         summary=failed or says(verdicts, bounded),
@@ -139,29 +142,43 @@ def conclude(
         notes=tuple(notes),
         has_failed=bool(failed),
     )
-    return _beside_findings(said, [finding for one in evidence for finding in one.findings])
+    return _beside_findings(conclusion, [finding for source in evidence for finding in source.findings])
 
 
-def _beside_findings(said: Conclusion, findings: Sequence[Implausible]) -> Conclusion:
+def _beside_findings(conclusion: Conclusion, findings: Sequence[Implausible]) -> Conclusion:
     """Return a conclusion beside what is wrong with channels throughout the flight.
 
     A unit that is stated is kept, and what arithmetic thinks of it is one line. A constant error, or a channel that is
     set aside, is no fault of the flight and withholds nothing that was found.
     """
-    said = replace(said, plausibility=tuple(findings))
-    if to_state := [one for one in findings if one.is_open]:
-        return _withheld(said, to_state)
-    beside = [Note.limit(f"throughout the flight: {one.text}") for one in findings if one.is_constant and not one.fixed]
-    beside += [Note.method(f"{one.advice}: {one.text}") for one in findings if one.is_stated and not one.fixed]
-    said = replace(said, notes=(*said.notes, *beside))
-    errors = [one for one in findings if one.what == "unrelated" or (one.is_constant and not one.is_installation)]
+    conclusion = replace(conclusion, plausibility=tuple(findings))
+    if to_state := [finding for finding in findings if finding.is_open]:
+        return _withheld(conclusion, to_state)
+    beside = [
+        Note.limit(f"throughout the flight: {finding.text}")
+        for finding in findings
+        if finding.is_constant and not finding.fixed
+    ]
+    beside += [
+        Note.method(f"{finding.advice}: {finding.text}")
+        for finding in findings
+        if finding.is_stated and not finding.fixed
+    ]
+    conclusion = replace(conclusion, notes=(*conclusion.notes, *beside))
+    errors = [
+        finding
+        for finding in findings
+        if finding.what == "unrelated" or (finding.is_constant and not finding.is_installation)
+    ]
     if not errors:
-        return said
+        return conclusion
     return replace(
-        said,
-        decision=_not_excluded(said.decision),
-        verdicts={kind: _not_excluded(verdict) for kind, verdict in said.verdicts.items()},
-        summary="; ".join(filter(None, (*(f"{one.advice}: {one.text}" for one in errors), said.summary))),
+        conclusion,
+        decision=_not_excluded(conclusion.decision),
+        verdicts={kind: _not_excluded(verdict) for kind, verdict in conclusion.verdicts.items()},
+        summary="; ".join(
+            filter(None, (*(f"{finding.advice}: {finding.text}" for finding in errors), conclusion.summary))
+        ),
     )
 
 
@@ -169,23 +186,25 @@ def _not_excluded(verdict: Decision) -> Decision:
     return "inconclusive" if verdict == "no_fault" else verdict
 
 
-def _withheld(said: Conclusion, to_state: Sequence[Implausible]) -> Conclusion:
+def _withheld(conclusion: Conclusion, to_state: Sequence[Implausible]) -> Conclusion:
     """Return a conclusion without a verdict, and what would be declared as suspected."""
     from ..plausibility.finding import in_words
 
-    declared = [one.name for one in said.faults] or [one.name for one in said.candidates if one.state == "declared"]
+    declared = [estimate.name for estimate in conclusion.faults] or [
+        candidate.name for candidate in conclusion.candidates if candidate.state == "declared"
+    ]
     notes = [Note.limit(f"what would be declared is {WITHHELD}: {', '.join(declared)}")] if declared else []
     return replace(
-        said,
+        conclusion,
         decision="inconclusive",
-        verdicts=dict.fromkeys(said.verdicts, "inconclusive"),
+        verdicts=dict.fromkeys(conclusion.verdicts, "inconclusive"),
         summary=in_words(to_state),
         faults=(),
         candidates=tuple(
-            replace(one, state="suspected", note=WITHHELD) if one.state == "declared" else one
-            for one in said.candidates
+            replace(candidate, state="suspected", note=WITHHELD) if candidate.state == "declared" else candidate
+            for candidate in conclusion.candidates
         ),
-        notes=(*said.notes, *notes),
+        notes=(*conclusion.notes, *notes),
         is_withheld=True,
     )
 
@@ -196,42 +215,42 @@ def _is_of(fault: FaultEstimate, candidate: Candidate) -> bool:
     return alike and (candidate.onset_s is None or candidate.name == fault.name)
 
 
-def _is_held(one: FaultEstimate) -> bool:
-    return SHAPES[one.fault.shape].acts_on == "held"
+def _is_held(estimate: FaultEstimate) -> bool:
+    return SHAPES[estimate.fault.shape].acts_on == "held"
 
 
-def _is_lost(one: FaultEstimate) -> bool:
+def _is_lost(estimate: FaultEstimate) -> bool:
     """Say whether a channel follows no motion since a fault: it is held, or its line shows the pressure of no air.
 
     What a model declares has a course, beside which others are seen.
     """
-    of_line = one.fault.shape in OF_LINES and not SHAPES[one.fault.shape].has_magnitude
-    return _is_held(one) or (of_line and one.source not in MODELS)
+    is_line = estimate.fault.shape in OF_LINES and not SHAPES[estimate.fault.shape].has_magnitude
+    return _is_held(estimate) or (is_line and estimate.source not in MODELS)
 
 
-def _rank(one: FaultEstimate) -> tuple[bool, float]:
+def _rank(estimate: FaultEstimate) -> tuple[bool, float]:
     """Return what sorts faults by their evidence, most first."""
-    return not _is_lost(one), -math.inf if one.statistic is None else -one.statistic
+    return not _is_lost(estimate), -math.inf if estimate.statistic is None else -estimate.statistic
 
 
-def _told(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> int | None:
+def _same_fault(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> int | None:
     """Return which fault of another source is the same.
 
     It is on its channel, and both build up at one time, or both are slow, or that one has lost it by then.
     """
 
-    def span(one: FaultEstimate) -> tuple[float, float]:
-        low, high = one.onset_ci95 or (one.fault.onset_s, one.fault.onset_s)
-        return low, high + (build_up_s(one.fault) or 0.0)
+    def span(estimate: FaultEstimate) -> tuple[float, float]:
+        low, high = estimate.onset_ci95 or (estimate.fault.onset_s, estimate.fault.onset_s)
+        return low, high + (build_up_s(estimate.fault) or 0.0)
 
     low, high = span(fault)
     is_slow = SHAPES[fault.fault.shape].kind == "slow"
-    for k, one in enumerate(known):
-        if one.source == fault.source or fault.fault.channel not in (one.fault.channel, *one.among):
+    for k, other in enumerate(known):
+        if other.source == fault.source or fault.fault.channel not in (other.fault.channel, *other.among):
             continue
-        both_slow = is_slow and SHAPES[one.fault.shape].kind == "slow"
-        latest = math.inf if _is_lost(one) else span(one)[1]
-        if both_slow or (span(one)[0] <= high and low <= latest):
+        both_slow = is_slow and SHAPES[other.fault.shape].kind == "slow"
+        latest = math.inf if _is_lost(other) else span(other)[1]
+        if both_slow or (span(other)[0] <= high and low <= latest):
             return k
     return None
 
@@ -245,11 +264,15 @@ def _excluded_by(fault: FaultEstimate, others: Sequence[Evidence]) -> tuple[str,
         return None
     first_s, last_s = fault.onset_ci95 or (fault.fault.onset_s, fault.fault.onset_s)
     for other in others:
-        for one in other.candidates:
-            alike = one.kind == "slow" and one.channel == fault.fault.channel and one.state in ("excluded", "not_seen")
-            there = one.onset_s is None or first_s <= one.onset_s <= last_s
-            if alike and there and one.limit is not None and one.limit < fault.effect:
-                return other.source, one
+        for candidate in other.candidates:
+            alike = (
+                candidate.kind == "slow"
+                and candidate.channel == fault.fault.channel
+                and candidate.state in ("excluded", "not_seen")
+            )
+            there = candidate.onset_s is None or first_s <= candidate.onset_s <= last_s
+            if alike and there and candidate.limit is not None and candidate.limit < fault.effect:
+                return other.source, candidate
     return None
 
 
@@ -257,19 +280,22 @@ def _within(fault: FaultEstimate, manoeuvres: Sequence[Manoeuvre]) -> Manoeuvre 
     """Return the manoeuvre in or beside which a fault begins; a reading that is held is told without a model."""
     if _is_held(fault):
         return None
-    return next((one for one in manoeuvres if one.reach_s[0] <= fault.fault.onset_s <= one.reach_s[1]), None)
+    return next(
+        (manoeuvre for manoeuvre in manoeuvres if manoeuvre.reach_s[0] <= fault.fault.onset_s <= manoeuvre.reach_s[1]),
+        None,
+    )
 
 
-def _beside(fault: FaultEstimate, source: str, one: Manoeuvre) -> Note:
+def _beside(fault: FaultEstimate, source: str, manoeuvre: Manoeuvre) -> Note:
     return Note.limit(
-        f"{_suspicion(fault, source)}; it begins within {one.beside_s:.3g} s of a {one.name} "
-        f"({instant(one.from_s)} to {instant(one.to_s)} s), which no linear model follows"
+        f"{_suspicion(fault, source)}; it begins within {manoeuvre.beside_s:.3g} s of a {manoeuvre.name} "
+        f"({instant(manoeuvre.from_s)} to {instant(manoeuvre.to_s)} s), which no linear model follows"
     )
 
 
 def _disagreement(fault: FaultEstimate, source: str, excluded_by: tuple[str, Candidate]) -> Note:
-    other, one = excluded_by
-    limit = quantity(one.limit or 0.0, one.channel_unit)
+    other, candidate = excluded_by
+    limit = quantity(candidate.limit or 0.0, candidate.channel_unit)
     return Note.limit(f"{_suspicion(fault, source)}; the {other} excludes more than {limit} there")
 
 
@@ -281,7 +307,7 @@ def _suspicion(fault: FaultEstimate, source: str) -> str:
 
 def _while_it_read(candidate: Candidate, faults: Sequence[FaultEstimate]) -> Candidate:
     """Return a candidate, which nothing excludes where a fault holds the reading of its channel."""
-    held = [one for one in faults if one.fault.channel == candidate.channel and _is_held(one)]
+    held = [estimate for estimate in faults if estimate.fault.channel == candidate.channel and _is_held(estimate)]
     if not held or candidate.state in ("declared", None):
         return candidate
     note = f"{candidate.channel} tells nothing from {instant(held[0].fault.onset_s)} s on"
@@ -293,13 +319,13 @@ def _with_least_limit(candidate: Candidate, evidence: Sequence[Evidence]) -> Can
     if candidate.kind != "slow" or candidate.state not in ("excluded", "not_seen"):
         return candidate
     effects = [
-        one.effect
+        other.effect
         for source in evidence
-        for one in source.candidates
-        if one.kind == "slow"
-        and one.channel == candidate.channel
-        and one.state in ("excluded", "not_seen")
-        and one.effect is not None
+        for other in source.candidates
+        if other.kind == "slow"
+        and other.channel == candidate.channel
+        and other.state in ("excluded", "not_seen")
+        and other.effect is not None
     ]
     least = min(effects, default=None)
     if least is None or (candidate.effect is not None and candidate.effect <= least):

@@ -49,21 +49,25 @@ def at_entries(
                 known[nearest] = _declared(known[nearest], fault)
             fault = replace(fault, name=name, fault=replace(fault.fault, name=name))
         faults.append(fault)
-    left = {(one.fault.shape, one.fault.channel) for one in faults if one.name not in taken}
-    of_search = tuple(one for one in searched.candidates if one.state != "declared" or (one.shape, one.channel) in left)
-    return tuple(known), replace(searched, faults=tuple(faults), candidates=of_search)
+    left = {(estimate.fault.shape, estimate.fault.channel) for estimate in faults if estimate.name not in taken}
+    remaining = tuple(
+        candidate
+        for candidate in searched.candidates
+        if candidate.state != "declared" or (candidate.shape, candidate.channel) in left
+    )
+    return tuple(known), replace(searched, faults=tuple(faults), candidates=remaining)
 
 
 def _is_of_entry(fault: FaultEstimate, entry: Fault, *, rate_hz: float, duration_s: float) -> bool:
     """Say whether a fault has the shape, the channel and the frequency of an entry, and its onset in its interval."""
-    found = fault.fault
-    both_oscillate = {found.shape, entry.shape} <= {"sine", "cosine"}  # which differ by a phase that is estimated
-    if found.channel != entry.channel or not (found.shape == entry.shape or both_oscillate):
+    estimated = fault.fault
+    both_oscillate = {estimated.shape, entry.shape} <= {"sine", "cosine"}  # which differ by a phase that is estimated
+    if estimated.channel != entry.channel or not (estimated.shape == entry.shape or both_oscillate):
         return False
-    beside_hz = (entry.frequency_hz or 0.0) - (found.frequency_hz or 0.0)
+    beside_hz = (entry.frequency_hz or 0.0) - (estimated.frequency_hz or 0.0)
     if both_oscillate and abs(beside_hz) * duration_s > FREQUENCY_CYCLES:
         return False
-    low, high = fault.onset_ci95 or (found.onset_s, found.onset_s)
+    low, high = fault.onset_ci95 or (estimated.onset_s, estimated.onset_s)
     return low - ONSET_SAMPLES / rate_hz <= entry.onset_s <= high + ONSET_SAMPLES / rate_hz
 
 

@@ -71,8 +71,8 @@ def not_excluded(candidates: Sequence[Candidate], rivals: Collection[tuple[str, 
     rivals : shape and channel of what may.
     """
     return tuple(
-        replace(one, state="not_seen", excluded_above=None, effect=None, note=IN_PLACE)
-        if one.state == "excluded" and (one.shape, one.channel) in rivals
-        else one
-        for one in candidates
+        replace(candidate, state="not_seen", excluded_above=None, effect=None, note=IN_PLACE)
+        if candidate.state == "excluded" and (candidate.shape, candidate.channel) in rivals
+        else candidate
+        for candidate in candidates
     )

@@ -27,9 +27,9 @@ NOUNS: Mapping[Kind, tuple[str, str]] = {
 def verdicts_of(candidates: Iterable[Candidate]) -> dict[Kind, Decision]:
     """Return the verdict on each kind of fault; a kind of which no fault was looked for is inconclusive."""
     states: dict[Kind, set[State]] = {kind: set() for kind in KINDS}
-    for one in candidates:
-        if one.state is not None:
-            states[one.kind].add(one.state)
+    for candidate in candidates:
+        if candidate.state is not None:
+            states[candidate.kind].add(candidate.state)
     return {
         kind: "fault" if "declared" in seen else "no_fault" if seen == {"excluded"} else "inconclusive"
         for kind, seen in states.items()
@@ -48,22 +48,33 @@ def summarise(verdicts: Mapping[Kind, Decision], candidates: Sequence[Candidate]
 
     "no step above 0.4 m/s; no oscillation of 0.05 to 0.4 Hz above 0.2 m/s; a slow fault could reach 9 m/s unseen".
     """
-    return "; ".join(_of_kind(kind, verdicts[kind], candidates, units) for kind in KINDS if verdicts[kind] != "fault")
+    return "; ".join(
+        _kind_summary(kind, verdicts[kind], candidates, units) for kind in KINDS if verdicts[kind] != "fault"
+    )
 
 
-def _of_kind(kind: Kind, verdict: Decision, candidates: Sequence[Candidate], units: Units) -> str:
+def _kind_summary(kind: Kind, verdict: Decision, candidates: Sequence[Candidate], units: Units) -> str:
     noun, one_noun = NOUNS[kind]
-    of_kind = [one for one in candidates if one.kind == kind and one.state not in (None, "declared")]
-    if not of_kind:
+    alike = [
+        candidate for candidate in candidates if candidate.kind == kind and candidate.state not in (None, "declared")
+    ]
+    if not alike:
         return f"{one_noun} was not looked for"
-    suspects = [one.name for one in sorted(of_kind, key=_prominence, reverse=True) if one.state == "suspected"]
-    worst = max(of_kind, key=_share)
-    on = f" on {worst.channel}" if len({one.channel for one in of_kind}) > 1 else ""
+    suspects = [
+        candidate.name for candidate in sorted(alike, key=_prominence, reverse=True) if candidate.state == "suspected"
+    ]
+    worst = max(alike, key=_share)
+    on = f" on {worst.channel}" if len({candidate.channel for candidate in alike}) > 1 else ""
     limit = shown_limit(worst, units)
     if verdict == "no_fault":
         # The claim of a scan ends with the frequencies that it looked at; those of a dictionary are in its table.
         band = next(
-            (f" {one.note}" for one in of_kind if one.onset_s is None and one.note and BAND.fullmatch(one.note)), ""
+            (
+                f" {candidate.note}"
+                for candidate in alike
+                if candidate.onset_s is None and candidate.note and BAND.fullmatch(candidate.note)
+            ),
+            "",
         )
         return f"no {noun}{band} above {limit}{on}"
     if suspects:
@@ -75,15 +86,15 @@ def _of_kind(kind: Kind, verdict: Decision, candidates: Sequence[Candidate], uni
     return f"{one_noun} could reach {limit}{on} unseen"
 
 
-def _prominence(one: Candidate) -> float:
+def _prominence(candidate: Candidate) -> float:
     """Return how far a candidate stands out of what could be declared; what a scan declares has no such size."""
-    if one.minimal_detectable is None or one.magnitude is None:
+    if candidate.minimal_detectable is None or candidate.magnitude is None:
         return math.inf
-    return abs(one.magnitude) / one.minimal_detectable if one.minimal_detectable else math.inf
+    return abs(candidate.magnitude) / candidate.minimal_detectable if candidate.minimal_detectable else math.inf
 
 
-def _share(one: Candidate) -> float:
+def _share(candidate: Candidate) -> float:
     """Return the largest hidden error over the tolerance."""
-    if one.effect is None or not math.isfinite(one.effect):
+    if candidate.effect is None or not math.isfinite(candidate.effect):
         return math.inf
-    return one.effect / one.tolerance if one.tolerance else one.effect
+    return candidate.effect / candidate.tolerance if candidate.tolerance else candidate.effect

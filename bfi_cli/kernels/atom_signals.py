@@ -250,9 +250,9 @@ class AtomSignals:
         n_atoms * n_outputs signals: what the first leaves on each output, then the second, ...
         """
         outputs, atoms = list[int](), list[Stretches]()
-        for own, stretches in zip(self.outputs, self.atoms, strict=True):
+        for output_of_atom, stretches in zip(self.outputs, self.atoms, strict=True):
             for output in range(self.n_outputs):
-                taps = np.append(float(output == own), -K[:, output, own])
+                taps = np.append(float(output == output_of_atom), -K[:, output, output_of_atom])
                 outputs.append(output)
                 atoms.append(self._filtered(stretches, taps))
         return replace(self, outputs=tuple(outputs), atoms=tuple(atoms))
@@ -275,14 +275,14 @@ class AtomSignals:
             return np.asarray(np.sqrt(np.mean(np.sum(self.array**2, axis=1), axis=0)))
         # One by one, for memory.
         each = (self.array[:, :, j] for j in range(self.n_atoms))
-        return np.array([np.sqrt(np.mean(np.sum(one**2, axis=1))) for one in each])
+        return np.array([np.sqrt(np.mean(np.sum(signals**2, axis=1))) for signals in each])
 
     def acting(self) -> tuple[tuple[int, int], ...]:
         """Return (output, atom), ascending, of the signals that are not zero everywhere."""
         if self.array is not None:
             return tuple((int(i), int(j)) for i, j in np.argwhere(np.any(self.array, axis=0)))
         seen = enumerate(zip(self.outputs, self.atoms, strict=True))
-        return tuple(sorted((i, j) for j, (i, own) in seen if not all(stretch.is_zero for stretch in own)))
+        return tuple(sorted((i, j) for j, (i, stretches) in seen if not all(stretch.is_zero for stretch in stretches)))
 
     def active_rows(self, first: int) -> tuple[int, ...]:
         """Return how many samples of each signal, from sample `first` on, are not zero, on all outputs together."""
@@ -343,10 +343,10 @@ class AtomSignals:
                 made.append(Stretch(start=start, stop=stop, made=form, origin_s=tail.origin_s))
             elif tail is None:
                 first = max(start - order, 0)
-                own = np.zeros(stop - first)
+                signal = np.zeros(stop - first)
                 for a, b, values in _within(stretches, first, stop, self.step_s):
-                    own[a - first : b - first] = values
-                samples = np.convolve(own, taps)[start - first : stop - first]
+                    signal[a - first : b - first] = values
+                samples = np.convolve(signal, taps)[start - first : stop - first]
                 made.append(Stretch(start=start, stop=stop, made=samples))
         return tuple(made)
 
@@ -386,8 +386,8 @@ def signal_of(samples: FloatArray) -> Stretches:
 
 def _within(stretches: Stretches, start: int, stop: int, step_s: float) -> list[tuple[int, int, FloatArray]]:
     """Return (start, stop, samples) of the stretches, as far as they lie within some samples."""
-    ends = [(one, max(one.start, start), min(one.stop, stop)) for one in stretches]
-    return [(first, last, one.between(first, last, step_s)) for one, first, last in ends if first < last]
+    ends = [(stretch, max(stretch.start, start), min(stretch.stop, stop)) for stretch in stretches]
+    return [(first, last, stretch.between(first, last, step_s)) for stretch, first, last in ends if first < last]
 
 
 def _ends_of(stretch: Stretch) -> list[tuple[int, int]]:

@@ -44,25 +44,25 @@ class Transition:
     def matrix(self) -> FloatArray:
         """The transition as an (n_x, n_x) matrix."""
         F = np.diag(self.decay)
-        for one in self.couplings:
-            F[one.to, one.source] += one.value
+        for coupling in self.couplings:
+            F[coupling.to, coupling.source] += coupling.value
         return F
 
     def mean(self, x: FloatArray) -> FloatArray:
         """Return F x of (..., n_x) states."""
         moved = self.decay * x
-        for one in self.couplings:
-            moved[..., one.to] += one.value * x[..., one.source]
+        for coupling in self.couplings:
+            moved[..., coupling.to] += coupling.value * x[..., coupling.source]
         return moved
 
     def covariance(self, P: FloatArray) -> FloatArray:
         """Return F P F' of (..., n_x, n_x) covariances."""
         moved = self.decay[:, None] * P
-        for one in self.couplings:
-            moved[..., one.to, :] += one.value * P[..., one.source, :]
+        for coupling in self.couplings:
+            moved[..., coupling.to, :] += coupling.value * P[..., coupling.source, :]
         both = moved * self.decay
-        for one in self.couplings:
-            both[..., :, one.to] += one.value * moved[..., :, one.source]
+        for coupling in self.couplings:
+            both[..., :, coupling.to] += coupling.value * moved[..., :, coupling.source]
         return both
 
 
@@ -88,7 +88,7 @@ class Stack:
     @property
     def size(self) -> int:
         """Number of hypotheses."""
-        sizes: list[int] = [one.shape[1] for one in (self.y, self.Z, self.R, self.Q, self.extra) if one is not None]
+        sizes: list[int] = [part.shape[1] for part in (self.y, self.Z, self.R, self.Q, self.extra) if part is not None]
         return max(sizes)
 
 
@@ -289,4 +289,4 @@ def _joined(stack: Stack) -> FloatArray:
     assert stack.extra is not None
     shape = np.broadcast_shapes(stack.Z.shape[:3], stack.extra.shape[:3])
     parts = (stack.Z, stack.extra)
-    return np.concatenate([np.broadcast_to(one, (*shape, one.shape[-1])) for one in parts], axis=-1)
+    return np.concatenate([np.broadcast_to(part, (*shape, part.shape[-1])) for part in parts], axis=-1)

@@ -195,7 +195,7 @@ def _above(rows: FloatArray, others: FloatArray) -> FloatArray:
 
 def _orthogonalised(X: FloatArray, now: FloatArray, weights: FloatArray) -> Regressors:
     """Return regressors X (n_rows, n_regressors), which are overwritten, of outputs `now` (n_rows, n_outputs)."""
-    scale = np.linalg.norm(X, axis=0) if X.size <= MOST_VALUES else np.array([np.linalg.norm(one) for one in X.T])
+    scale = np.linalg.norm(X, axis=0) if X.size <= MOST_VALUES else np.array([np.linalg.norm(column) for column in X.T])
     scale[scale == 0.0] = 1.0
     X /= scale
     U, s, Vt = np.linalg.svd(X, full_matrices=False) if X.size <= MOST_VALUES else _svd_in_place(X)
@@ -502,15 +502,18 @@ class Adding:
                 unfolded = unfold_factor(data, self.fit, beside)
             every.append(single_additions(self.fit, unfolded))
         return SingleAdditions(
-            magnitude=np.concatenate([one.magnitude[n_own:] for one in every]),
-            variance=np.concatenate([one.variance[n_own:] for one in every]),
+            magnitude=np.concatenate([part.magnitude[n_own:] for part in every]),
+            variance=np.concatenate([part.variance[n_own:] for part in every]),
         )
 
 
 def adding_to(layout: Layout, fit: Fit) -> Adding:
     """Return what adds signals to a fit of atoms of a record."""
-    own, same = layout.with_signals(layout.theta.of(fit.atoms)), replace(fit, atoms=tuple(range(len(fit.atoms))))
-    return Adding(layout=own, fit=same, regressors=None if own.theta.in_stretches else regressors_of(own, same))
+    chosen = layout.with_signals(layout.theta.of(fit.atoms))
+    same = replace(fit, atoms=tuple(range(len(fit.atoms))))
+    return Adding(
+        layout=chosen, fit=same, regressors=None if chosen.theta.in_stretches else regressors_of(chosen, same)
+    )
 
 
 def additions_and_covariance(layout: Layout, fit: Fit, data: Compressed) -> tuple[SingleAdditions, FloatArray]:

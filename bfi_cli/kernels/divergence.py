@@ -264,9 +264,9 @@ def jensen_shannon_montecarlo(p: Density, q: Density, n: int, *, rng: np.random.
     terms = []
     for mine, other in ((p, q), (q, p)):
         points = draw(mine, n, rng=rng)
-        own = log_density(mine, points)
+        log_p = log_density(mine, points)
         # log(2 p / (p + q)), at most 1 bit.
-        terms.append(1.0 + (own - np.logaddexp(own, log_density(other, points))) / np.log(2.0))
+        terms.append(1.0 + (log_p - np.logaddexp(log_p, log_density(other, points))) / np.log(2.0))
     value = 0.5 * sum(float(np.mean(term)) for term in terms)
     variance = 0.25 * sum(float(np.var(term, ddof=1)) / n for term in terms)
     return value, float(np.sqrt(variance))

@@ -48,7 +48,7 @@ class ExcessTail:
         return self.share * float((1.0 + (x - self.start) / (self.k * self.mean)) ** -self.k)
 
     @property
-    def of_others(self) -> ExcessTail:
+    def widened(self) -> ExcessTail:
         """The tail of what was counted otherwise: its mean excess is as unknown as one of `EXCESSES_UNFIT` besides."""
         return replace(self, k=1.0 / (1.0 / self.k + 1.0 / EXCESSES_UNFIT))
 

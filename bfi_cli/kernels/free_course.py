@@ -390,7 +390,7 @@ def fit_course(problem: CourseProblem, starts: Sequence[FloatArray] = ()) -> Cou
             return value / n, np.append(unit.T @ by_K, by_ratio) / n
 
         for ratio in START_RATIOS:
-            found = minimize(
+            result = minimize(
                 partial(target, at=start, unit=unit, size=size),
                 np.append(np.zeros(order), np.log(ratio)),
                 jac=True,
@@ -398,8 +398,8 @@ def fit_course(problem: CourseProblem, starts: Sequence[FloatArray] = ()) -> Cou
                 bounds=[(None, None)] * order + [(LEAST, MOST)],
                 options={"maxiter": STEPS, "gtol": TOLERANCE, "ftol": TOLERANCE**2},
             )
-            if best is None or found.fun < best[0]:
-                best = float(found.fun), start + unit @ found.x[:-1], float(np.exp(found.x[-1])) / size
+            if best is None or result.fun < best[0]:
+                best = float(result.fun), start + unit @ result.x[:-1], float(np.exp(result.x[-1])) / size
     assert best is not None
     return _assembled(problem, best[1], best[2], deviance=n * best[0])
 

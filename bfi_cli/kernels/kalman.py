@@ -200,8 +200,8 @@ def filter_bank(
         priors = tuple(predict(p, system, u=u_k) for p, system in zip(posteriors, systems, strict=True))
     names = [each.name for each in fields(Filtered)]
     runs = (
-        Filtered(**{name: np.array([getattr(step, name) for step in of_filter]) for name in names})
-        for of_filter in zip(*steps, strict=True)
+        Filtered(**{name: np.array([getattr(step, name) for step in filter_steps]) for name in names})
+        for filter_steps in zip(*steps, strict=True)
     )
     return BankRun(filters=tuple(runs), probability=np.exp(np.array(history)))
 

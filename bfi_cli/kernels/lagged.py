@@ -144,8 +144,8 @@ class EarlierRows:
     @classmethod
     def together(cls, several: Sequence[EarlierRows]) -> EarlierRows:
         """Return the rows of several records as those of one."""
-        n_rows = sum(one.n_rows for one in several)
-        rows = np.concatenate([np.hstack([one.u, one.past, one.y]) for one in several])
+        n_rows = sum(earlier.n_rows for earlier in several)
+        rows = np.concatenate([np.hstack([earlier.u, earlier.past, earlier.y]) for earlier in several])
         rows = np.asarray(np.linalg.qr(rows, mode="r")) if len(rows) > rows.shape[1] else rows
         n_u, n_y = several[0].u.shape[1], several[0].y.shape[1]
         return cls(u=rows[:, :n_u], past=rows[:, n_u:-n_y], y=rows[:, -n_y:], n_rows=n_rows)
@@ -232,7 +232,7 @@ class SegmentFactors:
     @property
     def n_functions(self) -> int:
         """Columns of the line's slope and of the exponentials."""
-        return 1 + sum(2 if one.imag else 1 for one in self.exponents)
+        return 1 + sum(2 if exponent.imag else 1 for exponent in self.exponents)
 
     @property
     def record_columns(self) -> Columns:
@@ -298,14 +298,14 @@ class SegmentFactors:
 
     def combinations(self, first: int, stretch: Stretch, lags: Sequence[int]) -> FloatArray:
         """Return (n_columns, len(lags)) what lags of a tail are of the columns of a run from row `first` on."""
-        tail, own = stretch.made, self.record_columns
+        tail, columns = stretch.made, self.record_columns
         assert isinstance(tail, Tail)
-        into = np.zeros((own.size + self.n_functions, len(lags)))
+        into = np.zeros((columns.size + self.n_functions, len(lags)))
         place = {exponent: n for n, exponent in self._places()}
         for i, lag in enumerate(lags):
             since_s = (first - self.order - lag) * self.step_s + stretch.origin_s
             level, rate, *waves = tail.coefficients(since_s).tolist()
-            into[0, i], into[own.size, i] = level, rate
+            into[0, i], into[columns.size, i] = level, rate
             if tail.amplitude != 0.0:
                 exponent = complex(tail.exponent)
                 n = place[exponent]
@@ -320,17 +320,17 @@ class SegmentFactors:
             place += 2 if exponent.imag else 1
 
     def _made(self, start: int, stop: int) -> FloatArray:
-        own, order = self.record_columns, self.order
-        R = np.zeros((own.size + self.n_functions,) * 2, order="F")
+        columns, order = self.record_columns, self.order
+        R = np.zeros((columns.size + self.n_functions,) * 2, order="F")
         block = np.empty((len(R), min(TAIL_ROWS, stop - start)))
         for first in range(start, stop, block.shape[1]):
             last = min(first + block.shape[1], stop)
             part = block[:, : last - first]
             block[:, last - first :] = 0.0
             rows = slice(first - order, last)
-            _fill_record(part, self.u[rows], self.y[rows], own)
+            _fill_record(part, self.u[rows], self.y[rows], columns)
             since_s = self.step_s * (np.arange(first, last) - (start - order))
-            part[own.size] = since_s
+            part[columns.size] = since_s
             for place, exponent in self._places():
                 part[place] = np.exp(exponent.real * since_s)
                 if exponent.imag:
@@ -346,7 +346,7 @@ def exponents_of(theta: AtomSignals) -> tuple[complex, ...]:
     """Return the exponents of all tails of a dictionary, each once."""
     tails = (stretch.made for stretches in theta.atoms for stretch in stretches if isinstance(stretch.made, Tail))
     known = {complex(tail.exponent) for tail in tails if tail.amplitude != 0.0}
-    return tuple(sorted(known, key=lambda one: (one.real, one.imag)))
+    return tuple(sorted(known, key=lambda exponent: (exponent.real, exponent.imag)))
 
 
 def compress(
@@ -477,10 +477,10 @@ def constants_and_signals(theta: AtomSignals) -> tuple[FloatArray, FloatArray]:
         exponents=exponents_of(theta),
     )
     for output in range(n_y):
-        own = [j for j, of in enumerate(theta.outputs) if of == output]
-        R = _piecewise_factor(theta.of([]), segments.record_columns, theta.of(own), segments)
+        signals = [j for j, of in enumerate(theta.outputs) if of == output]
+        R = _piecewise_factor(theta.of([]), segments.record_columns, theta.of(signals), segments)
         rows = np.zeros((len(R), n_y + theta.n_atoms))
-        rows[:, [output, *(n_y + j for j in own)]] = R
+        rows[:, [output, *(n_y + j for j in signals)]] = R
         parts_of.append(rows)
     rows = np.concatenate(parts_of)
     return rows[:, :n_y], rows[:, n_y:]
@@ -528,12 +528,12 @@ def _piecewise_factor(
     others = [] if beside is None else list(beside.atoms)
     size = columns.size + len(others)
     R = np.zeros((size, size), order="F")
-    sharp, regular = _runs([(one, order) for one in kept] + [(one, 0) for one in others], len(y), order)
+    sharp, regular = _runs([(atom, order) for atom in kept] + [(atom, 0) for atom in others], len(y), order)
     record, lags = segments.record_columns, range(order + 1)
     place = np.concatenate([np.arange(columns.n_base), np.r_[columns.y_lags], np.r_[columns.y]])
     lagged_place = np.stack([np.r_[columns.theta], *np.r_[columns.theta_lags].reshape(order, len(kept))])
-    signals = [(one, lags, lagged_place[:, n]) for n, one in enumerate(kept)]
-    signals += [(one, range(1), np.array([columns.size + n])) for n, one in enumerate(others)]
+    signals = [(atom, lags, lagged_place[:, n]) for n, atom in enumerate(kept)]
+    signals += [(atom, range(1), np.array([columns.size + n])) for n, atom in enumerate(others)]
     total, done = max(len(y) - order, 1), 0
     for start, stop in sharp:
         for first in range(start, stop, BLOCK_ROWS):
@@ -552,16 +552,16 @@ def _piecewise_factor(
             report(done / total)
     for start, stop in regular:
         forms = [
-            (stretch, own_lags, own)
-            for stretches, own_lags, own in signals
+            (stretch, own_lags, columns_of_signal)
+            for stretches, own_lags, columns_of_signal in signals
             for stretch in stretches
             if stretch.start <= start and stop <= stretch.stop
         ]
         factor = segments.factor(start, stop)
         into = np.zeros((len(factor.T), size))
         into[np.arange(record.size), place] = 1.0
-        for stretch, own_lags, own in forms:
-            into[:, own] = segments.combinations(start, stretch, own_lags)
+        for stretch, own_lags, columns_of_signal in forms:
+            into[:, columns_of_signal] = segments.combinations(start, stretch, own_lags)
         R = add_rows(R, np.asfortranarray(factor @ into), overwrite=True)
         done += stop - start
         report(min(done / total, 1.0))

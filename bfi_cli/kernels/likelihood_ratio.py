@@ -138,8 +138,8 @@ def noise_model(time_s: FloatArray, levels: FloatArray, slow: FloatArray) -> Noi
     # modes fast modes' = 1 and modes slow modes' = diag(slow variances), of fast parts of level 1.
     slow_variances, vectors = eigh(slow, fast)
     variances = levels[:, None] ** 2 + np.maximum(slow_variances, 0.0)
-    of_fast = 2.0 * float(np.sum(np.log(np.diag(np.linalg.cholesky(fast)))))
-    log_det = np.log(variances).sum(axis=1) + of_fast
+    fast_log_det = 2.0 * float(np.sum(np.log(np.diag(np.linalg.cholesky(fast)))))
+    log_det = np.log(variances).sum(axis=1) + fast_log_det
     return NoiseModel(levels=levels, modes=np.ascontiguousarray(vectors.T), variances=variances, log_det=log_det)
 
 

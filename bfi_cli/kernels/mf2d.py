@@ -70,14 +70,14 @@ class _Problem:
 
     Attributes
     ----------
-    own : by output the signals on it.
+    signals : by output the signals on it.
     columns : by output (n_rows, n_coefficients); factors : their triangular factors, the output beside as last column.
     """
 
     order: int
     n_outputs: int
     outputs: NDArray[np.intp]
-    own: tuple[NDArray[np.intp], ...]
+    signals: tuple[NDArray[np.intp], ...]
     columns: tuple[FloatArray, ...]
     factors: tuple[FloatArray, ...]
 
@@ -103,7 +103,7 @@ class _Problem:
         Their rows [F; W] = Q R have the solution R^-1 (Q'f + R^-T W^2 x) near x, for W R^-1 are the lower rows of Q.
         """
         made = []
-        for F, of in zip(self.factors, self.own, strict=True):
+        for F, of in zip(self.factors, self.signals, strict=True):
             n = F.shape[1] - 1
             squared = step * np.concatenate([np.ones(self.n_lagged), np.full(len(of), 2.0)])
             # Rows below a triangle, themselves a triangle, cost a third of those of a full matrix.
@@ -117,7 +117,7 @@ class _Problem:
         """Return the coefficients and magnitudes of least misfit near a matrix and magnitudes."""
         s, n_z = self.order, len(self.outputs)
         target, magnitudes, w = X.reshape(s + 1, self.n_outputs, -1), np.zeros(n_z), []
-        for i, ((inverse, explained, squared), of) in enumerate(zip(solvers, self.own, strict=True)):
+        for i, ((inverse, explained, squared), of) in enumerate(zip(solvers, self.signals, strict=True)):
             near = 0.5 * (target[s, i, of] + z[of])
             wanted = np.concatenate([target[:s, i, n_z:].ravel(), target[:s, i, :n_z].ravel(), near])
             w.append(dtrmv(inverse, explained + dtrmv(inverse, squared * wanted, trans=1)))
@@ -129,10 +129,10 @@ def _problem_of(problem: ProjectedRegression) -> _Problem:
     s, n_y, n_rows = problem.order, problem.n_outputs, len(problem.y)
     outputs = np.array([output for output, _ in problem.signals], dtype=np.intp)
     past = np.concatenate([problem.y[:, 1:].reshape(n_rows, -1), -problem.theta[:, 1:].reshape(n_rows, -1)], axis=1)
-    own = tuple(np.flatnonzero(outputs == i) for i in range(n_y))
-    columns = tuple(np.concatenate([past, problem.theta[:, 0, of]], axis=1) for of in own)
+    signals = tuple(np.flatnonzero(outputs == i) for i in range(n_y))
+    columns = tuple(np.concatenate([past, problem.theta[:, 0, of]], axis=1) for of in signals)
     factors = tuple(_triangle(np.column_stack([A, problem.y[:, 0, i]])) for i, A in enumerate(columns))
-    return _Problem(order=s, n_outputs=n_y, outputs=outputs, own=own, columns=columns, factors=factors)
+    return _Problem(order=s, n_outputs=n_y, outputs=outputs, signals=signals, columns=columns, factors=factors)
 
 
 def _triangle(A: FloatArray) -> FloatArray:
@@ -188,7 +188,7 @@ def solve_mf2d(
                 solvers = split.solvers(step)
     misfit = sum(
         float(np.sum((problem.y[:, 0, i] - A @ np.concatenate([coefficients[: split.n_lagged], v[of]])) ** 2))
-        for i, (A, coefficients, of) in enumerate(zip(split.columns, w, split.own, strict=True))
+        for i, (A, coefficients, of) in enumerate(zip(split.columns, w, split.signals, strict=True))
     )
     X = split.matrix_of(w, v)
     blocks = X[:-n_y].reshape(split.order, n_y, n_z + n_y)

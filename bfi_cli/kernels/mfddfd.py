@@ -113,10 +113,10 @@ def time_courses(problem: ProjectedRegression, same: float) -> tuple[tuple[int, 
     norms = np.linalg.norm(flat, axis=0)
     flat = flat / np.where(norms > 0.0, norms, 1.0)
     courses: list[list[int]] = []
-    for atom, own in columns.items():
+    for atom, members in columns.items():
         for course in courses:
             others = columns[course[0]]
-            if len(own) == len(others) == 1 and abs(float(flat[:, own[0]] @ flat[:, others[0]])) >= same:
+            if len(members) == len(others) == 1 and abs(float(flat[:, members[0]] @ flat[:, others[0]])) >= same:
                 course.append(atom)
                 break
         else:
@@ -127,8 +127,8 @@ def time_courses(problem: ProjectedRegression, same: float) -> tuple[tuple[int, 
 def block_regression(problem: ProjectedRegression, courses: Sequence[Sequence[int]]) -> BlockRegression:
     """Project the past outputs out of the outputs and of every lag of the time courses, each that of its first atom."""
     m, n_lags = len(problem.y), problem.order + 1
-    of_atom = [[column for column, (_, atom) in enumerate(problem.signals) if atom == course[0]] for course in courses]
-    wanted = [column for own in of_atom for column in own]
+    columns = [[column for column, (_, atom) in enumerate(problem.signals) if atom == course[0]] for course in courses]
+    wanted = [column for members in columns for column in members]
     A = problem.theta[:, :, wanted].transpose(0, 2, 1).reshape(m, -1)
     past, Y = problem.y[:, 1:].reshape(m, -1), problem.y[:, 0]
     U, s, _ = np.linalg.svd(past, full_matrices=False)
@@ -136,7 +136,7 @@ def block_regression(problem: ProjectedRegression, courses: Sequence[Sequence[in
     return BlockRegression(
         A=A - Q @ (Q.T @ A),
         Y=Y - Q @ (Q.T @ Y),
-        block_of=np.repeat(np.arange(len(courses)), [n_lags * len(own) for own in of_atom]),
+        block_of=np.repeat(np.arange(len(courses)), [n_lags * len(members) for members in columns]),
         n_rows=problem.n_rows,
         n_free=problem.n_base + problem.order * problem.n_outputs,
         floor=problem.floor,
@@ -156,7 +156,7 @@ def standardised(blocks: BlockRegression) -> BlockRegression:
     return BlockRegression(
         A=np.hstack([np.zeros((len(blocks.A), 0)), *bases]),
         Y=blocks.Y,
-        block_of=np.repeat(np.arange(blocks.n_blocks), [one.shape[1] for one in bases]),
+        block_of=np.repeat(np.arange(blocks.n_blocks), [basis.shape[1] for basis in bases]),
         n_rows=blocks.n_rows,
         n_free=blocks.n_free,
         floor=blocks.floor,
@@ -260,7 +260,7 @@ def _split(
 def solve_on_support(blocks: BlockRegression, support: Sequence[int], penalty: Penalty) -> BlockFit:
     """Return the least squares with blocks of a support, not shrunk."""
     columns = np.isin(blocks.block_of, support)
-    own, A = blocks.block_of[columns], blocks.A[:, columns]
+    blocks_of_columns, A = blocks.block_of[columns], blocks.A[:, columns]
     W, _, rank, _ = np.linalg.lstsq(A, blocks.Y, rcond=RANK_TOLERANCE)
     error = blocks.Y - A @ W
     n_outputs = error.shape[1]
@@ -268,7 +268,7 @@ def solve_on_support(blocks: BlockRegression, support: Sequence[int], penalty: P
     variances = np.maximum(np.linalg.eigvalsh(error.T @ error / blocks.n_rows), 0.0)
     variances += max(blocks.floor, np.finfo(float).tiny ** 0.25) ** 2
     price = n_outputs * (blocks.n_free + int(rank)) * penalty.per_parameter + len(support) * penalty.per_atom
-    parts = [np.linalg.norm(A[:, own == j] @ W[own == j], axis=0) for j in support]
+    parts = [np.linalg.norm(A[:, blocks_of_columns == j] @ W[blocks_of_columns == j], axis=0) for j in support]
     return BlockFit(
         support=tuple(support),
         effects=np.array(parts).reshape(-1, n_outputs) / np.sqrt(blocks.n_rows),
@@ -301,7 +301,7 @@ def best_within(
     best = current = solve_on_support(small, support, penalty)
     while current.support:
         fewer = (tuple(k for k in current.support if k != j) for j in current.support)
-        current = min((solve_on_support(small, one, penalty) for one in fewer), key=lambda fit: fit.criterion)
+        current = min((solve_on_support(small, subset, penalty) for subset in fewer), key=lambda fit: fit.criterion)
         if most is not None and len(best.support) > most:
             best = current
         best = min(best, current, key=lambda fit: fit.criterion)
@@ -328,7 +328,7 @@ def as_sensor_faults(
     A, past = np.hstack([np.zeros((m, 0)), *theta]), problem.y[:, 1:].reshape(m, -1)
     coefficients = np.linalg.lstsq(past, problem.y[:, 0] - A @ fit.W, rcond=RANK_TOLERANCE)[0]
     K = coefficients.reshape(s, n_y, n_y).transpose(0, 2, 1)
-    found, first = dict[int, tuple[float, float]](), 0
+    magnitudes, first = dict[int, tuple[float, float]](), 0
     for j, lags in zip(fit.support, theta, strict=True):
         part = lags @ fit.W[first : first + lags.shape[1]]
         first += lags.shape[1]
@@ -340,5 +340,7 @@ def as_sensor_faults(
                 g -= np.einsum("io,ki->ko", K[:, :, output], f[:, 1:])
             size, whole = float(np.sum(g**2)), float(np.sum(part**2))
             product = float(np.sum(g * part))
-            found[atom] = (product / size, product**2 / (size * whole)) if size > 0.0 and whole > 0.0 else (0.0, 0.0)
-    return found
+            magnitudes[atom] = (
+                (product / size, product**2 / (size * whole)) if size > 0.0 and whole > 0.0 else (0.0, 0.0)
+            )
+    return magnitudes

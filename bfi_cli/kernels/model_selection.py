@@ -135,17 +135,17 @@ def search_orders(
     # Nobody knows how many fits an order takes: adding PATIENCE atoms that do not help tries each so often.
     about = (PATIENCE + 1) * len(candidates) + 1
     every = _visits(problems, candidates, penalty, max_active, known)
-    for visits, of_order in parts(exploring, every):
-        visits.step = steps(of_order, about)
+    for visits, part_report in parts(exploring, every):
+        visits.step = steps(part_report, about)
         forward = visits.search_forward(candidates)
         if len(candidates) <= min(BACKWARD_LIMIT, visits.room):
             visits.search_backward(visits.fit_all(tuple(candidates)))
         visits.search_backward(forward)
     leaders = [visits.result().best.fit for visits in every]
-    for (visits, own), of_order in parts(comparing, list(zip(every, leaders, strict=True))):
-        visits.step = steps(of_order, about)
+    for (visits, best), part_report in parts(comparing, list(zip(every, leaders, strict=True))):
+        visits.step = steps(part_report, about)
         for leader in leaders:
-            if leader is not own and leader.atoms:
+            if leader is not best and leader.atoms:
                 visits.search_backward(visits.visit(leader.atoms, [leader.z]))
     return tuple(visits.result() for visits in every)
 
@@ -319,4 +319,4 @@ def _visits(
     """Return the visits of every order, with what is known of it."""
     limit = len(candidates) if max_active is None else min(max_active, len(candidates))
     fits = [[scored.fit for scored in search.visited] for search in known] or [[] for _ in problems]
-    return [_Visits(problem, penalty, limit, of_order) for problem, of_order in zip(problems, fits, strict=True)]
+    return [_Visits(problem, penalty, limit, part_report) for problem, part_report in zip(problems, fits, strict=True)]

@@ -177,16 +177,16 @@ def largest_drops(
         aa = np.maximum(aa, FLOOR * max(float(aa.max()), 1.0))
 
         # The drop of chi-square over what it leaves per degree of freedom, at the best age of each channel.
-        own = ss - as_**2 / aa
-        step = np.where(own > DEPENDENT * aa, s - as_ * a / aa, 0.0) / np.maximum(own, DEPENDENT * aa)
-        drop = a**2 / aa + step**2 * np.maximum(own, 0.0)
+        step_power = ss - as_**2 / aa
+        step = np.where(step_power > DEPENDENT * aa, s - as_ * a / aa, 0.0) / np.maximum(step_power, DEPENDENT * aa)
+        drop = a**2 / aa + step**2 * np.maximum(step_power, 0.0)
         total = np.cumsum(np.sum(white**2, axis=1)[::-1])[:, None]
         left = np.maximum(1.0, (total - drop) / spare)
         drop /= left
         best = drop.argmax(axis=0)
         age[i], size[i] = best, step[best, every]
         spread = np.full((window, q), np.inf)
-        np.sqrt(left / np.maximum(own, DEPENDENT * aa), out=spread, where=own > DEPENDENT * aa)
+        np.sqrt(left / np.maximum(step_power, DEPENDENT * aa), out=spread, where=step_power > DEPENDENT * aa)
         reached = min(max(i + 1 - window + n_old, 0), n_old)
         old_size[i, :reached], old_sd[i, :reached] = (
             each[window - n_old : window - n_old + reached] for each in (step, spread)

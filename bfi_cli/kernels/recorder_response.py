@@ -69,10 +69,10 @@ def recorder_from_jumps(channels: Iterable[FloatArray], rate_hz: float) -> Recor
     """
     jumps = []
     for values in channels:
-        found = (_jumps(values, rate_hz, width_s) for width_s in TRANSITIONS_S)
-        jumps += [first] if (first := next(filter(None, found), None)) else []
-    most = sorted(jumps, key=lambda one: -one[2])[:MOST_CHANNELS]
-    estimates = [_nearest_kind(*one, rate_hz) for one in most]
+        jumps_by_width = (_jumps(values, rate_hz, width_s) for width_s in TRANSITIONS_S)
+        jumps += [first] if (first := next(filter(None, jumps_by_width), None)) else []
+    most = sorted(jumps, key=lambda jump: -jump[2])[:MOST_CHANNELS]
+    estimates = [_nearest_kind(*jump, rate_hz) for jump in most]
     known = [estimate for estimate in estimates if estimate.misfit < MISFIT]
     return min(known, key=lambda estimate: estimate.misfit / np.sqrt(estimate.n_jumps), default=None)
 

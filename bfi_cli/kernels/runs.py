@@ -67,8 +67,12 @@ def left_of(
     """Return what is left of stretches less what is covered."""
     left = list(stretches)
     for first, last in covered:
-        pieces = [piece for one in left for piece in ((one[0], min(one[1], first)), (max(one[0], last), one[1]))]
-        left = [one for one in pieces if one[1] > one[0]]
+        pieces = [
+            piece
+            for interval in left
+            for piece in ((interval[0], min(interval[1], first)), (max(interval[0], last), interval[1]))
+        ]
+        left = [interval for interval in pieces if interval[1] > interval[0]]
     return left
 
 

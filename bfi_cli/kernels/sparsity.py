@@ -169,7 +169,7 @@ def sparse_supports(
         S = np.triu(lapack.dtpqrt(n, min(PANEL, n + 1), triangle, claims)[0])
         dz = lapack.dtrtrs(S[:n, :n], S[:n, -1])[0]
         left = (across[:, i - n_y] - across[:, i * n : (i + 1) * n] @ dz for i in range(n_y))
-        dH = np.column_stack([least_squares(whole[:n_past, :n_past], of_output)[0] for of_output in left])
+        dH = np.column_stack([least_squares(whole[:n_past, :n_past], column)[0] for column in left])
         dof = n - float(np.sum((w[:, None] * lapack.dtrtri(S[:n, :n])[0]) ** 2))
         z, H, count = z + dz, H + dH, count + 1
         if count == 1:

@@ -133,8 +133,8 @@ def log_dets_beside(
 def without_signal(problem: ProjectedRegression, atom: int, z: float) -> ProjectedRegression:
     """Return the regression of the outputs less z times an atom's signals."""
     y = problem.y.copy()
-    for column, (output, of_atom) in enumerate(problem.signals):
-        if of_atom == atom:
+    for column, (output, signal_atom) in enumerate(problem.signals):
+        if signal_atom == atom:
             y[:, :, output] -= z * problem.theta[:, :, column]
     return replace(problem, y=y)
 
@@ -255,10 +255,10 @@ def _additions(problem: ProjectedRegression, fit: Fit, atoms: Sequence[int]) -> 
     """Return magnitude and power, the inverse of its variance, of each atom added alone to a fit; 0 where not seen."""
     support, together = _Support(problem, fit.atoms, compress=False), sorted({*fit.atoms, *atoms})
     at = support.predict(fit.z)
-    own, e = support.linearise(at)
+    regressors, e = support.linearise(at)
     others = support.whiten(at, _Support(problem, together, compress=False).filter(at.K))[:, np.isin(together, atoms)]
     raw = np.einsum("ij,ij->j", others, others)
-    Q = np.linalg.qr(own)[0]
+    Q = np.linalg.qr(regressors)[0]
     others = others - Q @ (Q.T @ others)
     power = np.einsum("ij,ij->j", others, others)
     seen = power > RANK_TOLERANCE * raw
@@ -278,15 +278,15 @@ def relaxed_bound(problem: ProjectedRegression, base: Fit | None, extra: int) ->
     magnitude : the coefficient of `extra` at lag 0, a start for `fit_magnitudes`.
     """
     support = _Support(problem, base.atoms if base else (), compress=False)
-    own = _Support(problem, (extra,), compress=False)
+    freed = _Support(problem, (extra,), compress=False)
     corrected = support.correct(base.z if base else np.zeros(0))
     n = len(corrected)
     moves = support.filter(base.K).reshape(n, -1) if base and base.atoms else np.zeros((n, 0))
-    regressors = np.hstack([corrected[:, 1:].reshape(n, -1), own.theta.reshape(n, -1), moves])
+    regressors = np.hstack([corrected[:, 1:].reshape(n, -1), freed.theta.reshape(n, -1), moves])
     Q, coefficients = _regress(regressors, corrected[:, 0])
     _, log_det = _covariance_root(corrected[:, 0] - Q @ (Q.T @ corrected[:, 0]), problem)
-    now = coefficients[problem.order * problem.n_outputs :][: own.theta.shape[2]]
-    outputs = np.argmax(own.scatter[:, :, 0], axis=1)
+    now = coefficients[problem.order * problem.n_outputs :][: freed.theta.shape[2]]
+    outputs = np.argmax(freed.scatter[:, :, 0], axis=1)
     return log_det, float(np.mean(now[np.arange(len(outputs)), outputs])) if len(outputs) else 0.0
 
 

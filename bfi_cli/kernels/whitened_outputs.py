@@ -75,6 +75,6 @@ def whitened_outputs(problem: ProjectedRegression, z: FloatArray, K: FloatArray)
     atoms = np.unique(np.array([atom for _, atom in problem.signals], dtype=np.intp))
     theta = np.zeros((n_lags, n_y, len(atoms), m))
     for column, (output, atom) in enumerate(problem.signals):
-        own = problem.theta[:, :, column].T[:, None] * whiten[output][:, None]
-        theta[:, :, np.searchsorted(atoms, atom)] += own
+        signature = problem.theta[:, :, column].T[:, None] * whiten[output][:, None]
+        theta[:, :, np.searchsorted(atoms, atom)] += signature
     return WhitenedOutputs(y=(y @ whiten).transpose(1, 2, 0), theta=theta, atoms=atoms, whiten=whiten)

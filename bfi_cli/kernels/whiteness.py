@@ -28,8 +28,8 @@ def _lagged_products(e: FloatArray, n_lags: int) -> FloatArray:
     n = 1 << (size + n_lags).bit_length()  # the products of two blocks do not wrap around
     total = np.zeros(n_lags + 1)
     for start in range(0, len(e), size):
-        own, ahead = (np.fft.rfft(e[start : start + length], n) for length in (size, size + n_lags))
-        total += np.fft.irfft(own.conj() * ahead, n)[: n_lags + 1]
+        block, ahead = (np.fft.rfft(e[start : start + length], n) for length in (size, size + n_lags))
+        total += np.fft.irfft(block.conj() * ahead, n)[: n_lags + 1]
     return total
 
 

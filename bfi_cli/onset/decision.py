@@ -196,7 +196,7 @@ def _rule(table: CalibrationTable, source: str, config: Config, *notes: Note, ma
             ),
         )
     return Rule(
-        null=null if matches else replace(null, tail=null.tail.of_others),
+        null=null if matches else replace(null, tail=null.tail.widened),
         counted=null,
         use=CalibrationUse(source=source, matches=matches, n_windows=table.n_windows, length_s=length_s),
         shapes=shapes,

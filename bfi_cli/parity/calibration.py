@@ -79,7 +79,9 @@ def calibrate_air_data(logs: Sequence[FlightLog]) -> AirDataCalibration | None:
         for length_s in LENGTHS_S:
             moved = configuration_changes(parts, clean_up_s=clean_up_time(parts, record))
             for step_s in (None, CLOSEST_S):
-                windows = [one for one in windows_in(parts, length_s, step_s=step_s) if not overlaps(one, moved)]
+                windows = [
+                    interval for interval in windows_in(parts, length_s, step_s=step_s) if not overlaps(interval, moved)
+                ]
                 if len(windows) >= FEWEST_WINDOWS:
                     break
             for window in windows:
@@ -199,7 +201,7 @@ def shipped_tables() -> tuple[ParityTable, ...]:
 
 def table_for(tables: Sequence[ParityTable], key: ScanKey) -> ParityTable | None:
     """Return the table that fits, None where none does."""
-    return next((one for one in tables if one.fits(key)), None)
+    return next((table for table in tables if table.fits(key)), None)
 
 
 def _null_of(table: ParityTable, tables: Sequence[ParityTable]) -> Null:
@@ -209,13 +211,15 @@ def _null_of(table: ParityTable, tables: Sequence[ParityTable]) -> Null:
     all residuals of the two recorded flights), and the few long windows tell it badly. They lie over the same stretches
     as the short ones, so that as many excesses count as the length with the most has.
     """
-    alike = (one for one in tables if one.residuals == table.residuals and one.logs == table.logs)
+    alike = (other for other in tables if other.residuals == table.residuals and other.logs == table.logs)
     tails = [
-        null_from({"largest": one.statistics}).tail for one in alike if one.knows_zero_lift == table.knows_zero_lift
+        null_from({"largest": other.statistics}).tail
+        for other in alike
+        if other.knows_zero_lift == table.knows_zero_lift
     ]
-    relative = sum(one.k * one.mean / one.start for one in tails) / sum(one.k for one in tails)
+    relative = sum(tail.k * tail.mean / tail.start for tail in tails) / sum(tail.k for tail in tails)
     null = null_from({"largest": table.statistics})
-    k = max(one.k for one in tails)
+    k = max(tail.k for tail in tails)
     return replace(null, tail=replace(null.tail, mean=relative * null.tail.start, k=k))
 
 
@@ -239,10 +243,10 @@ def threshold_of(
     table = table_for(tables, key)
     nearest = table or min(
         tables,
-        key=lambda one: (
-            len(set(one.residuals) ^ set(key.residuals)),
-            abs(np.log(one.length_s / key.length_s)),
-            one.knows_zero_lift != key.knows_zero_lift,
+        key=lambda candidate: (
+            len(set(candidate.residuals) ^ set(key.residuals)),
+            abs(np.log(candidate.length_s / key.length_s)),
+            candidate.knows_zero_lift != key.knows_zero_lift,
         ),
     )
     null = _null_of(nearest, tables)
@@ -250,6 +254,6 @@ def threshold_of(
         # None fits a window in which a fault lasts either, since columns for that take noise away as well: of 469
         # windows of two flights without a fault, each of six faults left out, the largest has 0.69 of its threshold,
         # 1.44 by the table itself.
-        null = replace(null, tail=null.tail.of_others)
+        null = replace(null, tail=null.tail.widened)
     level, suspected = (scale * null.threshold("largest", rate) for rate in rates)
     return Threshold(level=level, suspected=min(level, suspected), null=null, scale=scale)

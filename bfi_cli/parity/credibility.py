@@ -278,7 +278,7 @@ class Credibility:
     @property
     def unused(self) -> tuple[str, ...]:
         """The channels that are not used."""
-        return tuple(name for one in self.findings for name in one.channels)
+        return tuple(name for finding in self.findings for name in finding.channels)
 
 
 def agreements(record: Record, phases: Sequence[Phase], *, without: Sequence[Window] = ()) -> tuple[Agreement, ...]:
@@ -292,20 +292,22 @@ def agreements(record: Record, phases: Sequence[Phase], *, without: Sequence[Win
     stretches = flight_stretches(phases)
     used = within(record.time_s, stretches) & ~within(record.time_s, (*moved, *without))
     return tuple(
-        _agreement(one, record, used, stretches)
-        for one in RELATIONS
-        if all(any(name in record.channels for name in group) for group in one.needs)
+        _agreement(relation, record, used, stretches)
+        for relation in RELATIONS
+        if all(any(name in record.channels for name in group) for group in relation.needs)
     )
 
 
-def _agreement(one: _Relation, record: Record, used: NDArray[np.bool_], stretches: Sequence[Window]) -> Agreement:
+def _agreement(relation: _Relation, record: Record, used: NDArray[np.bool_], stretches: Sequence[Window]) -> Agreement:
     speeds = record.channels["tas"][used] if "tas" in record.channels else np.empty(0)
     # An airspeed that is lost for most of the flight tells no speed either.
     speed = float(np.nanmedian(speeds)) if np.isfinite(speeds).any() else 0.0
     speed = speed if speed > 0.0 else np.inf
     piece_s = float(np.clip(PIECE * speed / G, SHORTEST_PIECE_S, LONGEST_PIECE_S))
-    reference, reading = (_smoothed(np.where(used, make(record), np.nan)) for make in (one.reference, one.reading))
-    beside = one.beside(record)
+    reference, reading = (
+        _smoothed(np.where(used, make(record), np.nan)) for make in (relation.reference, relation.reading)
+    )
+    beside = relation.beside(record)
     moments = []
     for first, last in stretches:
         for start in np.arange(first, last - piece_s + 1e-6, piece_s):
@@ -317,10 +319,10 @@ def _agreement(one: _Relation, record: Record, used: NDArray[np.bool_], stretche
             design = np.column_stack([np.ones(n), beside[known]])
             both = np.column_stack([reference[known], reading[known]])
             x, y = (both - design @ np.linalg.lstsq(design, both, rcond=None)[0]).T
-            if x @ x >= n * (MOVES * one.least) ** 2:
+            if x @ x >= n * (MOVES * relation.least) ** 2:
                 moments.append((x @ x / n, x @ y / n, y @ y / n))
-    gusts = GUSTS / speed if one.residual == "climb" else 0.0
-    return Agreement(relation=one, moments=np.array(moments).reshape(-1, 3), gusts=gusts)
+    gusts = GUSTS / speed if relation.residual == "climb" else 0.0
+    return Agreement(relation=relation, moments=np.array(moments).reshape(-1, 3), gusts=gusts)
 
 
 def _smoothed(values: FloatArray) -> FloatArray:
@@ -338,7 +340,7 @@ def coarse_positions(log: FlightLog) -> str:
     if not {*names} <= log.channels.keys() or {"velocity_north", "velocity_east"} <= log.channels.keys():
         return ""
     values = [log.channels[name].values for name in names]
-    metres = EARTH_RADIUS * max(find_quantum(one[np.isfinite(one)]) or 0.0 for one in values)
+    metres = EARTH_RADIUS * max(find_quantum(position[np.isfinite(position)]) or 0.0 for position in values)
     seconds = max(renewed_every_s(log, name) for name in names)
     if metres / np.sqrt(6.0) <= COARSE * STEP_S and seconds <= max(RENEWED_S, 1.5 / log.rate_hz):
         return ""
@@ -357,16 +359,16 @@ def credibility_of(record: Record, phases: Sequence[Phase], *, without: Sequence
     without : stretches that are left out, such as those in which a pressure line is held.
     """
     every = agreements(record, phases, without=without)
-    holding = [one for one in every if one.holds]
+    holding = [agreement for agreement in every if agreement.holds]
     suspects: dict[str, list[Agreement]] = {}
     findings: list[Implausible] = []
     sentences: list[str] = []
     unusable: list[str] = []
-    for one in every:
-        if not one.fails:
+    for agreement in every:
+        if not agreement.fails:
             continue
         # The lift says that a vane follows, not in what scale.
-        follows, relation = one.correlation >= LEAST_CORRELATION, one.relation
+        follows, relation = agreement.correlation >= LEAST_CORRELATION, agreement.relation
         telling = [other.relation for other in holding if other.relation.has_scale or not follows]
         confirmed = {name for other in telling for name in other.confirms}
         left = [name for name in relation.accuses if name not in confirmed]
@@ -377,7 +379,7 @@ def credibility_of(record: Record, phases: Sequence[Phase], *, without: Sequence
                 "they are not compared"
             )
         for name in left:
-            suspects.setdefault(name, []).append(one)
+            suspects.setdefault(name, []).append(agreement)
     while suspects:
         # What explains most of what fails is named, and explains that.
         name = max(suspects, key=lambda key: (len(suspects[key]), key == AIRSPEED))
@@ -385,10 +387,12 @@ def credibility_of(record: Record, phases: Sequence[Phase], *, without: Sequence
         rivals = tuple(
             (record.airspeed or "tas") if other == AIRSPEED else other
             for other in suspects
-            if {id(one) for one in failing} <= {id(one) for one in suspects[other]}
+            if {id(agreement) for agreement in failing} <= {id(agreement) for agreement in suspects[other]}
         )
-        known = {id(one) for one in failing}
-        rest = {other: [one for one in ones if id(one) not in known] for other, ones in suspects.items()}
+        known = {id(agreement) for agreement in failing}
+        rest = {
+            other: [agreement for agreement in ones if id(agreement) not in known] for other, ones in suspects.items()
+        }
         suspects = {other: ones for other, ones in rest.items() if ones}
         if name == AIRSPEED:  # which the analyses are for that follow
             continue
@@ -399,11 +403,11 @@ def credibility_of(record: Record, phases: Sequence[Phase], *, without: Sequence
 
 def _finding(name: str, rivals: tuple[str, ...], failing: Sequence[Agreement]) -> Implausible:
     words = " and ".join(
-        f"{one.relation.words} ({f'scale {one.scale:.2f}, ' if one.relation.has_scale else ''}"
-        f"correlation {one.correlation:.2f})"
-        for one in failing
+        f"{agreement.relation.words} ({f'scale {agreement.scale:.2f}, ' if agreement.relation.has_scale else ''}"
+        f"correlation {agreement.correlation:.2f})"
+        for agreement in failing
     )
-    scaled = next((one for one in failing if one.relation.has_scale), None)
+    scaled = next((agreement for agreement in failing if agreement.relation.has_scale), None)
     factor, factor_ci95 = 1.0, None
     if scaled is not None and scaled.scale > 0.0:
         half = TWO_SIDED_95 * scaled.scale_sd
@@ -412,7 +416,7 @@ def _finding(name: str, rivals: tuple[str, ...], failing: Sequence[Agreement]) -
     doubt = ""
     if rivals:
         doubt = f", or {' or '.join(rivals)} does not follow the others"
-    elif all(one.by_gusts for one in failing):
+    elif all(agreement.by_gusts for agreement in failing):
         doubt = ", though gusts could hide that it does"
     return Implausible(
         channels=GROUND_SPEED if name == "ground_speed" else (name,),
@@ -421,7 +425,7 @@ def _finding(name: str, rivals: tuple[str, ...], failing: Sequence[Agreement]) -
         factor=factor,
         offset=0.0,
         agrees_with=(),
-        relative_misfit=1.0 - min(one.correlation for one in failing),
+        relative_misfit=1.0 - min(agreement.correlation for agreement in failing),
         rivals=rivals,
         text=f"'{name}' does not follow {words}{doubt}: it was not used",
         advice=f"check {name}",

@@ -145,14 +145,22 @@ def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()
     ----------
     ruled_out : faults that other relations of the log contradict; one is kept where nothing else explains the window.
     """
-    looks = {one: _linear_looks(scan, record, one) for one in hypotheses(record) if one.fault in scan.ratios}
-    nearest = {one: max(ratio for ratio, _, _ in by_course) for one, by_course in looks.items()}
+    looks = {
+        hypothesis: _linear_looks(scan, record, hypothesis)
+        for hypothesis in hypotheses(record)
+        if hypothesis.fault in scan.ratios
+    }
+    nearest = {hypothesis: max(ratio for ratio, _, _ in by_course) for hypothesis, by_course in looks.items()}
     best = max(nearest.values())
     least = best - FITTED_WITHIN * max(CLOSE, CLOSE_SHARE * best)
-    contenders = [one for one, ratio in nearest.items() if ratio >= least]
+    contenders = [hypothesis for hypothesis, ratio in nearest.items() if ratio >= least]
     # Where none of those that may be is a candidate after all, those that are ruled out are, then the others.
-    for group in ([one for one in contenders if one.fault not in ruled_out], contenders, list(looks)):
-        fits = [_best_course(scan, record, one, looks[one]) for one in group]
+    for group in (
+        [hypothesis for hypothesis in contenders if hypothesis.fault not in ruled_out],
+        contenders,
+        list(looks),
+    ):
+        fits = [_best_course(scan, record, hypothesis, looks[hypothesis]) for hypothesis in group]
         if any(np.isfinite(fit.ratio) for fit in fits):
             break
     fits.sort(key=lambda fit: -fit.ratio)
@@ -200,11 +208,11 @@ def _linear_looks(
 ) -> list[Look]:
     """Return by course the largest ratio of a small fault over the onsets of the scan, and where it is."""
     since_s = record.time_s[:, None] - scan.onsets_s[None, :]
-    every = np.hstack([_course(*one)(since_s) for one in courses])
+    every = np.hstack([_course(*course)(since_s) for course in courses])
     small = likelihood_ratio(scan.residuals, fault_signatures(scan, record, hypothesis, every))
     ratios = (scan.weights @ small.parts(small.magnitude)).reshape(len(courses), -1)
     best = np.argmax(ratios, axis=1)
-    return [(float(ratios[k, best[k]]), float(scan.onsets_s[best[k]]), one) for k, one in enumerate(courses)]
+    return [(float(ratios[k, best[k]]), float(scan.onsets_s[best[k]]), course) for k, course in enumerate(courses)]
 
 
 def _best_course(scan: WindowScan, record: Record, hypothesis: Hypothesis, looks: Sequence[Look]) -> Fit:
@@ -214,7 +222,7 @@ def _best_course(scan: WindowScan, record: Record, hypothesis: Hypothesis, looks
     """
     leaks = hypothesis.fault == STATIC_LEAK
     first = [] if leaks else list(looks[:1])
-    others = sorted((one for one in looks[1:] if not leaks or one[2][0] == "lagged_bias"), key=lambda one: -one[0])
+    others = sorted((look for look in looks[1:] if not leaks or look[2][0] == "lagged_bias"), key=lambda look: -look[0])
     fits = [
         fit_course(scan, record, hypothesis, *course, near_s=near_s) for _, near_s, course in (*first, *others[:TRIED])
     ]
@@ -230,7 +238,7 @@ def _with_best_constant(scan: WindowScan, record: Record, fit: Fit) -> Fit:
     for ratio in (step**sign for step in FINER for sign in (1.0, -1.0)):
         while FIRST_ONSET_S / 10.0 <= (constant := ratio * (best.constant_s or 0.0)) <= scan.length_s:
             tried = fit_course(scan, record, fit.fault, fit.shape, constant, near_s=best.onset_s)
-            besides.append(min(tried, best, key=lambda one: one.ratio).alike)
+            besides.append(min(tried, best, key=lambda other: other.ratio).alike)
             if tried.ratio <= best.ratio:
                 break
             best = tried

@@ -115,9 +115,9 @@ class Holds:
     def missing(self, from_s: float = -np.inf, to_s: float = np.inf) -> tuple[str, ...]:
         """Return sentences on what was not watched in a part of the window, or is seen less well, and why."""
         sentences = list(self.lacking)
-        for fault, what, why in dict.fromkeys((one.fault, one.what, one.why) for one in self.unseen):
-            alike = [one for one in self.unseen if (one.fault, one.why) == (fault, why)]
-            seconds = sum(max(0.0, min(one.to_s, to_s) - max(one.from_s, from_s)) for one in alike)
+        for fault, what, why in dict.fromkeys((line.fault, line.what, line.why) for line in self.unseen):
+            alike = [line for line in self.unseen if (line.fault, line.why) == (fault, why)]
+            seconds = sum(max(0.0, min(line.to_s, to_s) - max(line.from_s, from_s)) for line in alike)
             if seconds >= LENGTH_S[PRESSURES[fault]]:
                 sentences.append(f"{fault} {what} in {seconds:.0f} s of the flight: {why}")
         return tuple(sentences)
@@ -145,19 +145,21 @@ def find_holds(log: FlightLog, from_s: float, to_s: float, *, lines: Lines | Non
         if pressure == "p_total":
             # A leaking tube ends at the static pressure, which may rest.
             low_at = [low_s for _, low_s in leaks]
-            held = [one for one in held if not any(low_s <= one.onset_s + POINT_S for low_s in low_at)]
+            held = [finding for finding in held if not any(low_s <= finding.onset_s + POINT_S for low_s in low_at)]
             report = replace(report, untold=(*report.untold, *landings))
         reports.append(report)
         findings += held
         # A trapped tube loses its airspeed in a descent, a trapped port in a climb.
-        leaks = [(leak, low_s) for leak, low_s in leaks if not any(one.onset_s < low_s for one in held)]
+        leaks = [(leak, low_s) for leak, low_s in leaks if not any(finding.onset_s < low_s for finding in held)]
         if pressure == "p_static":
             leaks = [(_or_blocked_port(log, lines, line, leak, low_s), low_s) for leak, low_s in leaks]
     findings += [leak for leak, _ in leaks]
     # While the static line shows the cabin it holds, and no impact pressure tells of the pitot tube.
-    findings = [one for one in findings if not any(begins_within(one, leak) for leak in to_cabin)] + to_cabin
-    findings.sort(key=lambda one: one.onset_s)
-    unseen = tuple(one for report in reports for one in _unseen(lines, report))
+    findings = [
+        finding for finding in findings if not any(begins_within(finding, leak) for leak in to_cabin)
+    ] + to_cabin
+    findings.sort(key=lambda finding: finding.onset_s)
+    unseen = tuple(unseen_line for report in reports for unseen_line in _unseen(lines, report))
     return Holds(findings=tuple(findings), lines=tuple(reports), unseen=unseen, lacking=lines.missing)
 
 
@@ -204,7 +206,7 @@ def _holds_of(
     """Return how a line was watched, and where it held."""
     length_s = LENGTH_S[line.pressure]
     stretches = stretches_of(lines, line, length_s, from_s, to_s)
-    of_other = None if other is None else stretches_of(lines, other, length_s, from_s, to_s)
+    other_stretches = None if other is None else stretches_of(lines, other, length_s, from_s, to_s)
     calm = _calm(lines, line, stretches, stretches.still)
     findings: list[Finding] = []
     untold: list[tuple[float, float, str]] = []
@@ -212,7 +214,7 @@ def _holds_of(
         # The stillest stretch of a run tells whether the line holds, and where.
         best = first + int(np.argmin(stretches.sd[first : last + 1] / stretches.limit[first : last + 1]))
         onset = edge_of(lines, line, first + stretches.n // 2, -1)
-        why = doubt_of(log, lines, line, stretches, of_other, calm, (first, best, last), onset)
+        why = doubt_of(log, lines, line, stretches, other_stretches, calm, (first, best, last), onset)
         if why:
             untold.append((float(lines.time_s[first]), float(lines.time_s[last + stretches.n - 1]), why))
             continue
@@ -260,7 +262,7 @@ def doubt_of(
     lines: Lines,
     line: PressureLine,
     stretches: Stretches,
-    of_other: Stretches | None,
+    other_stretches: Stretches | None,
     calm: float | None,
     run: tuple[int, int, int],
     onset: int,
@@ -288,18 +290,18 @@ def doubt_of(
         every = np.arange(len(stretches.sd))
         calm = _calm(lines, line, stretches, (every > before) & (every < after))
     # The total pressure moves at least as the static one does, unless speed is traded for it.
-    stirred = of_other is not None and limit <= HIDDEN * float(of_other.sd[best])
-    told = _stopped(lines, line, onset) if static else stirred
+    stirred = other_stretches is not None and limit <= HIDDEN * float(other_stretches.sd[best])
+    is_reliable = _stopped(lines, line, onset) if static else stirred
     moving = 1.0 / HIDDEN if coarse else 1.0  # times its limit, by which the other line strays at least
     hidden = calm is None or limit > HIDDEN * calm
     calmest = np.inf if calm is None else calm
     stillest = MOTIONLESS * calmest if hidden else STILL * calmest
     rivals = (
         (LANDED, static and _has_landed(log, lines, line, onset)),
-        (AT_REST, of_other is not None and not of_other.sd[best] > moving * of_other.limit[best]),
+        (AT_REST, other_stretches is not None and not other_stretches.sd[best] > moving * other_stretches.limit[best]),
         (STEADY, stretches.rise[best] > LEVEL_M),
-        (TOO_LITTLE, calm is None and not told),
-        (STEPS_HIDE, static and hidden and not told),
+        (TOO_LITTLE, calm is None and not is_reliable),
+        (STEPS_HIDE, static and hidden and not is_reliable),
         (TOO_CALM.format(calmest), sd > stillest and not (static and hidden)),
         (STEPS_HIDE, coarse_airspeed and not (limit <= calmest < np.inf and sd <= MOTIONLESS * calmest)),
     )

@@ -77,7 +77,7 @@ def brakes(log: FlightLog, from_s: float, to_s: float, level: float, p_static: f
     level : impact pressure before, Pa; about 0.4 of the speed is left at `to_s`.
     p_static : static pressure, Pa.
     """
-    has = {name: one.values for name, one in log.channels.items()}
+    has = {name: channel.values for name, channel in log.channels.items()}
     speed = has.get("ground_speed")
     if speed is None and {"velocity_north", "velocity_east"} <= has.keys():
         speed = np.hypot(has["velocity_north"], has["velocity_east"])
@@ -190,8 +190,8 @@ def pitot_leaks(
             continue
         lost = 1.0 - float(np.nanmin(q[first : last + 1])) / level
         # A tube that leaks loses its total pressure; a static line takes the impact pressure away by what it gains.
-        of_port = _share_gained(t, q, static.values, onset_s, first) > LARGEST_SHARE_OF_TOTAL
-        line, fault = ("p_static", "static_leak") if of_port else ("p_total", "pitot_leak")
+        is_static = _share_gained(t, q, static.values, onset_s, first) > LARGEST_SHARE_OF_TOTAL
+        line, fault = ("p_static", "static_leak") if is_static else ("p_total", "pitot_leak")
         finding = Finding(
             fault=fault,
             among=(fault,),
@@ -238,7 +238,7 @@ def _fall(
         ending += 1
     fits = (_kink(t, q, first, ending, low, within, longest_s) for longest_s in TIME_CONSTANTS_S)
     lasting = zip(TIME_CONSTANTS_S, fits, strict=True)
-    fit = next((one for longest_s, one in lasting if one is not None and one[2] <= longest_s), None)
+    fit = next((kink for longest_s, kink in lasting if kink is not None and kink[2] <= longest_s), None)
     if fit is None:
         return None
     at, squares, time_constant_s = fit

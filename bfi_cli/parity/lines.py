@@ -157,20 +157,20 @@ def _line(
     used : channels that it is made of; values : (n,) by channel, in blocks; quanta : their steps, where they are known.
     blocks : their times, and in which of them the aircraft flies.
     """
-    own = np.asarray(getattr(air_data_of(values), pressure))
-    steps = np.zeros(len(own))
+    pressures = np.asarray(getattr(air_data_of(values), pressure))
+    steps = np.zeros(len(pressures))
     for name in {*used} & quanta.keys():
         moved = air_data_of({**values, name: values[name] + quanta[name]})
-        steps = steps + (np.asarray(getattr(moved, pressure)) - own) ** 2 / 12.0
+        steps = steps + (np.asarray(getattr(moved, pressure)) - pressures) ** 2 / 12.0
     piece = max(2, round(PIECE_S / blocks.step_s))
-    noise = noise_of_second_differences(np.where(blocks.flies, own, np.nan), piece, CALMEST)
+    noise = noise_of_second_differences(np.where(blocks.flies, pressures, np.nan), piece, CALMEST)
     # A step that the log does not show may be as slow as a stretch is long: its noise then does not average.
     averaged = max(1, round(POINT_S / blocks.step_s)) if {*used} <= quanta.keys() else 1
     return PressureLine(
         pressure=pressure,
         made_of=used,
-        values=own,
-        step_sd=np.sqrt(steps + (ROUNDING * own) ** 2),
+        values=pressures,
+        step_sd=np.sqrt(steps + (ROUNDING * pressures) ** 2),
         noise_sd=noise,
         point_noise_sd=noise / np.sqrt(averaged),
     )
@@ -249,9 +249,9 @@ def edge_of(lines: Lines, line: PressureLine, middle: int, way: int) -> int:
         rises = line.values - line.values[middle]
         level = np.linalg.lstsq(design, rises[held][known], rcond=None)[0]
         off = np.abs(rises - level[0] - level[1] * at)
-        own = float(np.sqrt(np.nanmean(off[held] ** 2)))
+        rms = float(np.sqrt(np.nanmean(off[held] ** 2)))
         # Two blocks in a row: one of noise may stray.
-        away = ~(off <= BAND * max(float(np.hypot(line.step_sd[middle], line.noise_sd)), own))
+        away = ~(off <= BAND * max(float(np.hypot(line.step_sd[middle], line.noise_sd)), rms))
         away = away[middle:] if way > 0 else away[middle::-1]
         twice = np.flatnonzero(away[:-1] & away[1:])
         edge = middle + way * (max(0, int(twice[0]) - 1) if twice.size else len(away) - 1)

@@ -133,7 +133,7 @@ def record_of(log: FlightLog) -> Record:
             share = log.channels["ground_speed"].values / np.where(size > 0.0, size, np.nan)
             north, east = share * north, share * east
         values |= {"velocity_north": north, "velocity_east": east}
-    channels = {name: over_seconds(one, seconds, n, expected) for name, one in values.items()}
+    channels = {name: over_seconds(samples, seconds, n, expected) for name, samples in values.items()}
     gained = None
     if set(KINEMATICS) <= values.keys():
         rate = kinematic_acceleration(*(values[name] for name in KINEMATICS))
@@ -216,7 +216,7 @@ def with_fault(record: Record, fault: str, amount: FloatArray) -> Record:
     else:
         channels[fault] = channels[fault] + amount
         if record.airspeed == fault != "tas":
-            channels["tas"] = _true_airspeed({name: one for name, one in channels.items() if name != "tas"})
+            channels["tas"] = _true_airspeed({name: samples for name, samples in channels.items() if name != "tas"})
     return replace(record, channels=channels)
 
 
@@ -255,4 +255,4 @@ def hypotheses(record: Record) -> tuple[Hypothesis, ...]:
         possible |= {STATIC_LEAK}
     if {"velocity_north", "velocity_east"} <= recorded:
         possible |= {"ground_speed"}
-    return tuple(one for one in HYPOTHESES if one.fault in possible)
+    return tuple(hypothesis for hypothesis in HYPOTHESES if hypothesis.fault in possible)

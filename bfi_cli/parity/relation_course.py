@@ -61,12 +61,13 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
             if from_s + MARGIN_S <= at_s <= to_s - MARGIN_S
             and (shape not in HELD or SHORTEST_S[shape] <= (constant_s or 0.0) <= (to_s - at_s) / HELD[shape])
         ]
-        if new := [one for one in new if one not in scanned]:
-            changes = part.scan(np.column_stack([effect * _averaged(one, time_s) for one in new]))
+        if new := [course for course in new if course not in scanned]:
+            changes = part.scan(np.column_stack([effect * _averaged(course, time_s) for course in new]))
             scanned.update(zip(new, zip(changes.statistic, changes.amplitude, changes.sd, strict=True), strict=True))
 
     def best_of(shape: str) -> Candidate | None:
-        return max((one for one in scanned if one[0] == shape), key=lambda one: scanned[one][0], default=None)
+        alike = (course for course in scanned if course[0] == shape)
+        return max(alike, key=lambda course: scanned[course][0], default=None)
 
     every_s = np.arange(from_s + MARGIN_S, to_s, FINER_S[0]).tolist()
     coarse_s = np.arange(from_s + MARGIN_S, to_s, COARSE_S).tolist()
@@ -78,7 +79,7 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
         elif shape == "ramp_hold":
             scan((shape, end_s - at_s, at_s) for at_s in coarse_s for end_s in coarse_s)
         else:
-            begins_s = [one[2] for one in (best_of("bias"), best_of("ramp_hold")) if one is not None]
+            begins_s = [course[2] for course in (best_of("bias"), best_of("ramp_hold")) if course is not None]
             scan((shape, lag_s, at_s) for at_s in np.add.outer(begins_s, ABOUT_S).flat for lag_s in LAGS_S)
         for step_s in FINER_S:
             if (likeliest := best_of(shape)) is not None:
@@ -86,14 +87,14 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
     names, (statistic, magnitude, sd) = list(scanned), np.array([*scanned.values()]).T
     best = int(np.argmax(statistic - [PRICE if shape in HELD else 0.0 for shape, _, _ in names]))
     shape, constant, onset_s = names[best]
-    same = np.array([one[0] == shape for one in names]) & np.isfinite(sd)
+    same = np.array([course[0] == shape for course in names]) & np.isfinite(sd)
     if not same[best]:
         return finding
     share = np.exp(0.5 * (statistic[same] - statistic[best]))
     squares = sd[same] ** 2 + (magnitude[same] - magnitude[best]) ** 2
     reached = float(np.max(np.abs(_averaged(names[best], time_s))))
     steps = AVERAGED * series.noise_sd / (float(np.median(np.abs(effect))) * reached)
-    near_s = np.array([one[2] for one in names])[same & (statistic >= statistic[best] - CHI_SQUARE)]
+    near_s = np.array([course[2] for course in names])[same & (statistic >= statistic[best] - CHI_SQUARE)]
     return replace(
         finding,
         shape=shape,

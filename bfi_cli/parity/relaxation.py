@@ -89,11 +89,11 @@ def relaxations(
     around = max(1, round(AROUND_S / step_s))
     while jumps.size and jumps.max() >= 1.0:
         largest = int(np.argmax(jumps))
-        one = _best(time_s, pressure, k[max(0, largest - around) : largest + around + 1], before, least_jump)
-        if one is not None:
-            kept.append(one)
+        relaxation = _best(time_s, pressure, k[max(0, largest - around) : largest + around + 1], before, least_jump)
+        if relaxation is not None:
+            kept.append(relaxation)
         jumps[max(0, largest - 2 * around) : largest + 2 * around + 1] = 0.0
-    return sorted(kept, key=lambda one: one.onset)
+    return sorted(kept, key=lambda relaxation: relaxation.onset)
 
 
 def _best(
@@ -103,14 +103,14 @@ def _best(
 
     None too where the rate jumps by little more than it was: the pressure then stops, as that of a blocked port does.
     """
-    fits = [one for onset in onsets.tolist() if (one := _fitted(time_s, pressure, onset, before)) is not None]
+    fits = [fit for onset in onsets.tolist() if (fit := _fitted(time_s, pressure, onset, before)) is not None]
     if not fits:
         return None
-    best = min(fits, key=lambda one: one.loss)
+    best = min(fits, key=lambda fit: fit.loss)
     least = max(least_jump[best.onset], MORE_THAN_STOPPED * abs(best.rate))
     if best.loss > MISFIT_OF_CHANGE**2 or abs(best.jump) < least:
         return None
-    near = as_good(np.array([one.loss for one in fits]), best.n_blocks, ALIKE)
+    near = as_good(np.array([fit.loss for fit in fits]), best.n_blocks, ALIKE)
     step_s = float(time_s[best.onset] - time_s[best.onset - 1])
     return replace(best, from_s=fits[near[0]].from_s - step_s, to_s=fits[near[-1]].to_s + step_s)
 

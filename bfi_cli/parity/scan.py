@@ -54,7 +54,7 @@ class WindowScan:
     @property
     def statistic(self) -> float:
         """The largest ratio over faults and onsets."""
-        return max(float(one.ratio.max()) for one in self.ratios.values())
+        return max(float(ratio.ratio.max()) for ratio in self.ratios.values())
 
     @property
     def length_s(self) -> float:
@@ -69,7 +69,7 @@ class WindowScan:
 @lru_cache(maxsize=64)  # 0.5 MB each at 240 s
 def _noise(kind: str, n: int, missing: bytes, levels: tuple[float, ...]) -> NoiseModel:
     known = ~np.frombuffer(missing, dtype=bool)
-    model = next(one for one in RESIDUALS if one.name == kind)
+    model = next(residual for residual in RESIDUALS if residual.name == kind)
     time_s = STEP_S * np.arange(n, dtype=np.float64)
     return noise_model(time_s[known], np.array(levels), model.slow(time_s)[np.ix_(known, known)])
 
@@ -105,7 +105,7 @@ def scan_window(
         return None
     _, ramps = steps_and_ramps(record.time_s, onsets_s)
     n, fewest = len(record.time_s), FEWEST * _samples(record)
-    begun = [one for one in hypotheses(record) if one.fault in lasting]
+    begun = [candidate for candidate in hypotheses(record) if candidate.fault in lasting]
     course = np.column_stack([np.ones(n), (record.time_s - record.time_s[0]) / n])
     used: list[tuple[ResidualKind, Residual, BoolArray, FloatArray]] = []
     for kind in kinds:
@@ -262,7 +262,9 @@ def _lasting_columns(
 ) -> FloatArray:
     """Return (n, n_courses + 1) what a fault of any size makes of a residual: each course, and the constant squared."""
     large, healthy = replace(hypothesis, size=LARGE * hypothesis.size), level_of(kind, record, constants)
-    small_level, large_level = (level_of(kind, with_small(record, one), constants) for one in (hypothesis, large))
+    small_level, large_level = (
+        level_of(kind, with_small(record, candidate), constants) for candidate in (hypothesis, large)
+    )
     first = _signature(healthy, small_level, hypothesis, courses)
     ahead = _signature(healthy, large_level, large, courses[:, :1])
     return np.column_stack([first, ahead - first[:, :1]])

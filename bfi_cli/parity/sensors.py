@@ -83,7 +83,7 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
         return _usual(seconds[seconds > 0.0], flown_s - float(flown[stretch[1]] - flown[stretch[0]]))
 
     reference = still_air_angle(record) if record.channels.keys() >= VANE_NEEDS else None
-    found = []
+    findings = []
     for name in log.independent([name for name in log.channels if quantity_of(name) in MOVING]):
         for first, end in rests[name]:
             seconds = float(flown[end] - flown[first])
@@ -99,7 +99,7 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
                 if error is None:
                     continue
                 effect = {name: error}
-            found.append(
+            findings.append(
                 Finding(
                     fault=name,
                     among=(name,),
@@ -115,7 +115,7 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
                     evidence={"rests_s": seconds},
                 )
             )
-    return tuple(found)
+    return tuple(findings)
 
 
 def _others_move(
@@ -127,7 +127,7 @@ def _others_move(
     while the altitude rests.
     """
     if quantity_of(name) == "altitude_rate" and pressures_of(log, name):
-        altitudes = [log.channels[one].values[slice(*stretch)] for one in PORT_HOLDS if one in log.channels]
+        altitudes = [log.channels[channel].values[slice(*stretch)] for channel in PORT_HOLDS if channel in log.channels]
         if any(np.mean(is_repeated(values)) >= 0.5 for values in altitudes):
             return False
     if quantity_of(name) in PORT_HOLDS:
@@ -135,8 +135,8 @@ def _others_move(
         climbed = np.cumsum(np.nan_to_num(rate)) / log.rate_hz
         climbs = np.ptp(climbed) > max(CLIMBED_M, CLIMBING_M_S * len(rate) / log.rate_hz)
         return bool(climbs and np.mean(is_repeated(rate)) < 0.5)
-    others = [one for one in log.channels if one != name and usual_s(one, stretch) < LIVELY_S]
-    repeated = [np.mean(is_repeated(log.channels[one].values[slice(*stretch)])) for one in others]
+    others = [channel for channel in log.channels if channel != name and usual_s(channel, stretch) < LIVELY_S]
+    repeated = [np.mean(is_repeated(log.channels[channel].values[slice(*stretch)])) for channel in others]
     return bool(repeated) and float(np.mean(np.array(repeated) < 0.5)) >= MOST
 
 
@@ -197,12 +197,12 @@ def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[st
     warmer, higher, faster = (
         _difference(np.where(flies, x, np.nan), PROBE_MEAN_S, PROBE_GAP_S) for x in (sat, channels["altitude"], speed)
     )
-    own, usual = _less_what_follows(warmer, np.column_stack([higher, faster]))
+    unexplained, usual = _less_what_follows(warmer, np.column_stack([higher, faster]))
     least = np.maximum(AIR_K, UNUSUAL * usual) + LAYERED * np.abs(higher)
     reach_s = 0.5 * (PROBE_MEAN_S + PROBE_GAP_S)
-    found = []
-    for k in _lasting_peaks(own, least, sat):
-        step, warmth = float(own[k]), float(channels["sat" if "sat" in channels else heat][k])
+    findings = []
+    for k in _lasting_peaks(unexplained, least, sat):
+        step, warmth = float(unexplained[k]), float(channels["sat" if "sat" in channels else heat][k])
         size = step * float(channels[heat][k] / warmth)
         faster_by = 0.5 * float(channels["tas"][k] if "tas" in channels else 0.0) * step / warmth
         effects = {"tat": size, "sat": step, "tas": faster_by}
@@ -216,8 +216,8 @@ def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[st
             words="temperature against the altitude",
         )
         names = tuple(name for name in ("tat", "sat", "tas") if name in recorded)
-        found.append(replace(finding, channels=names, effect={name: effects[name] for name in names}))
-    return tuple(found)
+        findings.append(replace(finding, channels=names, effect={name: effects[name] for name in names}))
+    return tuple(findings)
 
 
 def altimeter_steps(record: Record, phases: Sequence[Phase], without: Sequence[Window]) -> tuple[Finding, ...]:
@@ -227,18 +227,18 @@ def altimeter_steps(record: Record, phases: Sequence[Phase], without: Sequence[W
     ----------
     without : stretches in which the static line is held or leaks: then both read what the line does.
     """
-    excess, own, least, sd = _altitude_beside_rate(record, phases, without)
+    excess, unexplained, least, sd = _altitude_beside_rate(record, phases, without)
     at_once = np.nan_to_num(np.abs(np.diff(excess)))  # by which a step changes, and what is held does not
-    found = []
-    for k in _lasting_peaks(own, least, excess):
+    findings = []
+    for k in _lasting_peaks(unexplained, least, excess):
         first = max(0, k - PROBE_MEAN_S)
         onset = first + int(np.argmax(at_once[first : k + PROBE_MEAN_S]))
         # With the onset between the two means: at the peak a part of one may be from before it.
-        at = onset + 1 if np.isfinite(own[onset + 1]) else k
-        size = float(own[at])
+        at = onset + 1 if np.isfinite(unexplained[onset + 1]) else k
+        size = float(unexplained[at])
         if abs(size) > least[at] and at_once[onset] > AT_ONCE * abs(size):
             onset_s = float(record.time_s[onset]) + 0.5 * STEP_S
-            found.append(
+            findings.append(
                 _step(
                     "altitude",
                     size,
@@ -249,7 +249,7 @@ def altimeter_steps(record: Record, phases: Sequence[Phase], without: Sequence[W
                     words="altitude against its rate",
                 )
             )
-    return tuple(found)
+    return tuple(findings)
 
 
 def altitude_step_within(
@@ -261,10 +261,10 @@ def altitude_step_within(
     ----------
     without : see `altimeter_steps`.
     """
-    _, own, least, _ = _altitude_beside_rate(record, phases, without)
+    _, unexplained, least, _ = _altitude_beside_rate(record, phases, without)
     reach_s = PROBE_MEAN_S + PROBE_GAP_S
     about = within(record.time_s, [(onsets_s[0] - reach_s, onsets_s[1] + reach_s)])
-    allowed = np.abs(own[about]) + least[about]
+    allowed = np.abs(unexplained[about]) + least[about]
     return float(allowed.max()) if allowed.size and np.isfinite(allowed).all() else np.inf
 
 
@@ -285,10 +285,10 @@ def _altitude_beside_rate(
     climbed = STEP_S * (np.cumsum(np.nan_to_num(rate)) - 0.5 * np.nan_to_num(rate))
     excess = np.where(np.isfinite(rate), channels["altitude"] - climbed, np.nan)
     change, faster, by_rate = (_difference(x, PROBE_MEAN_S, PROBE_GAP_S) for x in (excess, rate, climbed))
-    own, usual = _less_what_follows(change, faster[:, None])
+    unexplained, usual = _less_what_follows(change, faster[:, None])
     quantum = find_quantum(channels["altitude"][np.isfinite(channels["altitude"])]) or 0.0
     least = max(ALTIMETER_M, UNUSUAL * usual, ALTIMETER_STEPS * quantum) + SHARE * np.abs(by_rate)
-    return excess, own, np.where(np.isfinite(own), least, np.nan), np.hypot(usual, SHARE * by_rate)
+    return excess, unexplained, np.where(np.isfinite(unexplained), least, np.nan), np.hypot(usual, SHARE * by_rate)
 
 
 def _less_what_follows(change: FloatArray, follows: FloatArray) -> tuple[FloatArray, float]:
@@ -301,22 +301,22 @@ def _less_what_follows(change: FloatArray, follows: FloatArray) -> tuple[FloatAr
         return np.full(len(change), np.nan), np.nan
     fitted = known
     for _ in range(FITS):
-        own = change - follows @ np.linalg.lstsq(follows[fitted], change[fitted], rcond=None)[0]
-        usual = MAD * float(np.median(np.abs(own[known])))
-        fitted = known & (np.abs(own) <= STANDS_OUT * usual) if usual > 0.0 else known
-    return own, usual
+        unexplained = change - follows @ np.linalg.lstsq(follows[fitted], change[fitted], rcond=None)[0]
+        usual = MAD * float(np.median(np.abs(unexplained[known])))
+        fitted = known & (np.abs(unexplained) <= STANDS_OUT * usual) if usual > 0.0 else known
+    return unexplained, usual
 
 
-def _lasting_peaks(own: FloatArray, least: FloatArray, values: FloatArray) -> list[int]:
+def _lasting_peaks(changes: FloatArray, least: FloatArray, values: FloatArray) -> list[int]:
     """Return the samples at which a change of values is largest and above the least; a spike is none.
 
     The step is there half a minute later, but for half of it.
     """
     lasting = []
-    for k in _peaks(np.abs(own) / least, 2 * (PROBE_MEAN_S + PROBE_GAP_S)):
+    for k in _peaks(np.abs(changes) / least, 2 * (PROBE_MEAN_S + PROBE_GAP_S)):
         before, after = values[max(0, k - LASTS_S) : k - 2], values[k + 2 : k + LASTS_S]
         known = np.isfinite(before).any() and np.isfinite(after).any()
-        if known and (np.nanmedian(after) - np.nanmedian(before)) / own[k] > 0.5:
+        if known and (np.nanmedian(after) - np.nanmedian(before)) / changes[k] > 0.5:
             lasting.append(k)
     return lasting
 
@@ -335,7 +335,7 @@ def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Findin
     by_attitude = channels["tas"] * np.sin(climb_angle(aoa, channels["pitch"], channels["roll"]))
     excess = np.where(level, channels["normal_acc"] - climbing_load(record), np.nan)
     other = np.where(level, channels["normal_acc"] - climbing_load(record, by_attitude), np.nan)
-    shown, confirmed = (_difference(one, LOAD_MEAN_S, 0) for one in (excess, other))
+    shown, confirmed = (_difference(course, LOAD_MEAN_S, 0) for course in (excess, other))
     change = np.where(np.abs(confirmed) < np.abs(shown), np.where(confirmed * shown > 0.0, confirmed, 0.0), shown)
     known = np.isfinite(change)
     if np.count_nonzero(known) < 2 * LOAD_MEAN_S:
@@ -343,7 +343,7 @@ def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Findin
     # A step is in 240 s of differences, much of a short flight: the lower quartile, as of a normal distribution.
     usual = float(np.quantile(np.abs(change[known]), 0.25)) / 0.3186
     least = max(LEAST_STEP, UNUSUAL_LOAD * usual)
-    found = []
+    findings = []
     for k in _peaks(np.abs(change) / least, LOAD_MEAN_S):
         first, last = max(0, k - LOAD_MEAN_S), min(len(excess), k + LOAD_MEAN_S)
         onset, low, high = _onset(excess[first:last])
@@ -351,7 +351,7 @@ def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Findin
             onset, low, high = k - first, 0, last - first - 1
         size = float(shown[first + onset])
         times = record.time_s[[first + onset, first + low, min(first + high, len(excess) - 1)]] - 0.5
-        found.append(
+        findings.append(
             _step(
                 "normal_acc",
                 size,
@@ -362,7 +362,7 @@ def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Findin
                 words="normal_acc against climb and bank",
             )
         )
-    return tuple(found)
+    return tuple(findings)
 
 
 def _step(
@@ -414,12 +414,12 @@ def _difference(values: FloatArray, n: int, gap: int) -> FloatArray:
 
 def _peaks(ratio: FloatArray, apart: int) -> list[int]:
     """Return the samples at which a ratio is above 1 and the largest within so many to both sides."""
-    left, found = np.nan_to_num(ratio), []
+    left, peaks = np.nan_to_num(ratio), []
     while left.size and left.max() > 1.0:
         k = int(np.argmax(left))
-        found.append(k)
+        peaks.append(k)
         left[max(0, k - apart) : k + apart + 1] = 0.0
-    return sorted(found)
+    return sorted(peaks)
 
 
 def _onset(values: FloatArray) -> tuple[int, int, int]:
@@ -431,13 +431,13 @@ def _onset(values: FloatArray) -> tuple[int, int, int]:
     return tuple(known[[int(np.argmin(squares)) + 1, near[0], near[-1] + 1]].tolist())
 
 
-def without_frozen(log: FlightLog, found: Sequence[Finding]) -> FlightLog:
+def without_frozen(log: FlightLog, findings: Sequence[Finding]) -> FlightLog:
     """Return a log without the samples in which a channel is frozen."""
     channels = dict(log.channels)
-    for one in found:
-        until_s = np.inf if one.offset_s is None else one.offset_s
-        gone = (log.time_s >= one.onset_ci95[0]) & (log.time_s <= until_s)
-        values = np.where(gone, np.nan, channels[one.fault].values)
+    for finding in findings:
+        until_s = np.inf if finding.offset_s is None else finding.offset_s
+        gone = (log.time_s >= finding.onset_ci95[0]) & (log.time_s <= until_s)
+        values = np.where(gone, np.nan, channels[finding.fault].values)
         values.setflags(write=False)
-        channels[one.fault] = replace(channels[one.fault], values=values)
+        channels[finding.fault] = replace(channels[finding.fault], values=values)
     return replace(log, channels=channels)

@@ -187,9 +187,9 @@ def _relations(log: FlightLog) -> tuple[list[Relation], list[str]]:
     static = next((name for name in ("altitude", "p_static") if name in sensors), "altitude")
     heats = tuple(name for name in ("tat", "sat") if name in sensors) or ("tat",)
     known: dict[str, Relation] = {}
-    for one in _table(static, heats):
-        if {*one.needs, *one.beside} <= sensors.keys():
-            known.setdefault(one.name, one)
+    for base in _table(static, heats):
+        if {*base.needs, *base.beside} <= sensors.keys():
+            known.setdefault(base.name, base)
     is_there = {name: name in sensors for name in ("tas", "mach", "cas")}
     is_there |= {"altitude": static in sensors, "tat or sat": heats[0] in sensors}
     is_there["mach, or cas and altitude"] = "mach" in sensors or (
@@ -202,7 +202,7 @@ def _relations(log: FlightLog) -> tuple[list[Relation], list[str]]:
     ):
         if lacks := [part for part in parts if not is_there[part]]:
             missing.append(f"{what}: the log lacks {', '.join(lacks)}")
-    expanded = [relation for one in known.values() for relation in _of_sensors(one, sensors)]
+    expanded = [relation for base in known.values() for relation in _sensor_relations(base, sensors)]
     return [*_second_sensors(log), *expanded], missing
 
 
@@ -217,7 +217,7 @@ def _by_quantity(log: FlightLog) -> dict[str, list[str]]:
     return sensors
 
 
-def _of_sensors(relation: Relation, sensors: Mapping[str, list[str]]) -> list[Relation]:
+def _sensor_relations(relation: Relation, sensors: Mapping[str, list[str]]) -> list[Relation]:
     """Return a relation between quantities for their first sensors, their second ones, and so on.
 
     Two air-data computers are thus each held against their own channels; a quantity that is measured less often gives
@@ -250,11 +250,11 @@ def _second_sensors(log: FlightLog) -> list[Relation]:
             sensors.setdefault(quantity, []).append(name)
     pairs = []
     for quantity, names in sensors.items():
-        for one, other in combinations(names, 2):
-            unit = unit_of(log, one)
+        for first, other in combinations(names, 2):
+            unit = unit_of(log, first)
             if unit == unit_of(log, other):
                 unit = unit if unit in WORTH else STANDARD[quantity].unit
-                pairs.append(Relation(f"{one} - {other}", unit, one, (other,), itemgetter(other), twins=True))
+                pairs.append(Relation(f"{first} - {other}", unit, first, (other,), itemgetter(other), twins=True))
     return pairs
 
 
@@ -414,8 +414,8 @@ class _Scanned:
 
     def not_overruled(self, changed: Sequence[_Scanned]) -> tuple[_Stuck, ...]:
         """Return what is stuck, without a sensor whose twin is at odds with a third channel while it is not itself."""
-        at_odds = [one.effects.keys() for one in changed if one.effects.keys() & self.effects.keys()]
-        return tuple(one for one in self.stuck if all(one[1].fault in channels for channels in at_odds))
+        at_odds = [relation.effects.keys() for relation in changed if relation.effects.keys() & self.effects.keys()]
+        return tuple(stuck for stuck in self.stuck if all(stuck[1].fault in channels for channels in at_odds))
 
     @property
     def best(self) -> int:
@@ -449,7 +449,7 @@ def relation_series(log: FlightLog) -> Series:
     relations, missing = _relations(log)
     if not relations:
         return (), tuple(missing)
-    names = sorted({name for one in relations for name in one.needs})
+    names = sorted({name for relation in relations for name in relation.needs})
     flies = airborne(log, log.time_s)
     if not flies.any():
         return (), ("no relation is checked: the log shows no flight",)
@@ -467,18 +467,18 @@ def relation_series(log: FlightLog) -> Series:
     resting = {name: step for name, step in quanta.items() if _rests(values[name], step)}
     # A temperature changes on its own; the steps of the others change with the flight that a relation may follow.
     resting |= {name: AVERAGED * step for name, step in resting.items() if _quantity(name) in ("tat", "sat")}
-    for one in relations:
-        made = one.of(values)
+    for relation in relations:
+        made = relation.of(values)
         kept = np.isfinite(made) & np.isfinite(follows).all(axis=1)
         if not kept.any():
-            missing.append(f"{one.words}: no sample in flight has all of {', '.join(one.needs)}")
+            missing.append(f"{relation.words}: no sample in flight has all of {', '.join(relation.needs)}")
             continue
-        effects = {name: _effect(one, values, name)[kept] for name in one.needs}
+        effects = {name: _effect(relation, values, name)[kept] for name in relation.needs}
         typical = {name: float(np.nanmedian(np.abs(effect))) for name, effect in effects.items()}
         time_s, made = blocks.time_s[kept], made[kept]
-        read_as = about | {name: name for name in one.needs}
+        read_as = about | {name: name for name in relation.needs}
         nuisances, sizes = follows[kept], list(FOLLOWS)
-        if "ias" in map(_quantity, one.needs) and not one.twins:
+        if "ias" in map(_quantity, relation.needs) and not relation.twins:
             nuisances, sizes = _with_position_error(nuisances), [*FOLLOWS, POSITION_ERROR]
         steps = sum((typical[name] * quanta[name]) ** 2 / 12.0 for name in effects if name in quanta)
         unexplained = np.sqrt(max(0.0, _noise_about_lines(made, time_s) ** 2 - steps))
@@ -488,15 +488,15 @@ def relation_series(log: FlightLog) -> Series:
         )
         series.append(
             RelationSeries(
-                relation=one,
+                relation=relation,
                 time_s=time_s,
                 values=made,
                 nuisances=nuisances,
-                sizes=np.array([np.inf, *(WORTH[one.unit] * size for size in sizes)]),
+                sizes=np.array([np.inf, *(WORTH[relation.unit] * size for size in sizes)]),
                 effects=effects,
                 noise_sd=max(float(np.hypot(np.sqrt(steps), unexplained)), numbers),
                 resting_step=sum(typical[name] * step for name, step in resting.items() if name in effects),
-                readings={read: values[name][kept] for read, name in read_as.items()} if one.twins else {},
+                readings={read: values[name][kept] for read, name in read_as.items()} if relation.twins else {},
             )
         )
     return tuple(series), tuple(missing)
@@ -561,7 +561,7 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
     scanned: list[_Scanned] = []
     onsets_s = np.arange(np.ceil(from_s + MARGIN_S), to_s - MARGIN_S + 1e-9, BLOCK_S)
     reach = np.concatenate([np.ones(onsets_s.size), to_s - onsets_s])
-    for part in (one.between(from_s, to_s) for one in every):
+    for part in (whole.between(from_s, to_s) for whole in every):
         n = len(part.time_s)
         if n < FEWEST_BLOCKS or not onsets_s.size:
             words = part.relation.words
@@ -573,12 +573,14 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
         effects = {name: effect for name, effect in effects.items() if effect}  # at rest a temperature has none
         stuck = tuple(_stuck_sensors(part, onsets_s, candidates, effects))
         scanned.append(_Scanned(series=part, scan=scan, effects=effects, reach=reach, stuck=stuck))
-    changed = [one for one in scanned if one.answer.declares and one.answer.changes]
-    scanned = [replace(one, stuck=one.not_overruled(changed)) for one in scanned]
-    answers = tuple(one.answer for one in scanned)
+    changed = [relation for relation in scanned if relation.answer.declares and relation.answer.changes]
+    scanned = [replace(relation, stuck=relation.not_overruled(changed)) for relation in scanned]
+    answers = tuple(relation.answer for relation in scanned)
     # What is stuck its twin tells for certain; a step or a ramp of another relation may be no more than like it.
     declared = [
-        (bool(scanned[i].stuck), one.statistic, i) for i, one in enumerate(answers) if one.declares and one.changes
+        (bool(scanned[i].stuck), answer.statistic, i)
+        for i, answer in enumerate(answers)
+        if answer.declares and answer.changes
     ]
     findings: tuple[Finding, ...] = ()
     if declared:
@@ -586,7 +588,7 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
         if strongest.stuck:
             loss, finding = strongest.stuck[0]
             among = dict.fromkeys(other.fault for its_loss, other in strongest.stuck if its_loss <= loss + AS_GOOD)
-            evidence = {one.name: one.statistic for one in answers}
+            evidence = {answer.name: answer.statistic for answer in answers}
             findings = (replace(finding, among=tuple(among), evidence=evidence),)
         else:
             findings = (_finding(log, scanned, strongest, onsets_s),)
@@ -610,8 +612,8 @@ def _stuck_courses(part: RelationSeries, during: BoolArray) -> Iterator[tuple[st
     """
     air = {name: reading for name, reading in part.readings.items() if name in AIR}
     for channel, twin in (part.relation.needs, part.relation.needs[::-1]):
-        effect, own = part.effects[channel][:, None], part.readings[channel]
-        for shape, errors in stuck_errors(_quantity(channel), own, part.readings[twin], air, during).items():
+        effect, readings = part.effects[channel][:, None], part.readings[channel]
+        for shape, errors in stuck_errors(_quantity(channel), readings, part.readings[twin], air, during).items():
             healthy = part.values[:, None] - effect * errors
             level = np.mean(healthy[:, :-1], axis=0, where=during[:, :-1])
             level -= np.mean(healthy[:, :-1], axis=0, where=~during[:, :-1])
@@ -690,15 +692,15 @@ def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onset
     scan, effects, reach, best = strongest.scan, strongest.effects, strongest.reach, strongest.best
     shape = "bias" if best < onsets_s.size else "drift"
     onset_s = float(onsets_s[best % onsets_s.size])
-    seen = np.array([one.scan.amplitude[best] for one in scanned])
+    seen = np.array([relation.scan.amplitude[best] for relation in scanned])
     sds = np.hypot(
-        [one.scan.sd[best] for one in scanned],
-        [AVERAGED * one.series.noise_sd / one.reach[best] for one in scanned],
+        [relation.scan.sd[best] for relation in scanned],
+        [AVERAGED * relation.series.noise_sd / relation.reach[best] for relation in scanned],
     )
 
     def misfit(channel: str) -> float:
         """Return how badly an error of a channel, of the best size, explains what all relations show."""
-        parts = np.array([one.effects.get(channel, 0.0) for one in scanned]) / sds
+        parts = np.array([relation.effects.get(channel, 0.0) for relation in scanned]) / sds
         power = float(parts @ parts)
         if power <= 0.0:
             return np.inf
@@ -712,8 +714,8 @@ def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onset
     fault = among[0]
     # The size from the relation that shows it best, whose noise alone the interval has.
     magnitude, sd = scan.amplitude[best] / effects[fault], scan.sd[best] / abs(effects[fault])
-    of_shape = slice(0, onsets_s.size) if shape == "bias" else slice(onsets_s.size, None)
-    near = onsets_s[scan.statistic[of_shape] >= scan.statistic[best] - CHI_SQUARE]
+    shape_onsets = slice(0, onsets_s.size) if shape == "bias" else slice(onsets_s.size, None)
+    near = onsets_s[scan.statistic[shape_onsets] >= scan.statistic[best] - CHI_SQUARE]
     return Finding(
         fault=fault,
         among=among,
@@ -729,7 +731,7 @@ def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onset
         threshold=THRESHOLD,
         effect={fault: float(abs(magnitude) * reach[best])},
         rivals={channel: abs(effects[fault] / effects[channel]) for channel in among[1:]},
-        evidence={one.series.relation.name: float(one.scan.statistic[best]) for one in scanned},
+        evidence={relation.series.relation.name: float(relation.scan.statistic[best]) for relation in scanned},
     )
 
 
@@ -742,14 +744,14 @@ def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray) -> tu
     least: dict[tuple[str, str], Limit] = {}
     n = onsets_s.size
     half = max(1, n // 2)  # a drift that begins late in the window may be of nearly any size
-    for one in scanned:
-        if not one.series.relation.declares:
+    for relation in scanned:
+        if not relation.series.relation.declares:
             continue
         for shape, every, counted in (("bias", slice(0, n), n), ("drift", slice(n, 2 * n), half)):
-            sizes, reach = one.hidden[every], one.reach[every]
+            sizes, reach = relation.hidden[every], relation.reach[every]
             if not np.isfinite(sizes[:counted]).all():
                 continue
-            for channel, effect in one.effects.items():
+            for channel, effect in relation.effects.items():
                 # Of a drift that begins later a window holds too little.
                 last = n if shape == "bias" else max(half, int(np.searchsorted(onsets_s, onsets_s[-1] - LATE_S)) + 1)
                 limit = Limit(
@@ -761,7 +763,7 @@ def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray) -> tu
                     effect=float((sizes * reach)[:counted].max()) / abs(effect),
                     onsets_s=tuple(onsets_s[:last].tolist()),
                     sizes=tuple((sizes[:last] / abs(effect)).tolist()),
-                    bounds=one.series.relation.bounds(channel),
+                    bounds=relation.series.relation.bounds(channel),
                 )
                 known = least.get((channel, shape))
                 if known is None or limit.effect < known.effect:

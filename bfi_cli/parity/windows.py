@@ -72,13 +72,13 @@ def configuration_changes(phases: Sequence[Phase], *, clean_up_s: float | None =
     clean_up_s : after take-off, see `clean_up_time`; None for two minutes.
     """
     clean_up_s = CLEAN_UP_S if clean_up_s is None else clean_up_s
-    parts = [one for one in phases if one.phase not in ("turn", "stall", "parabola")]
+    parts = [phase for phase in phases if phase.phase not in ("turn", "stall", "parabola")]
     changes = []
     for k, part in enumerate(parts):
         if part.phase == "take-off":
             changes.append((part.from_s, part.to_s + clean_up_s))
         elif part.phase in ("approach", "landing"):
-            before = [one for one in parts[:k] if one.phase in ("descent", "take-off", "ground")]
+            before = [phase for phase in parts[:k] if phase.phase in ("descent", "take-off", "ground")]
             first = before[-1].from_s if before and before[-1].phase == "descent" else part.from_s
             changes.append((first, part.to_s))
     return changes
@@ -103,11 +103,11 @@ def zero_lift_of(record: Record, phases: Sequence[Phase], *, without: Sequence[W
     impact = air_data_of(channels).q_impact
     every = np.flatnonzero(used)
     parts = [every, *(np.array_split(every, PARTS) if len(every) >= PARTS * LEAST_PART_S else [])]
-    told: list[float] = []
+    angles: list[float] = []
     for part in parts:
         try:
-            told.append(zero_lift_angle(channels["normal_acc"][part], channels["aoa"][part], impact[part]))
+            angles.append(zero_lift_angle(channels["normal_acc"][part], channels["aoa"][part], impact[part]))
         except ValueError:
             if part is every:
                 return None
-    return told[0] if max(told) - min(told) <= SAME_ANGLE else None
+    return angles[0] if max(angles) - min(angles) <= SAME_ANGLE else None

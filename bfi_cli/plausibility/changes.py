@@ -82,12 +82,12 @@ class Change:
         """Return the channels with the change."""
         values, rates = dict(state.values), dict(state.rates)
         if self.what == "clock":
-            rates = {name: one / self.factor for name, one in rates.items()}
+            rates = {name: rate / self.factor for name, rate in rates.items()}
             return replace(state, values=values, rates=rates, time_s=state.time_s * abs(self.factor))
         if self.what == "swapped":
-            one, other = self.channels
+            first, other = self.channels
             for known in (values, rates):
-                known[one], known[other] = known[other], known[one]
+                known[first], known[other] = known[other], known[first]
             return replace(state, values=values, rates=rates)
         for name in self.channels:
             if name in values:
@@ -122,9 +122,9 @@ def named_changes(suspects: Collection[str], known: Collection[str], stated: Map
             if all(name in SIGNED for name in members):
                 changes.append(Change(what="sign", channels=members, factor=-1.0))
     changes += [
-        Change(what="swapped", channels=(one, other))
-        for one, other in combinations(sorted(suspects), 2)
-        if STANDARD[one].unit == STANDARD[other].unit
+        Change(what="swapped", channels=(name, other))
+        for name, other in combinations(sorted(suspects), 2)
+        if STANDARD[name].unit == STANDARD[other].unit
     ]
     changes += [Change(what="clock", channels=(), factor=factor, unit=words) for factor, words in CLOCKS.items()]
     return list(dict.fromkeys(changes))

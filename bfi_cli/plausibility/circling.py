@@ -71,7 +71,7 @@ def circle_scales(log: FlightLog) -> FloatArray:
     time_s, speed, north, east = log.time_s[flown][known], speed[known], north[known], east[known]
     pieces = _circles(time_s, np.unwrap(np.arctan2(east, north)))
     chosen = pieces[:: max(1, -(-len(pieces) // MOST))]
-    return np.array([_scale(speed[one], north[one], east[one]) for one in chosen])
+    return np.array([_scale(speed[circle], north[circle], east[circle]) for circle in chosen])
 
 
 def _circles(time_s: FloatArray, course: FloatArray) -> list[slice]:

@@ -72,8 +72,8 @@ def constant_part(
     k = int(throughout.argmax())
     sd = float(np.sqrt(squares[k, 0] / (n * power[k, 0])))
     # 2. One that changes: the constant and a course, whose products lose no digit that counts.
-    yy, wy = (np.einsum("ri,ri->r", one, y)[:, None] for one in (y, whole))
-    wc, cy = (np.einsum("ri,rij->rj", one, courses) for one in (whole, y))
+    yy, wy = (np.einsum("ri,ri->r", signal, y)[:, None] for signal in (y, whole))
+    wc, cy = (np.einsum("ri,rij->rj", signal, courses) for signal in (whole, y))
     cc = np.einsum("rij,rij->rj", courses, courses)
     left = power * cc - wc**2
     is_known = left > LEAST_LEFT * power * cc

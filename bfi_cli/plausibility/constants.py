@@ -43,25 +43,29 @@ class ConstantError:
 def constant_errors(log: FlightLog) -> tuple[ConstantError, ...]:
     """Return the constant error of every relation of levels that a flight tells of, () where nothing flies."""
     seconds = seconds_of(log, NAMES)
-    found = [] if seconds is None else list(_by_relations(seconds))
+    errors = [] if seconds is None else list(_by_relations(seconds))
     if log.channels.keys() >= {*NEEDS} and (by_circles := _by_circles(log)) is not None:
-        found.append(by_circles)
-    return tuple(found)
+        errors.append(by_circles)
+    return tuple(errors)
 
 
 def _by_relations(seconds: State) -> Iterator[ConstantError]:
     """Yield the error of every relation of levels, each channel by the same others once."""
     known = set[tuple[str, str]]()
-    for one in RELATIONS:
-        if one.tolerance is None or OVER_GROUND & {*one.needs} or not {*one.needs} <= seconds.values.keys():
+    for relation in RELATIONS:
+        if (
+            relation.tolerance is None
+            or OVER_GROUND & {*relation.needs}
+            or not {*relation.needs} <= seconds.values.keys()
+        ):
             continue
-        label = (one.needs[0], " ".join(sorted(one.needs[1:])))
-        if label not in known and (error := _of_relation(one, seconds, label)) is not None:
+        label = (relation.needs[0], " ".join(sorted(relation.needs[1:])))
+        if label not in known and (error := _constant_error(relation, seconds, label)) is not None:
             known.add(label)
             yield error
 
 
-def _of_relation(relation: Relation, seconds: State, label: tuple[str, str]) -> ConstantError | None:
+def _constant_error(relation: Relation, seconds: State, label: tuple[str, str]) -> ConstantError | None:
     with np.errstate(all="ignore"):
         difference = relation.reading(seconds) - relation.expected(seconds)
     difference = difference[np.isfinite(difference)]

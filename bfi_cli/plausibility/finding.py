@@ -103,4 +103,6 @@ class Implausible:
 
 def in_words(findings: Sequence[Implausible]) -> str:
     """Return what to state first, and why: "state the unit with --unit tas=kt: tas looks like kt, ..."."""
-    return "; ".join(f"{one.advice}: {one.text}" for one in findings if not (one.fixed or one.is_stated))
+    return "; ".join(
+        f"{finding.advice}: {finding.text}" for finding in findings if not (finding.fixed or finding.is_stated)
+    )

@@ -36,7 +36,7 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
     stated = {name: log.channels[name].source_unit for name in seconds.values}
     sources = {name: log.channels[name].source for name in seconds.values}
     to_blame = blames(known_relations(RELATIONS, seconds), seconds, stated)
-    named = {name for one in to_blame if not one.change.is_constant for name in one.change.channels}
+    named = {name for blame in to_blame if not blame.change.is_constant for name in blame.change.channels}
     impossible = {
         name: middle
         for name, values in seconds.values.items()
@@ -47,9 +47,13 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
         to_blame = blames(known_relations(RELATIONS, seconds), seconds, stated)
     findings = (
         *(_impossible(name, middle, sources) for name, middle in impossible.items()),
-        *(_finding(_beyond_tolerance(one, log, seconds), stated, sources) for one in to_blame),
+        *(_finding(_beyond_tolerance(blame, log, seconds), stated, sources) for blame in to_blame),
     )
-    turned = None if any("tas" in one.channels or one.what == "clock" for one in findings) else scale_by_circles(log)
+    turned = (
+        None
+        if any("tas" in finding.channels or finding.what == "clock" for finding in findings)
+        else scale_by_circles(log)
+    )
     return with_settings(log, findings if turned is None else (*findings, turned))
 
 
@@ -63,11 +67,11 @@ def with_fixed_units(
     given : channels, or their names in the file, whose unit the user has given, which stays.
     """
 
-    def is_given(one: Implausible) -> bool:
-        return not {*one.channels, *(log.channels[name].source for name in one.channels)}.isdisjoint(given)
+    def is_given(finding: Implausible) -> bool:
+        return not {*finding.channels, *(log.channels[name].source for name in finding.channels)}.isdisjoint(given)
 
-    marked = tuple(replace(one, fixed=one.is_certain and not is_given(one)) for one in findings)
-    return _changed(log, [one for one in marked if one.fixed], "--fix-units"), marked
+    marked = tuple(replace(finding, fixed=finding.is_certain and not is_given(finding)) for finding in findings)
+    return _changed(log, [finding for finding in marked if finding.fixed], "--fix-units"), marked
 
 
 def without_constant_errors(
@@ -80,19 +84,19 @@ def without_constant_errors(
     tolerances : that are stated, by channel; an error within the tolerance is left where it is.
     """
 
-    def is_certain(one: Implausible) -> bool:
-        if one.what != "offset" or one.rivals or len(one.agrees_with) < FEWEST_WITNESSES:
+    def is_certain(finding: Implausible) -> bool:
+        if finding.what != "offset" or finding.rivals or len(finding.agrees_with) < FEWEST_WITNESSES:
             return False
-        (channel,) = one.channels
-        return abs(one.offset) > (tolerances.get(channel) or tolerance_of(log, log, channel))
+        (channel,) = finding.channels
+        return abs(finding.offset) > (tolerances.get(channel) or tolerance_of(log, log, channel))
 
-    marked = tuple(replace(one, fixed=one.fixed or is_certain(one)) for one in findings)
-    constant = [one for one in marked if one.fixed and one.is_constant]
+    marked = tuple(replace(finding, fixed=finding.fixed or is_certain(finding)) for finding in findings)
+    constant = [finding for finding in marked if finding.fixed and finding.is_constant]
     return _changed(log, constant, "throughout the flight"), marked
 
 
 def _changed(log: FlightLog, findings: Sequence[Implausible], who: str) -> FlightLog:
-    steps = [(one.channels, one.factor, one.offset) for one in findings]
+    steps = [(finding.channels, finding.factor, finding.offset) for finding in findings]
 
     def change(name: str, values: FloatArray) -> FloatArray:
         for channels, factor, offset in steps:
@@ -101,7 +105,7 @@ def _changed(log: FlightLog, findings: Sequence[Implausible], who: str) -> Fligh
                 values.setflags(write=False)
         return values
 
-    notes = tuple(Note.method(f"{who}: {one.text}; read as {_as_read(one)}") for one in findings)
+    notes = tuple(Note.method(f"{who}: {finding.text}; read as {_as_read(finding)}") for finding in findings)
     return log.changed(change, notes=(*log.notes, *notes)) if steps else log
 
 
@@ -118,22 +122,22 @@ def _beyond_tolerance(blame: Blame, log: FlightLog, seconds: State) -> Blame:
         return error / max(tolerance_of(log, log, name), TINY)
 
     every = (blame.change, *blame.rivals)
-    kept = [one for one in every if shares(one) > 1.0] or every
+    kept = [change for change in every if shares(change) > 1.0] or every
     return replace(blame, change=kept[0], rivals=tuple(kept[1:]))
 
 
-def _as_read(one: Implausible) -> str:
-    shift = f" {one.offset:+.4g} {STANDARD[one.channels[0]].unit}" if one.offset else ""
-    return f"{one.factor:.4g} x {_and(one.channels)}{shift}"
+def _as_read(finding: Implausible) -> str:
+    shift = f" {finding.offset:+.4g} {STANDARD[finding.channels[0]].unit}" if finding.offset else ""
+    return f"{finding.factor:.4g} x {_and(finding.channels)}{shift}"
 
 
 def _finding(blame: Blame, stated: Mapping[str, str | None], sources: Mapping[str, str]) -> Implausible:
     change = blame.change
-    every = [name for one in blame.explains for name in one.channels]
+    every = [name for relation in blame.explains for name in relation.channels]
     others = tuple(dict.fromkeys(name for name in every if name not in change.channels))
     near = [name for name in blame.explains[0].channels if name not in change.channels]
     text = _text(change, _and(near) or _and(others), blame.misfit, stated)
-    if rivals := [f"{_and(one.channels) or 'time'}{_wrong(one)}" for one in blame.rivals]:
+    if rivals := [f"{_and(rival.channels) or 'time'}{_wrong(rival)}" for rival in blame.rivals]:
         text += f"; or {' or '.join(rivals)}"
     is_stated = change.doubts_unit(stated)
     return Implausible(
@@ -144,7 +148,7 @@ def _finding(blame: Blame, stated: Mapping[str, str | None], sources: Mapping[st
         offset=change.offset,
         agrees_with=others,
         relative_misfit=blame.misfit,
-        rivals=tuple(dict.fromkeys(name for one in blame.rivals for name in one.channels)),
+        rivals=tuple(dict.fromkeys(name for rival in blame.rivals for name in rival.channels)),
         text=text,
         advice="kept as stated" if is_stated else _advice(change, sources),
         factor_ci95=_interval(change.factor, blame.share_sd * (change.factor - 1.0)),
@@ -181,9 +185,9 @@ def _text(change: Change, others: str, misfit: float, stated: Mapping[str, str |
     if change.what == "unit":
         shift = f" {change.offset:+.4g}" if change.offset else ""
         was = stated[change.channels[0]]
-        said = f" {'are' if several else 'is'} stated in {was} and" if was else ""
+        statement = f" {'are' if several else 'is'} stated in {was} and" if was else ""
         looks = "look" if several else "looks"
-        return f"{names}{said} {looks} like {change.unit}: x {change.factor:.3g}{shift} agrees with {others} {to}"
+        return f"{names}{statement} {looks} like {change.unit}: x {change.factor:.3g}{shift} agrees with {others} {to}"
     if change.what == "sign":
         return f"{names} {'have' if several else 'has'} the other sign: turned over it agrees with {others}"
     if change.what == "swapped":
@@ -217,8 +221,8 @@ def _advice(change: Change, sources: Mapping[str, str]) -> str:
     if change.what == "sign":
         return f"turn {_and(change.channels)} over, or read with --fix-units"
     if change.what == "swapped":
-        one, other = change.channels
-        return f"state which is which with --channel {one}={sources[other]} --channel {other}={sources[one]}"
+        first, other = change.channels
+        return f"state which is which with --channel {first}={sources[other]} --channel {other}={sources[first]}"
     if change.what == "clock":
         return "reverse the samples" if change.factor < 0.0 else f"multiply the times by {change.factor:.3g}"
     return f"check {_and(change.channels)}"

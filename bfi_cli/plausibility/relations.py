@@ -74,7 +74,8 @@ class State:
     def without(self, names: Collection[str]) -> State:
         """Return the rest without some channels."""
         values, rates = (
-            {name: one for name, one in every.items() if name not in names} for every in (self.values, self.rates)
+            {name: quantity for name, quantity in every.items() if name not in names}
+            for every in (self.values, self.rates)
         )
         return replace(self, values=values, rates=rates)
 
@@ -152,7 +153,7 @@ def _tas_of(mach: FloatArray, state: State, temperature: str) -> FloatArray:
 def _true_airspeed(state: State, name: str, static: str) -> FloatArray:
     """Return the true airspeed of a calibrated one, in standard air where no temperature is recorded."""
     mach = _mach(state, name, static)
-    heat = next((one for one in ("sat", "tat") if one in state.values), None)
+    heat = next((channel for channel in ("sat", "tat") if channel in state.values), None)
     known = np.full(mach.shape, np.nan) if heat is None else _tas_of(mach, state, heat)
     standard = mach * speed_of_sound(isa_temperature(altitude_of(_pressure(state, static))))
     return np.where(np.isfinite(known), known, standard)
@@ -279,9 +280,9 @@ def _air_data() -> Iterator[Relation]:
         needs=("tat", "sat", "mach"),
         tolerance=1.5,
     )
-    of_pressure = ("altitude", "p_static")
+    pressures = ("altitude", "p_static")
     yield Relation(
-        _value("altitude"), lambda s: altitude_of(_pressure(s, "p_static")), needs=of_pressure, tolerance=550.0
+        _value("altitude"), lambda s: altitude_of(_pressure(s, "p_static")), needs=pressures, tolerance=550.0
     )
     for name in ("cas", "ias"):
         # The differential pressure of a flow sensor is no impact pressure before its tubes are corrected for: by 0.4.
@@ -381,4 +382,4 @@ def _over_ground() -> Iterator[Relation]:
 
 
 RELATIONS = (*_air_data(), *_attitude(), *_rates(), *_over_ground())
-NAMES = tuple(dict.fromkeys(name for one in RELATIONS for name in (*one.needs, *one.beside)))
+NAMES = tuple(dict.fromkeys(name for relation in RELATIONS for name in (*relation.needs, *relation.beside)))

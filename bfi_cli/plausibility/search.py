@@ -41,7 +41,7 @@ class Misfit:
     ----------
     levels : (8,) by piece the median difference over its tolerance, 0 where none is stated.
     correlation, slope : (4,) by longer piece, of the reading and what is expected, 0 and 1 where that is not told.
-    told, follows : (4,) whether what is expected moves enough to tell, and whether the reading follows it.
+    is_informative, follows : (4,) whether what is expected moves enough to tell, and whether the reading follows it.
     difference, size : medians over the flight of the difference and of the size of what is expected.
     tolerance : of the levels.
     """
@@ -49,7 +49,7 @@ class Misfit:
     levels: FloatArray
     correlation: FloatArray
     slope: FloatArray
-    told: BoolArray
+    is_informative: BoolArray
     follows: BoolArray
     difference: float
     size: float
@@ -57,8 +57,8 @@ class Misfit:
 
     @property
     def is_wrong(self) -> bool:
-        """Whether the reading follows nowhere, where that is told."""
-        return bool(self.told.sum() >= FEWEST_TOLD and not self.follows[self.told].any())
+        """Whether the reading follows in no piece that is informative."""
+        return bool(self.is_informative.sum() >= FEWEST_TOLD and not self.follows[self.is_informative].any())
 
     @property
     def fails(self) -> bool:
@@ -83,7 +83,7 @@ class Misfit:
         if not self.fails or not after.holds:
             return False
         if self.is_wrong:
-            return float(np.mean(after.follows[self.told])) >= HOLDING
+            return float(np.mean(after.follows[self.is_informative])) >= HOLDING
         if change.what == "offset":
             return True
         shown = after.size >= LARGE * after.tolerance or bool(after.follows.mean() >= HOLDING)
@@ -104,7 +104,7 @@ class KnownRelation:
 
     def misfit(self, state: State) -> Misfit:
         """Return how it holds."""
-        one = self.relation
+        relation = self.relation
         reading, expected = self._sides(state)
         with np.errstate(all="ignore"):
             difference = reading - expected
@@ -112,17 +112,17 @@ class KnownRelation:
         difference[~known] = np.inf
         size = np.median(np.abs(np.where(known, expected, 0.0)), axis=1)
         levels, tolerance = np.zeros(PIECES), np.full(PIECES, np.inf)
-        if one.tolerance is not None:
-            tolerance = one.tolerance + one.share * size
+        if relation.tolerance is not None:
+            tolerance = relation.tolerance + relation.share * size
             levels = np.median(difference, axis=1) / tolerance
         moments = (np.zeros(LONG_PIECES), np.ones(LONG_PIECES), *np.zeros((2, LONG_PIECES), dtype=bool))
-        if one.least is not None:
+        if relation.least is not None:
             moments = self._motion(reading, expected, known)
         return Misfit(
             levels=levels,
             correlation=moments[0],
             slope=moments[1],
-            told=moments[2],
+            is_informative=moments[2],
             follows=moments[3],
             difference=float(np.median(difference)),
             size=float(np.median(size)),
@@ -137,7 +137,7 @@ class KnownRelation:
     def constant_part(self, change: Change, state: State) -> ConstantPart | None:
         """Return what of an offset or a scale is there from the first sample on, None where it begins later."""
         with np.errstate(all="ignore"):
-            difference, left = (np.subtract(*self._sides(one)).ravel() for one in (state, change.of(state)))
+            difference, left = (np.subtract(*self._sides(case)).ravel() for case in (state, change.of(state)))
             constant = difference - left
         tolerance = self.misfit(state).tolerance
         return constant_part(difference, constant, state.time_s[self.rows.ravel()], tolerance=tolerance)
@@ -148,21 +148,21 @@ class KnownRelation:
         """Return by longer piece correlation and slope, whether they tell anything, and whether the reading follows."""
         least = self.relation.least or 0.0
         n = known.size // LONG_PIECES
-        known, (x, y) = known.reshape(LONG_PIECES, n), (one.reshape(LONG_PIECES, n) for one in (reading, expected))
+        known, (x, y) = known.reshape(LONG_PIECES, n), (side.reshape(LONG_PIECES, n) for side in (reading, expected))
         count = np.maximum(known.sum(axis=1, keepdims=True), 1)
-        x, y = (np.where(known, one, 0.0) for one in (x, y))
-        x, y = (np.where(known, one - one.sum(axis=1, keepdims=True) / count, 0.0) for one in (x, y))
-        xx, xy, yy = ((one * other).sum(axis=1) / count[:, 0] for one, other in ((x, x), (x, y), (y, y)))
+        x, y = (np.where(known, side, 0.0) for side in (x, y))
+        x, y = (np.where(known, side - side.sum(axis=1, keepdims=True) / count, 0.0) for side in (x, y))
+        xx, xy, yy = ((side * other).sum(axis=1) / count[:, 0] for side, other in ((x, x), (x, y), (y, y)))
         with np.errstate(all="ignore"):
             correlation = np.nan_to_num(xy / np.sqrt(xx * yy))
             slope = np.nan_to_num(np.sqrt(xx / yy), nan=1.0)
-        told = (yy >= least**2) | ((np.abs(correlation) >= ALIKE) & (xx >= least**2))
+        is_informative = (yy >= least**2) | ((np.abs(correlation) >= ALIKE) & (xx >= least**2))
         lost = 2 * known.sum(axis=1) < n
         follows = (correlation >= LEAST_CORRELATION) & ~lost
         if self.relation.has_scale:
             with np.errstate(all="ignore"):  # of what does not move at all
                 follows &= (correlation * slope <= LARGEST_SCALE) & (correlation <= LARGEST_SCALE * slope)
-        return correlation, slope, told | lost, follows
+        return correlation, slope, is_informative | lost, follows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -184,16 +184,16 @@ class Blame:
 
 def known_relations(relations: Sequence[Relation], seconds: State) -> list[KnownRelation]:
     """Return the relations that a log tells of, with the seconds in which it does."""
-    found = []
-    for one in relations:
-        if not set(one.needs) <= seconds.values.keys():
+    usable = []
+    for relation in relations:
+        if not set(relation.needs) <= seconds.values.keys():
             continue
-        channels = one.channels(seconds.values)
+        channels = relation.channels(seconds.values)
         known = np.flatnonzero(np.all([np.isfinite(seconds.values[name]) for name in channels], axis=0))
         rows = known[: known.size // PIECES * PIECES].reshape(PIECES, -1)
         if rows.shape[1] >= LEAST_PER_PIECE:
-            found.append(KnownRelation(relation=one, channels=channels, rows=rows))
-    return found
+            usable.append(KnownRelation(relation=relation, channels=channels, rows=rows))
+    return usable
 
 
 def blames(relations: Sequence[KnownRelation], state: State, stated: Mapping[str, str | None]) -> list[Blame]:
@@ -212,8 +212,8 @@ def blames(relations: Sequence[KnownRelation], state: State, stated: Mapping[str
     to_blame = list[Blame]()
     relations = list(relations)
     while len(to_blame) < MOST_FINDINGS:
-        before = [one.misfit(state) for one in relations]
-        failing = [one for one, misfit in zip(relations, before, strict=True) if misfit.fails]
+        before = [relation.misfit(state) for relation in relations]
+        failing = [relation for relation, misfit in zip(relations, before, strict=True) if misfit.fails]
         if not failing:
             break
         blame = _blame(relations, before, state, failing, stated)
@@ -222,15 +222,17 @@ def blames(relations: Sequence[KnownRelation], state: State, stated: Mapping[str
         if blame.change.is_constant:
             part = blame.explains[0].constant_part(blame.change, state)
             if part is None:
-                relations = [one for one in relations if one not in blame.explains]
+                relations = [relation for relation in relations if relation not in blame.explains]
                 continue
-            changes = [one.part(part.share) for one in (blame.change, *blame.rivals)]
+            changes = [rival.part(part.share) for rival in (blame.change, *blame.rivals)]
             sd = part.sd / abs(part.share)
             blame = replace(blame, change=changes[0], rivals=tuple(changes[1:]), share_sd=sd)
         to_blame.append(blame)
         if blame.change.doubts_unit(stated):
             known = [known for known, misfit in zip(relations, before, strict=True) if misfit.fails]
-            relations = [one for one in relations if one not in known or not one.is_touched_by(blame.change)]
+            relations = [
+                relation for relation in relations if relation not in known or not relation.is_touched_by(blame.change)
+            ]
             continue
         state = blame.change.of(state)
     return to_blame
@@ -243,11 +245,11 @@ def _blame(
     failing: Sequence[KnownRelation],
     stated: Mapping[str, str | None],
 ) -> Blame | None:
-    suspects = tuple(dict.fromkeys(name for one in failing for name in one.channels))
+    suspects = tuple(dict.fromkeys(name for relation in failing for name in relation.channels))
     explanations: list[tuple[tuple[float, ...], Blame]] = []
     for change in (*named_changes(suspects, state.values, stated), *_sized(suspects, failing, state)):
         changed = change.of(state)
-        touched = [k for k, one in enumerate(relations) if one.is_touched_by(change)]
+        touched = [k for k, relation in enumerate(relations) if relation.is_touched_by(change)]
         explained: list[KnownRelation] = []
         cost, left = 0.0, 0.0
         # What fails now first: most changes mend none of it.
@@ -280,17 +282,17 @@ def _blame(
 
 def _sized(suspects: Sequence[str], failing: Sequence[KnownRelation], state: State) -> Iterator[Change]:
     """Yield the offsets and scales of single channels, and the clocks, that make relations hold that fail."""
-    for name, one in product(suspects, failing):
-        if name in one.channels and one.relation.tolerance is not None:
-            sized = (_solved(one, name, state, is_scale=is_scale) for is_scale in (False, True))
+    for name, relation in product(suspects, failing):
+        if name in relation.channels and relation.relation.tolerance is not None:
+            sized = (_solved(relation, name, state, is_scale=is_scale) for is_scale in (False, True))
             yield from (change for change in sized if change is not None)
-    for one in failing:
-        misfit = one.misfit(state)
-        alike = misfit.told & (np.abs(misfit.correlation) >= ALIKE) & (misfit.slope > 0.0)
-        if misfit.is_wrong and one.relation.has_scale and alike.any():
+    for relation in failing:
+        misfit = relation.misfit(state)
+        alike = misfit.is_informative & (np.abs(misfit.correlation) >= ALIKE) & (misfit.slope > 0.0)
+        if misfit.is_wrong and relation.relation.has_scale and alike.any():
             slope = float(np.median((np.sign(misfit.correlation) * misfit.slope)[alike]))
-            yield Change(what="scale", channels=(one.relation.needs[0],), factor=1.0 / slope)
-            if one.relation.timed:
+            yield Change(what="scale", channels=(relation.relation.needs[0],), factor=1.0 / slope)
+            if relation.relation.timed:
                 yield Change(what="clock", channels=(), factor=1.0 / slope)
 
 

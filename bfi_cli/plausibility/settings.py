@@ -47,13 +47,15 @@ DIGITS = 4  # of a setting that is printed: an autopilot's own calibration state
 
 def with_settings(log: FlightLog, findings: tuple[Implausible, ...]) -> tuple[Implausible, ...]:
     """Return findings, those about the scale of an airspeed with the parameter to set where the log lists it."""
-    if not any(_is_about_airspeed(one) for one in findings):
+    if not any(_is_about_airspeed(finding) for finding in findings):
         return findings
     try:
         parameters = parameters_of(log.path)
     except LogError:
         return findings
-    return tuple(with_setting(log, one, parameters) if _is_about_airspeed(one) else one for one in findings)
+    return tuple(
+        with_setting(log, finding, parameters) if _is_about_airspeed(finding) else finding for finding in findings
+    )
 
 
 def with_setting(log: FlightLog, finding: Implausible, parameters: Mapping[str, float]) -> Implausible:
@@ -78,8 +80,13 @@ def sentence_of_setting(setting: Setting) -> str:
     return f"set {setting.name} to {setting.value:.{DIGITS}g}{between}, now {setting.present:.{DIGITS}g}"
 
 
-def _is_about_airspeed(one: Implausible) -> bool:
-    return one.what == "scale" and not one.rivals and len(one.channels) == 1 and one.channels[0] in AIRSPEEDS
+def _is_about_airspeed(finding: Implausible) -> bool:
+    return (
+        finding.what == "scale"
+        and not finding.rivals
+        and len(finding.channels) == 1
+        and finding.channels[0] in AIRSPEEDS
+    )
 
 
 def _setting(finding: Implausible, name: str, present: float, scale: Scale, *, is_applied: bool) -> Setting:

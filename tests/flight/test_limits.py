@@ -232,7 +232,7 @@ def test_a_window_in_which_a_fault_lasts_fits_no_table():
     threshold = thresholds_of(shipped_tables(), RATES, RATES, 1.0)
     plain, lasting = threshold(KEY), threshold(replace(KEY, beside=True))
     assert lasting.level > 1.2 * plain.level
-    assert lasting.null.tail == plain.null.tail.of_others
+    assert lasting.null.tail == plain.null.tail.widened
     assert lasting.scale == plain.scale == 1.0
 
 

@@ -135,7 +135,7 @@ def test_without_a_flight_the_nearest_table_has_a_wider_tail(log: FlightLog):
     short = without_a_past(log)
     rule = rule_for(short, prepare_record(short, CONFIG), CONFIG, order=4)
     assert (rule.use.source, rule.use.matches) == ("shipped", False)
-    assert rule.null.tail == rule.counted.tail.of_others
+    assert rule.null.tail == rule.counted.tail.widened
     assert rule.threshold("bias") > 1.1 * rule.suspicion("bias")
     assert "20 further windows of 20 s in flight are needed, this log has 4" in texts(rule.notes)[1]
     assert "with a wider tail" in texts(rule.notes)[1]

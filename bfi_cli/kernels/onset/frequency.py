@@ -55,9 +55,9 @@ def scan_frequency(
     """
     grid, onsets = frequency_grid(scan, band), default_onsets(scan)
 
-    def evaluate(trials: Sequence[Trial], own: Report) -> list[tuple[float, Pair]]:
+    def evaluate(trials: Sequence[Trial], trials_report: Report) -> list[tuple[float, Pair]]:
         frequencies = np.array([frequency for frequency, _ in trials])
-        statistic = screen_sines(scan, frequencies, own, per_period=2 * ONSETS_PER_PERIOD).tolist()
+        statistic = screen_sines(scan, frequencies, trials_report, per_period=2 * ONSETS_PER_PERIOD).tolist()
         return [(value, pair) for value, (_, pair) in zip(statistic, trials, strict=True)]
 
     searching, refining, last = shares(report, len(grid), REFINEMENTS, 3 * FINAL_PEAKS)
@@ -65,8 +65,8 @@ def scan_frequency(
         begin = standing_out(scan, grid, searching)
     trials = [(frequency, (int(onsets[0]), scan.n_samples)) for frequency in begin[:PEAKS]]
     exact = []
-    for (_, _, frequency), own in parts(last, _refine(evaluate, trials, grid, refining)):
-        profile = scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), onsets, report=own)
+    for (_, _, frequency), part_report in parts(last, _refine(evaluate, trials, grid, refining)):
+        profile = scan_shape(scan, sine(scan.n_samples, angle=2.0 * np.pi * frequency), onsets, report=part_report)
         early = onsets <= scan.n_samples - MIN_CYCLES / frequency
         exact.append((profile.statistic.max(initial=0.0, where=early), frequency))
     return float(max(exact, key=lambda top: top[0])[1])
@@ -93,21 +93,21 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], report: Report = 
         shortest = max(int(np.ceil(MIN_CYCLES / frequency)), ENDING * scan.order)
         return tabulate_pairs(scan, waveform), pair_limits(scan, waveform, shortest)
 
-    def evaluate(trials: Sequence[Trial], own: Report) -> list[tuple[float, Pair]]:
+    def evaluate(trials: Sequence[Trial], trials_report: Report) -> list[tuple[float, Pair]]:
         tops = []
-        for (frequency, pair), of_trial in parts(own, trials):
+        for (frequency, pair), trial_report in parts(trials_report, trials):
             tables, limits = prepare(frequency)
-            tops.append(climb(scan, tables, limits=limits, begin=[pair], report=of_trial))
+            tops.append(climb(scan, tables, limits=limits, begin=[pair], report=trial_report))
         return tops
 
     searching, refining = shares(report, len(grid), REFINEMENTS)
     rough = []
-    for frequency, own in parts(searching, list(grid)):
+    for frequency, part_report in parts(searching, list(grid)):
         tables, limits = prepare(frequency)
         starts = np.arange(limits.first, limits.last - limits.shortest + 1, stride(frequency, ONSETS_PER_PERIOD))
         ends = np.linspace(limits.first + limits.shortest, limits.last, ENDS).astype(np.intp)
         pairs = limits.pairs(starts, ends)
-        ranking, climbing = shares(own, 1, 1)
+        ranking, climbing = shares(part_report, 1, 1)
         ranked = pairs[:, np.argsort(-screen_pairs(scan, tables, pairs, ranking))[:RANKED]]
         begin = spread(ranked, count=BRANCHES, reach=limits.shortest // 2)
         rough.append(climb(scan, tables, limits=limits, begin=begin, finalists=0, rounds=2, report=climbing))
@@ -174,15 +174,17 @@ def _refine(
     step = float(grid[-1] - grid[0]) / max(len(grid) - 1, 1)
     first, *later = shares(report, 1, *(2 * n for n in HALVINGS))
     tops = [(*top, frequency) for top, (frequency, _) in zip(evaluate(begin, first), begin, strict=True)]
-    for halvings, of_halvings in zip(HALVINGS, later, strict=True):
-        for half, own in parts(of_halvings, [step * 0.5**k for k in range(1, halvings + 1)]):
+    for halvings, halving_report in zip(HALVINGS, later, strict=True):
+        for half, part_report in parts(halving_report, [step * 0.5**k for k in range(1, halvings + 1)]):
             beside = [
                 (n, (frequency + sign * half, pair))
                 for n, (_, pair, frequency) in enumerate(tops)
                 for sign in (-1.0, 1.0)
                 if grid[0] <= frequency + sign * half <= grid[-1]
             ]
-            for (n, (frequency, _)), top in zip(beside, evaluate([trial for _, trial in beside], own), strict=True):
+            for (n, (frequency, _)), top in zip(
+                beside, evaluate([trial for _, trial in beside], part_report), strict=True
+            ):
                 if top[0] > tops[n][0]:
                     tops[n] = (*top, frequency)
         tops = sorted(tops, reverse=True)[:FINAL_PEAKS]

@@ -44,13 +44,13 @@ def profile_with_deviances(
     tables, m = tabulate(scan, waveform.samples), magnitudes * waveform.unit
     bound = magnitude_bound(scan, waveform, scan.n_samples - onsets)
 
-    def of_block(block: slice) -> FloatArray:
+    def block_profile(block: slice) -> FloatArray:
         stack = stack_onsets(scan, tables, onsets[block])
         return np.concatenate(
             [minimise(stack, bound[block]), *(log_ratio(stack, sign * m[:, block]) for sign in (1.0, -1.0))]
         )
 
-    minimum, plus, minus = np.split(in_blocks(scan, len(onsets), of_block), [3, 3 + len(m)])
+    minimum, plus, minus = np.split(in_blocks(scan, len(onsets), block_profile), [3, 3 + len(m)])
     return in_units(scan, waveform, onsets, minimum), scan.n_rows * np.stack([plus, minus])
 
 
@@ -58,11 +58,11 @@ def deviances(scan: Scan, waveform: Waveform, onsets: IntArray, magnitudes: Floa
     """Return the second of `profile_with_deviances` alone."""
     tables, m = tabulate(scan, waveform.samples), magnitudes * waveform.unit
 
-    def of_both_signs(block: slice) -> FloatArray:
+    def block_ratios(block: slice) -> FloatArray:
         stack = stack_onsets(scan, tables, onsets[block])
         return np.array([log_ratio(stack, sign * m[:, block]) for sign in (1.0, -1.0)])
 
-    return scan.n_rows * in_blocks(scan, len(onsets), of_both_signs)
+    return scan.n_rows * in_blocks(scan, len(onsets), block_ratios)
 
 
 def undeclared_magnitudes(
@@ -106,10 +106,10 @@ def _from_there_on(m: FloatArray, deviance: FloatArray, needed: float) -> FloatA
     k = np.minimum(last, len(m) - 2)
     low, high = root[k, every], root[k + 1, every]
     part = np.divide(wanted - low, high - low, out=np.ones_like(low), where=high > low)
-    found = m[k, every] + np.clip(part, 0.0, 1.0) * (m[k + 1, every] - m[k, every])
+    magnitude = m[k, every] + np.clip(part, 0.0, 1.0) * (m[k + 1, every] - m[k, every])
     # Below the smallest magnitude tried the root falls in proportion.
     small = m[0] * np.divide(wanted, root[0], out=np.ones_like(root[0]), where=root[0] > 0.0)
-    return np.where(all_, np.inf, np.where(none, small, found))
+    return np.where(all_, np.inf, np.where(none, small, magnitude))
 
 
 def likelihood_ratios(both_signs: FloatArray, *, dispersion: float) -> FloatArray:

@@ -192,8 +192,8 @@ def scan_ends(scan: Scan, waveform: Waveform, report: Report = silent) -> PairSc
     _, pair = climb(scan, tables, limits=limits, begin=begin, report=climbing)
     # Exact sweeps over starts and ends, as long as they find better.
     start, _ = pair
-    for _, of_round in parts(last, range(ROUNDS)):
-        over_ends, over_starts = shares(of_round, 1, 1)
+    for _, round_report in parts(last, range(ROUNDS)):
+        over_ends, over_starts = shares(round_report, 1, 1)
         ends = limits.ends(start)
         end = int(ends[1, scan_pairs(scan, tables, ends, over_ends).best])
         result = PairScan(end=end, over_starts=scan_pairs(scan, tables, limits.starts(end), over_starts))
@@ -220,10 +220,10 @@ def climb(
     """
     sweeps: dict[tuple[str, int], tuple[float, Pair]] = {}
 
-    def sweep(kind: str, at: int, own: Report) -> tuple[float, Pair]:
+    def sweep(kind: str, at: int, sweep_report: Report) -> tuple[float, Pair]:
         if (kind, at) not in sweeps:
             pairs = limits.ends(at) if kind == "ends" else limits.starts(at)
-            statistic = screen_pairs(scan, tables, pairs, own)
+            statistic = screen_pairs(scan, tables, pairs, sweep_report)
             if finalists:
                 pairs = pairs[:, np.argsort(-statistic)[:finalists]]
                 statistic = scan_pairs(scan, tables, pairs).statistic
@@ -232,10 +232,10 @@ def climb(
         return sweeps[kind, at]
 
     tops = []
-    for pair, of_begin in parts(report, begin):
+    for pair, begin_report in parts(report, begin):
         reached = -np.inf
-        for _, of_round in parts(of_begin, range(rounds)):
-            over_ends, over_starts = shares(of_round, 1, 1)
+        for _, round_report in parts(begin_report, range(rounds)):
+            over_ends, over_starts = shares(round_report, 1, 1)
             _, pair = sweep("ends", min(pair[0], limits.last - limits.shortest), over_ends)
             statistic, pair = sweep("starts", pair[1], over_starts)
             if statistic <= reached:

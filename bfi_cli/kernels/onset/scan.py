@@ -311,8 +311,8 @@ class Profile:
 
     def take(self, some: IntArray) -> Profile:
         """Return the profile at some of its onsets, (n_some,) indices."""
-        of_onsets = {name: getattr(self, name)[some] for name in ("onsets", "z", "sd", "rss", "statistic")}
-        return Profile(rss0=self.rss0, **of_onsets)
+        columns = {name: getattr(self, name)[some] for name in ("onsets", "z", "sd", "rss", "statistic")}
+        return Profile(rss0=self.rss0, **columns)
 
 
 def default_onsets(scan: Scan) -> IntArray:

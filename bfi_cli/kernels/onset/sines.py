@@ -47,9 +47,10 @@ def screen_at(scan: Scan, frequencies: FloatArray, onsets: Sequence[IntArray], r
         angles, at = 2.0 * np.pi * frequencies[first : first + several], onsets[first : first + several]
         sines = Sines(scan, angles)
         at = [
-            sines.most_promising(k, of_sine) if len(of_sine) > MOST_ONSETS else of_sine for k, of_sine in enumerate(at)
+            sines.most_promising(k, candidates) if len(candidates) > MOST_ONSETS else candidates
+            for k, candidates in enumerate(at)
         ]
-        k, onset = np.repeat(np.arange(len(at)), [len(one) for one in at]), np.concatenate(at)
+        k, onset = np.repeat(np.arange(len(at)), [len(candidates) for candidates in at]), np.concatenate(at)
         for some in (slice(i, i + most) for i in range(0, len(k), most)):
             F = screen(profile_polynomial(*sines.inner_products(k[some], onset[some]), scan.W), sines.bound[k[some]])
             np.minimum.at(lowest, first + k[some], F)

@@ -42,8 +42,8 @@ if TYPE_CHECKING:
     from .lab.compare import ComparisonResult
     from .library import compare, detect, diagnose, identify, simulate, start_time
     from .model import identify_faults
+    from .model.onset import OnsetResult, find_onset
     from .model.result import IdentifyResult
-    from .onset import OnsetResult, find_onset
 
 __version__ = "0.2.0"
 
@@ -59,7 +59,7 @@ _HOME = {
     "library": ("compare", "detect", "diagnose", "identify", "simulate", "start_time"),
     "model": ("identify_faults",),
     "model.result": ("IdentifyResult",),
-    "onset": ("OnsetResult", "find_onset"),
+    "model.onset": ("OnsetResult", "find_onset"),
 }
 # Names of 0.2.0, and what takes their place.
 _REPLACED = {"find_onset": "start_time", "identify_faults": "identify"}

@@ -20,29 +20,29 @@ from .decision import (
     verdicts_of,
     with_limit_of_scan,
 )
+from .decision.implausible import Implausible
 from .dictionary import Dictionary, dead_reason_of_kind
 from .errors import ConfigError, DictionaryError, LogError
 from .faults import Fault, FaultEstimate
-from .filters import alternatives, response_of
+from .faults.filters import alternatives, response_of
+from .faults.shapes import OF_LINES, SHAPES, Kind, Shape
+from .faults.truth import Comparison, compare_by_onset
 from .flightlog import FlightLog, inject
 from .flightlog.defects import is_told_by_physics
 from .flightlog.injection import without_line_fault
 from .flightlog.recorder import recorder_filters
 from .kernels.progress import Progress, unseen
+from .methods import METHODS
 from .model.identify import Identification, conclusion_of, identification, result_of
-from .model.methods import METHODS
+from .model.onset import OnsetResult, OnsetSearch, find_onset, search_onsets
+from .model.onset.shapes import scanned_shape
+from .model.preprocessing.defaults import require_one_trim
+from .model.preprocessing.sampling_rate import require_one_model, slowest_rate_hz
+from .model.preprocessing.window import must_resample, with_inputs_of
 from .model.result import AgainstTruth, IdentifyResult, ScanSummary
 from .model.shared_model import with_those_that_share
 from .notes import Note
-from .onset import OnsetResult, OnsetSearch, find_onset, search_onsets
-from .onset.shapes import scanned_shape
-from .plausibility.finding import Implausible
-from .preprocessing.defaults import require_one_trim
-from .preprocessing.sampling_rate import require_one_model, slowest_rate_hz
-from .preprocessing.window import must_resample, with_inputs_of
-from .report.text import instant, quantity
-from .shapes import OF_LINES, SHAPES, Kind, Shape
-from .truth import Comparison, compare_by_onset
+from .quantities.text import instant, quantity
 
 # Samples by which an estimated onset may miss the injected one: one for the estimate, half a one for the resampling.
 # Chosen without a tuning record; only the comparison with an injected truth depends on it.
@@ -57,7 +57,7 @@ MOST_SAMPLES, FASTEST_HZ = 20_000, 10.0
 def start_time(
     log: FlightLog, config: Config, progress: Progress = unseen, *, findings: Sequence[Implausible] = ()
 ) -> OnsetResult:
-    """Say when a fault started, of which shape and how large, from all sources; see `bfi_cli.onset.find_onset`.
+    """Say when a fault started, of which shape and how large, from all sources; see `bfi_cli.model.onset.find_onset`.
 
     Parameters
     ----------
@@ -117,7 +117,7 @@ def identify(
 
     Raises
     ------
-    LogError, ConfigError, DictionaryError : see `bfi_cli.model.identify_faults` and `bfi_cli.onset.find_onset`.
+    LogError, ConfigError, DictionaryError : see `bfi_cli.model.identify_faults` and `bfi_cli.model.onset.find_onset`.
     """
     config = with_inputs_of(log, config)
     part = log.window(config.window.from_s, config.window.to_s)

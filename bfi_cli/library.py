@@ -22,11 +22,11 @@ if TYPE_CHECKING:
     from .detection import DetectResult
     from .dictionary import Dictionary
     from .flight import DiagnoseResult
+    from .flight.plausibility import Implausible
     from .flightlog import FlightLog
     from .lab.compare import ComparisonResult, Peer
+    from .model.onset import OnsetResult
     from .model.result import IdentifyResult
-    from .onset import OnsetResult
-    from .plausibility import Implausible
 
 # Deflection of a manoeuvre, rad: two degrees, within the range of a linear model.
 DEFLECTION_RAD = 0.035
@@ -64,7 +64,7 @@ class ReadyLog:
 def ready_log(log: FlightLog, config: Config, tell: Tell = _silent) -> ReadyLog:
     """Make a log ready for the analysis of a window: units, default channels, and what is to be asked about it."""
     from .flightlog.quality import advice_on_the_ground, advice_on_windows
-    from .preprocessing.defaults import with_defaults_of
+    from .model.preprocessing.defaults import with_defaults_of
 
     log, findings = with_findings(log, config, tell)
     stated = (config.window.from_s, config.window.to_s) != (None, None)
@@ -82,7 +82,7 @@ def ready_log(log: FlightLog, config: Config, tell: Tell = _silent) -> ReadyLog:
 
 def with_findings(log: FlightLog, config: Config, tell: Tell = _silent) -> tuple[FlightLog, tuple[Implausible, ...]]:
     """Return a log and the contradictions between its channels, with `fix_units` those mended that are certain."""
-    from .plausibility import implausible_channels, with_fixed_units
+    from .flight.plausibility import implausible_channels, with_fixed_units
 
     findings = implausible_channels(log)
     if config.fix_units:
@@ -112,7 +112,7 @@ def doubts(
 
 def noted(result: Result, notes: Sequence[Note], findings: Sequence[Implausible]) -> Result:
     """Return a result with notes before its own, and with what is wrong with channels throughout."""
-    from .plausibility import in_words
+    from .flight.plausibility import in_words
 
     result = replace(result, notes=(*notes, *result.notes))
     if hasattr(result, "plausibility"):  # it was concluded beside them
@@ -127,7 +127,7 @@ def _saying_first(findings: Sequence[Implausible]) -> Iterator[None]:
     try:
         yield
     except LogError as error:
-        from .plausibility import in_words
+        from .flight.plausibility import in_words
 
         if not (contradictions := in_words(findings)):
             raise
@@ -177,7 +177,7 @@ def start_time(
 
     Raises
     ------
-    LogError, ConfigError : see `bfi_cli.onset.find_onset`.
+    LogError, ConfigError : see `bfi_cli.model.onset.find_onset`.
     """
     from .analysis import start_time as scan_window
 
@@ -207,7 +207,7 @@ def diagnose(
     LogError, ConfigError : see `bfi_cli.flight.diagnose_flight`.
     """
     from .flight import diagnose_flight
-    from .parity.record import USED
+    from .flight.parity.record import USED
 
     config = _config(config)
     log, findings = with_findings(log, config, tell)

@@ -69,8 +69,8 @@ def with_tables(text: str, made: dict[str, str]) -> str:
 
 def tables() -> dict[str, str]:
     """Return the tables of formats.md by name."""
-    from bfi_cli.channels import STANDARD
-    from bfi_cli.units import CASE_MATTERS, CONVERSIONS
+    from bfi_cli.quantities.channels import STANDARD
+    from bfi_cli.quantities.units import CASE_MATTERS, CONVERSIONS
 
     channels = [
         (f"`{one.name}`", one.unit, one.description, ", ".join(f"`{alias.partition('=')[0]}`" for alias in one.aliases))
@@ -113,7 +113,7 @@ def maps_table() -> str:
 
 def shapes_table() -> str:
     """Return the shapes of a dictionary's entries, what each adds to its channel, and the keys of its own."""
-    from bfi_cli.shapes import SHAPES
+    from bfi_cli.faults.shapes import SHAPES
 
     rows = []
     for name, shape in SHAPES.items():

@@ -21,8 +21,8 @@ from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import Channel, FlightLog, read_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.model import identify_faults
-from bfi_cli.onset import search_onsets
-from bfi_cli.preprocessing.window import prepare_window, with_inputs_of
+from bfi_cli.model.onset import search_onsets
+from bfi_cli.model.preprocessing.window import prepare_window, with_inputs_of
 from bfi_cli.provenance import provenance
 from bfi_cli.serialization import to_json
 

@@ -23,7 +23,7 @@ from bfi_cli.decision.calibration import (
     save_tables,
 )
 from bfi_cli.errors import ConfigError
-from bfi_cli.parity.calibration import air_data_in
+from bfi_cli.flight.parity.calibration import air_data_in
 from bfi_cli.provenance import provenance
 
 MADE = CalibrationSettings(

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bfi_cli.channels import (
+from bfi_cli.errors import LogError
+from bfi_cli.quantities.channels import (
     INPUTS,
     LARGEST_ERROR,
     REPEATED,
@@ -19,8 +20,7 @@ from bfi_cli.channels import (
     quantity_of,
     split_unit,
 )
-from bfi_cli.errors import LogError
-from bfi_cli.units import BY_SPELLING, CONVERSIONS, si_unit, to_si
+from bfi_cli.quantities.units import BY_SPELLING, CONVERSIONS, si_unit, to_si
 
 FINITE = st.floats(-1e9, 1e9)
 

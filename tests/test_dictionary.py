@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from bfi_cli.dictionary import MAX_ATOMS, dead_reason, dead_sentences, json_schema, load_dictionary, signals
 from bfi_cli.errors import DictionaryError
 from bfi_cli.faults import COMMON_KEYS, Fault, fault_from_dict, unit_signal
-from bfi_cli.shapes import IN_DICTIONARY, KEY_RULES, OF_LINES, PARAMETERS, SEARCHED, SHAPES
+from bfi_cli.faults.shapes import IN_DICTIONARY, KEY_RULES, OF_LINES, PARAMETERS, SEARCHED, SHAPES
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bfi_cli.channels import STANDARD
-from bfi_cli.display_units import AVIATION, SI, UNITS
-from bfi_cli.shapes import SHAPES
-from bfi_cli.units import to_si
+from bfi_cli.faults.shapes import SHAPES
+from bfi_cli.quantities.channels import STANDARD
+from bfi_cli.quantities.display_units import AVIATION, SI, UNITS
+from bfi_cli.quantities.units import to_si
 
 KNOT, FOOT, DEGREE = (
     1852 / 3600,

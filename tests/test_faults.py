@@ -24,7 +24,7 @@ from bfi_cli.faults import (
     tail_of,
     unit_signal,
 )
-from bfi_cli.shapes import SHAPES
+from bfi_cli.faults.shapes import SHAPES
 
 RATE_HZ = 100.0
 TIME_S = np.arange(3172) / RATE_HZ

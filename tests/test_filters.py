@@ -9,7 +9,14 @@ import pytest
 
 from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, unit_signal
-from bfi_cli.filters import Filter, alternatives, filters_from_json, filters_to_json, recorded_signal, response_of
+from bfi_cli.faults.filters import (
+    Filter,
+    alternatives,
+    filters_from_json,
+    filters_to_json,
+    recorded_signal,
+    response_of,
+)
 from bfi_cli.flightlog import read_log, write_log
 from bfi_cli.flightlog.record import Channel, FlightLog, frozen_array
 from bfi_cli.kernels.low_pass import low_pass

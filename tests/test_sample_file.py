@@ -14,8 +14,8 @@ import pytest
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.config import load_config, merge
 from bfi_cli.errors import ConfigError, DictionaryError
+from bfi_cli.faults.shapes import lies_inside, read_samples, sample_bytes
 from bfi_cli.flightlog import write_log
-from bfi_cli.shapes import lies_inside, read_samples, sample_bytes
 
 T = time_axis(duration_s=60.0, rate_hz=10.0)
 REFUSED = "'../shape.csv' lies outside the {}'s folder; move it there or give --allow-outside\n"

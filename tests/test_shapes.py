@@ -12,7 +12,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import DictionaryDocument, load_dictionary
 from bfi_cli.errors import ConfigError, DictionaryError
 from bfi_cli.faults import Fault, fault_from_dict, unit_signal
-from bfi_cli.shapes import IN_DICTIONARY, SCANNED, SHAPES, FaultShape, ScannedShape, Shape
+from bfi_cli.faults.shapes import IN_DICTIONARY, SCANNED, SHAPES, FaultShape, ScannedShape, Shape
 
 ONSET_S, WINDOW_S = 3.0, 1.0
 T = np.arange(0.0, 12.0, 0.05)

@@ -9,7 +9,7 @@ import pytest
 
 from bfi_cli.decision import BUILD_UP_S, KINDS, Candidate, decide, kind_of, state_of, summarise, verdicts_of
 from bfi_cli.faults import Fault
-from bfi_cli.shapes import SHAPES
+from bfi_cli.faults.shapes import SHAPES
 
 STATES = ("declared", "suspected", "excluded", "not_seen")
 

@@ -10,13 +10,13 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from ..channels import STANDARD
 from ..errors import ConfigError
+from ..faults.validation import Number, Positive, Rules, Text, validate
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.progress import Report, silent
 from ..notes import Note
-from ..validation import Number, Positive, Rules, Text, validate
+from ..quantities.channels import STANDARD
 from ..yaml12 import load_yaml
 
 Matrices = tuple[FloatArray, FloatArray, FloatArray, FloatArray]

@@ -6,18 +6,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..channels import unit_of
 from ..config import Config
 from ..dictionary import Dictionary, dead_reason, no_signal, signals
 from ..errors import ConfigError, DictionaryError
+from ..faults.shapes import ADDITIVE
 from ..flightlog import FlightLog
 from ..kernels.atom_signals import AtomSignals
 from ..kernels.coherence import whiten
+from ..model.preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
+from ..model.preprocessing.magnitudes import fault_free_limits
+from ..model.preprocessing.window import prepare_window, unusable_atoms, with_inputs_of
 from ..notes import Note
-from ..preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
-from ..preprocessing.magnitudes import fault_free_limits
-from ..preprocessing.window import prepare_window, unusable_atoms, with_inputs_of
-from ..shapes import ADDITIVE
+from ..quantities.channels import unit_of
 from .comparison import advised, compare, own_channel, sentences
 from .entries import (
     Audit,

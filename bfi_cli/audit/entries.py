@@ -8,7 +8,6 @@ from typing import Literal
 
 import numpy as np
 
-from ..channels import STANDARD
 from ..config import Config, merge
 from ..decision import Candidate
 from ..dictionary import Dictionary, dead_reason_of_kind
@@ -16,10 +15,11 @@ from ..errors import DictionaryError
 from ..faults import Fault, did_you_mean, magnitude_unit, physical
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
+from ..model.onset import OnsetSearch, search_onsets
+from ..model.preprocessing.sampling_rate import SAMPLES_PER_CYCLE
+from ..model.preprocessing.summary import ModelSummary
 from ..notes import Note
-from ..onset import OnsetSearch, search_onsets
-from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
-from ..preprocessing.summary import ModelSummary
+from ..quantities.channels import STANDARD
 from .comparison import Signatures, absorbed, most_like
 
 # A window shows three cycles of an oscillation and five time constants of a lagged bias (0.7 % short of its end), with

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from ..display_units import SI, Units
 from ..faults import fault_to_dict
+from ..faults.shapes import SHAPES
 from ..kernels import FloatArray
+from ..model.preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..notes import Note
-from ..preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..printable import shortened
 from ..provenance import Provenance
+from ..quantities.display_units import SI, Units
+from ..quantities.text import change, instant, noise_levels, number, with_unit
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, notes_of, thinned
-from ..report.text import change, instant, noise_levels, number, with_unit
 from ..serialization import document_of, to_plain
-from ..shapes import SHAPES
 from .comparison import pairs
 from .entries import Audit
 

@@ -17,14 +17,14 @@ from .progress import stages
 if TYPE_CHECKING:
     from ..config import Config
     from ..dictionary import Dictionary
-    from ..display_units import Units
     from ..faults import Decision
+    from ..faults.shapes import Kind
     from ..flightlog import FlightLog
     from ..kernels.progress import Progress
     from ..library import ReadyLog
     from ..provenance import Provenance
+    from ..quantities.display_units import Units
     from ..report.content import ReportContent
-    from ..shapes import Kind
 
 # Exit codes of --strict without a trustworthy answer, and of --fail-on with a declared fault.
 NO_ANSWER, FAULT_DECLARED = 4, 10

@@ -38,9 +38,9 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     from ..decision.calibration import join_tables, load_tables, save_tables, summary, table_notes
     from ..errors import LogError
     from ..files import aside, check_files
-    from ..onset import calibration_windows, table_of_windows
-    from ..parity.calibration import calibrate_air_data
-    from ..preprocessing.defaults import default_inputs
+    from ..flight.parity.calibration import calibrate_air_data
+    from ..model.onset import calibration_windows, table_of_windows
+    from ..model.preprocessing.defaults import default_inputs
     from ..provenance import provenance
 
     config = config_of(config_path, options)

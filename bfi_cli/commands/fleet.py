@@ -200,9 +200,9 @@ def _analysed(task: Task, request: Request, key: str) -> Outcome:
     ------
     BfiError : the log, or the configuration for it, cannot be used.
     """
-    from ..display_units import IN_FILES, UNITS
     from ..fleet import LogAnswer, Outcome, answer_of_diagnosis, answer_of_info, rows_of_constants
-    from ..plausibility.constants import constant_errors
+    from ..flight.plausibility.constants import constant_errors
+    from ..quantities.display_units import IN_FILES, UNITS
     from ..report.files import content_files
     from ..serialization import to_json, without_series
 

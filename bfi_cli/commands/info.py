@@ -26,8 +26,8 @@ def command(asked: Asked) -> Answer:
     from ..flightlog import inspect_log, read_log
     from ..flightlog.defects import find_defects
     from ..flightlog.recorder import with_seen_recorder
-    from ..flightlog.report import explained, info_content, info_document
     from ..library import with_findings
+    from ..report.log import explained, info_content, info_document
 
     tables = ("channels", "derived", "phases", "excitation", "windows", "segments", "explain")
     asked.check_out(("phases",), tables)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ..errors import ConfigError
-from ..model.methods import METHODS
+from ..methods import METHODS
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -94,7 +94,7 @@ def _choice(values: Callable[[], Mapping[str, str]]) -> Callback:
 
 
 def _systems_of_units() -> dict[str, str]:
-    from ..display_units import UNITS
+    from ..quantities.display_units import UNITS
 
     return {name: name for name in UNITS}
 
@@ -383,7 +383,7 @@ def with_options(*options: str | Command, **words: str) -> Callable[[Command], C
             row = OPTIONS[option]
             text = words.get(option, row.settings["help"])
             if "{scanned}" in text:  # imports numpy, for which other commands need not wait
-                from ..shapes import SCANNED
+                from ..faults.shapes import SCANNED
 
                 text = text.format(scanned=f"{', '.join(SCANNED[:-1])} or {SCANNED[-1]}")
             command = click.option(*row.flags, **{**row.settings, "help": text})(command)

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ..display_units import IN_FILES, UNITS, Units
 from ..errors import ConfigError, reason_of
 from ..printable import printable
+from ..quantities.display_units import IN_FILES, UNITS, Units
 from .progress import stages
 
 if TYPE_CHECKING:
@@ -205,8 +205,8 @@ def write_and_show(
     seed : of the random steps.
     """
     from ..flightlog import write_log
-    from ..flightlog.report import log_document, log_lines
     from ..provenance import provenance
+    from ..report.log import log_document, log_lines
 
     write_log(log, options["out_file"])
     log = replace(log, path=str(options["out_file"]))

@@ -88,8 +88,8 @@ def command(asked: Asked) -> Answer:
     Of a configuration file counts what says how the logs are read, its window and the units to show.
     """
     from ..flightlog import read_log
-    from ..flightlog.difference import shifted, time_shift
-    from ..flightlog.plot import (
+    from ..report.difference import shifted, time_shift
+    from ..report.log_plots import (
         MOST_PANELS,
         channels_to_plot,
         moved,

@@ -8,36 +8,36 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ..display_units import IN_FILES, UNITS
 from ..errors import ConfigError
 from ..provenance import Provenance
+from ..quantities.display_units import IN_FILES, UNITS
 from ..report.consistency import contradiction_of
 from ..serialization import document_of_kind, from_plain, member, read_json
 from .options import with_options
 from .output import note, show
 
 if TYPE_CHECKING:
-    from ..display_units import Units
+    from ..quantities.display_units import Units
     from ..report.content import ReportContent
 
 GIVE = "give the result.json of a command's --out, or what its --json --series printed"
 # Module and function that make the content of each kind of document.
 KINDS = {
-    "calibration": ("decision.calibration", "calibration_content"),
+    "calibration": ("report.calibration", "calibration_content"),
     "compare": ("lab.compare", "compare_content"),
-    "convert": ("flightlog.report", "log_content"),
+    "convert": ("report.log", "log_content"),
     "detect": ("detection", "detect_content"),
     "diagnosability": ("diagnosability", "diagnosability_content"),
     "diagnose": ("flight", "diagnose_content"),
     "dictionary": ("audit", "audit_content"),
     "identify": ("model.report", "content_of_document"),
-    "info": ("flightlog.report", "info_content"),
-    "inject": ("flightlog.report", "log_content"),
+    "info": ("report.log", "info_content"),
+    "inject": ("report.log", "log_content"),
     "montecarlo": ("lab.montecarlo", "montecarlo_content"),
-    "plot": ("flightlog.plot", "plot_content"),
+    "plot": ("report.log_plots", "plot_content"),
     "reproduce": ("lab.reproduce.catalogue", "reproduce_content"),
-    "simulate": ("flightlog.report", "log_content"),
-    "start-time": ("onset", "onset_content"),
+    "simulate": ("report.log", "log_content"),
+    "start-time": ("model.onset", "onset_content"),
 }
 STORED = {"montecarlo": "summary.json"}
 # Documents whose report is made from the document itself. The others are read back into their result, which names the
@@ -92,7 +92,7 @@ def _content(document: object, where: str, units: Units) -> ReportContent:
     try:
         shown = () if kind in WITHOUT_UNITS else (units,)
         if kind == "calibration" and document.get("air_data"):
-            from ..parity.calibration import air_data_in
+            from ..flight.parity.calibration import air_data_in
 
             air_data_in(document, where=where)
         content: ReportContent = make(document, *shown, **({} if kind in NOT_READ_BACK else {"where": where}))

@@ -18,7 +18,7 @@ from .output import note
 def command(asked: Asked) -> Answer:
     """Say when a fault started in LOG, which shape it has, how large it is and how sure that is."""
     from ..library import start_time
-    from ..onset import onset_content, onset_document
+    from ..model.onset import onset_content, onset_document
 
     asked.check_out(("hidden", "profile", "outputs"), ("faults", "candidates", "profile", "shapes"))
     flight = asked.flight()

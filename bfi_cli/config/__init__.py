@@ -23,16 +23,16 @@ from pydantic import (
     model_validator,
 )
 
-from ..channels import STANDARD
 from ..decision import KINDS
 from ..dictionary import Dictionary, DictionaryDocument, expand, is_shipped, load_dictionary
-from ..display_units import UnitsName
 from ..errors import ConfigError, LogError
 from ..faults import did_you_mean, shown
-from ..model.methods import METHODS
-from ..shapes import SCANNED, Kind, ScannedShape
-from ..units import change_in_si
-from ..validation import Number, Positive, Rules, Text, Whole, editor_schema, path_beside, validate
+from ..faults.shapes import SCANNED, Kind, ScannedShape
+from ..faults.validation import Number, Positive, Rules, Text, Whole, editor_schema, path_beside, validate
+from ..methods import METHODS
+from ..quantities.channels import STANDARD
+from ..quantities.display_units import UnitsName
+from ..quantities.units import change_in_si
 from ..yaml12 import load_yaml, read_text
 
 __all__ = ["STRONG_EVIDENCE", "Config", "Detect", "Diagnosability", "DictionarySource", "Natural", "StartTime"]

@@ -14,11 +14,11 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any, Literal, get_args
 
-from ..channels import LARGEST_ERROR
-from ..display_units import SI, Units
 from ..faults import Fault, FaultEstimate, build_up_s, magnitude_unit, meaning, physical
+from ..faults.shapes import SHAPES, Kind
 from ..kernels.normal import TWO_SIDED_95
-from ..shapes import SHAPES, Kind
+from ..quantities.channels import LARGEST_ERROR
+from ..quantities.display_units import SI, Units
 
 State = Literal["declared", "suspected", "excluded", "not_seen"]
 KINDS: tuple[Kind, ...] = get_args(Kind)

@@ -13,15 +13,15 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ..faults import Decision, FaultEstimate, build_up_s
+from ..faults.shapes import OF_LINES, SHAPES, Kind
 from ..notes import Note
-from ..report.text import instant, quantity
-from ..shapes import OF_LINES, SHAPES, Kind
+from ..quantities.text import instant, quantity
 from .candidate import KINDS, Candidate, with_limit
 from .evidence import Evidence, Manoeuvre
 from .verdict import decide, summarise, verdicts_of
 
 if TYPE_CHECKING:  # its package needs the configuration, which needs this one
-    from ..plausibility.finding import Implausible
+    from .implausible import Implausible
 
 # Sources that explain the window by a linear model of the aircraft.
 MODELS = ("dictionary", "scan")
@@ -188,7 +188,7 @@ def _not_excluded(verdict: Decision) -> Decision:
 
 def _withheld(conclusion: Conclusion, to_state: Sequence[Implausible]) -> Conclusion:
     """Return a conclusion without a verdict, and what would be declared as suspected."""
-    from ..plausibility.finding import in_words
+    from .implausible import in_words
 
     declared = [estimate.name for estimate in conclusion.faults] or [
         candidate.name for candidate in conclusion.candidates if candidate.state == "declared"

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ..faults import Fault, FaultEstimate
-from ..shapes import SHAPES
+from ..faults.shapes import SHAPES
 from .candidate import Candidate
 from .evidence import Evidence
 

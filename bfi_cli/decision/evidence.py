@@ -10,7 +10,7 @@ from ..notes import Note
 from .candidate import Candidate
 
 if TYPE_CHECKING:  # its package needs the configuration, which needs this one
-    from ..plausibility.finding import Implausible
+    from .implausible import Implausible
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,9 +10,9 @@ import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 
-from ..display_units import SI, Units
 from ..faults import Decision
-from ..shapes import Kind
+from ..faults.shapes import Kind
+from ..quantities.display_units import SI, Units
 from .candidate import KINDS, Candidate, State, shown_limit
 
 # The note of a scan on the frequencies, and on the onsets where a dictionary narrows them, that its claim covers.

@@ -10,15 +10,15 @@ from threadpoolctl import threadpool_limits
 
 from ..config import Config
 from ..decision import Candidate, Evidence, candidate_of, conclude, finite, shown_limit
+from ..decision.implausible import Implausible
 from ..faults import Fault
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels.progress import Report, silent
+from ..model.preprocessing.summary import log_summary
+from ..model.preprocessing.tolerance import tolerances_of
 from ..notes import Note
-from ..plausibility.finding import Implausible
-from ..preprocessing.summary import log_summary
-from ..preprocessing.tolerance import tolerances_of
-from ..report.text import instant
+from ..quantities.text import instant
 from .exact import detect_exactly
 from .parity import detect_by_parity, slower
 from .preparation import FELT, PreparedRecord, prepare_detection

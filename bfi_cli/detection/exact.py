@@ -6,8 +6,8 @@ import numpy as np
 
 from ..kernels import BoolArray, FloatArray
 from ..kernels.nullspace import Criteria, criteria, past_rank
+from ..model.preprocessing.signals import Signals
 from ..notes import Note
-from ..preprocessing.signals import Signals
 from .preparation import PreparedRecord
 from .result import Alarm, Detection, StepLimits
 

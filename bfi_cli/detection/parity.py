@@ -21,8 +21,8 @@ from ..kernels.normal import ONE_SIDED_90, ONE_SIDED_99
 from ..kernels.parity import Drops, StepHeight, drop_at, largest_drops, step_height
 from ..kernels.progress import Report, silent
 from ..kernels.running import running_weights
+from ..model.preprocessing.sampling_rate import SAMPLES_PER_EDGE
 from ..notes import Note
-from ..preprocessing.sampling_rate import SAMPLES_PER_EDGE
 from .predictor import Predictor, fit_predictor
 from .preparation import UNSTATED_HZ, DecimatedRecord, PreparedRecord, decimate_record
 from .result import Alarm, Calibration, Detection, StepLimits

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..channels import INPUTS
 from ..config import Config
 from ..errors import ConfigError, LogError
-from ..filters import alternatives, recorder_low_passes, response_of
+from ..faults.filters import alternatives, recorder_low_passes, response_of
 from ..flightlog import FlightLog, require_usable, resample
 from ..flightlog.derived import with_derived
 from ..flightlog.phases import APART_S, flight_stretches, phases_of
@@ -19,11 +18,12 @@ from ..kernels import BoolArray, FloatArray
 from ..kernels.atom_signals import AtomSignals
 from ..kernels.decimation import WHITE, decimate, lost_samples, lowpass_taps
 from ..kernels.input_directions import directions, independent, moments
+from ..model.preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
+from ..model.preprocessing.signals import Signals
+from ..model.preprocessing.window import moves, must_resample, require_outputs_move
 from ..notes import Note
-from ..preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
-from ..preprocessing.signals import Signals
-from ..preprocessing.window import moves, must_resample, require_outputs_move
-from ..report.text import instant
+from ..quantities.channels import INPUTS
+from ..quantities.text import instant
 
 # What is watched where the user names nothing, and the controls of the other axes, which then are no inputs.
 OUTPUTS = ("tas", "tas_rate", "aoa", "pitch", "pitch_rate", "altitude_rate", "altitude")

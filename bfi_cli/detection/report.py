@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from ..channels import LARGEST_ERROR, channel_in_words
-from ..display_units import SI, Units
 from ..notes import Note
 from ..printable import shortened
 from ..provenance import Provenance
+from ..quantities.channels import LARGEST_ERROR, channel_in_words
+from ..quantities.display_units import SI, Units
+from ..quantities.text import change, instant, interval, number, with_unit
 from ..report.claims import (
     candidate_columns,
     candidate_tables,
@@ -31,7 +32,6 @@ from ..report.first_screen import (
     suspect_in_words,
     undeclared,
 )
-from ..report.text import change, instant, interval, number, with_unit
 from ..serialization import document_of, from_plain, member, to_plain
 from .result import Alarm, ChannelSeries, DetectResult
 

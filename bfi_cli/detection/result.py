@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 from ..decision import Candidate
+from ..decision.implausible import Implausible
 from ..faults import Decision
+from ..faults.shapes import Kind
 from ..kernels import FloatArray
+from ..model.preprocessing.summary import LogSummary
 from ..notes import Note
-from ..plausibility.finding import Implausible
-from ..preprocessing.summary import LogSummary
-from ..shapes import Kind
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,8 +17,8 @@ from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.divergence import window_bits
+from ..model.preprocessing.summary import LogSummary, ModelSummary
 from ..notes import Note
-from ..preprocessing.summary import LogSummary, ModelSummary
 from .signatures import FaultSignatures, apart_bits, divergences, minimal_detectable, signatures, single_sample_bits
 
 # Standard errors of the paired difference, about 95 % confidence, below which a note asks for more draws.

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ..display_units import SI, Units
 from ..kernels import FloatArray
 from ..printable import shortened
 from ..provenance import Provenance
+from ..quantities.display_units import SI, Units
+from ..quantities.text import instant, noise_levels, number, quantity
 from ..report.clock import with_clock
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, shown_notes
-from ..report.text import instant, noise_levels, number, quantity
 from ..serialization import document_of, from_plain, mapping, member, to_plain
 from .assess import DiagnosabilityResult, DiagnosedAtom, ManoeuvreScore
 

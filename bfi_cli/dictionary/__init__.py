@@ -30,12 +30,12 @@ from pydantic_core import InitErrorDetails
 
 from ..errors import DictionaryError
 from ..faults import Fault, shown
-from ..filters import recorded_signal
+from ..faults.filters import recorded_signal
+from ..faults.shapes import IN_DICTIONARY, PARAMETERS, SEARCHED, SHAPES
+from ..faults.validation import SENTENCE_LETTERS, Number, Positive, Rules, Text, editor_schema, path_beside, validate
 from ..kernels.low_pass import IDENTITY, Response
 from ..printable import shortened
-from ..report.text import instant
-from ..shapes import IN_DICTIONARY, PARAMETERS, SEARCHED, SHAPES
-from ..validation import SENTENCE_LETTERS, Number, Positive, Rules, Text, editor_schema, path_beside, validate
+from ..quantities.text import instant
 from ..yaml12 import load_yaml, read_text
 
 __all__ = ["SHIPPED", "Dictionary", "DictionaryDocument", "dead_reason", "dead_reason_of_kind", "dead_sentences"]

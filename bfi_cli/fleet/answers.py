@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..epoch import Epoch
+from ..flight.plausibility.constants import ConstantError
 from ..flightlog.phases import PARTS
 from ..notes import Note
-from ..plausibility.constants import ConstantError
 from ..provenance import Provenance
+from ..quantities.text import counted, instant, number
 from ..report.content import ReportContent
 from ..report.first_screen import State
-from ..report.text import counted, instant, number
 from ..serialization import document_of
 
 # Order of the lines: what needs a reader first.

@@ -12,8 +12,8 @@ from urllib.parse import quote
 from ..notes import Note
 from ..printable import SHOWN, shortened
 from ..provenance import Provenance
+from ..quantities.text import counted, instant
 from ..report.listing import Listing, render_listing
-from ..report.text import counted, instant
 from ..serialization import document_of, to_json
 from .answers import LogAnswer
 from .store import SUMMARY

@@ -27,7 +27,7 @@ class FleetTrend:
 
     Attributes
     ----------
-    aircraft, channel, by, unit : see `bfi_cli.plausibility.constants.ConstantError`.
+    aircraft, channel, by, unit : see `bfi_cli.flight.plausibility.constants.ConstantError`.
     values, low, high : of each flight, in order of time, with its 95 % interval.
     slope, ci95, level : per flight, with its 95 % interval, and the line at the first flight.
     p_value : of no trend; is_declared : whether that is less than the share of the relation in `FALSE_ALARM`.

@@ -21,13 +21,13 @@ from ..kernels.free_course import Course as SmoothedCourse
 from ..kernels.free_course import correlated_noise, smoothed_course
 from ..kernels.likelihood_ratio import FAST_S
 from ..notes import Note
-from ..parity import Record, WindowScan
-from ..parity.explain import course_for
-from ..parity.record import LINES, USED, Hypothesis, hypotheses, with_fault, without_fault
-from ..parity.scan import residual_values
 from ..serialization import check_schema, from_plain, member, read_json
 from .flight import Flight
 from .naming import hypothesis_of
+from .parity import Record, WindowScan
+from .parity.explain import course_for
+from .parity.record import LINES, USED, Hypothesis, hypotheses, with_fault, without_fault
+from .parity.scan import residual_values
 from .result import Course, Event
 
 FloatArray = NDArray[np.float64]

@@ -10,23 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
-from ..channels import STANDARD
 from ..config import Config, merge
 from ..decision import WITHHELD, State, conclude
+from ..faults.shapes import SHAPES
 from ..flightlog import FlightLog
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
+from ..model.preprocessing.summary import LogSummary, log_summary
 from ..notes import Note
-from ..parity import LENGTHS_S, Finding
-from ..parity.leaks import begins_within
-from ..parity.record import STATIC_LEAK, record_of
-from ..parity.sampled import unit_of
-from ..parity.static_relations import RelationAnswer, relation_series
-from ..parity.windows import Window, overlaps, windows_in
-from ..plausibility import Implausible, without_constant_errors
-from ..preprocessing.summary import LogSummary, log_summary
-from ..report.text import quantity
-from ..shapes import SHAPES
+from ..quantities.channels import STANDARD
+from ..quantities.text import quantity
 from .corrected import SHOWN, corrected_channels, course_of
 from .events import (
     Draft,
@@ -48,6 +41,13 @@ from .flight import Flight, flight_of
 from .limits import bounds_of, limit_courses, limits_of
 from .looks import GLANCE_S, STEP_S, Scanned, glance_at_flight, inputs_for, rate_of, summary_of
 from .naming import finding_of_glance, repeat_advice, vote_against
+from .parity import LENGTHS_S, Finding
+from .parity.leaks import begins_within
+from .parity.record import STATIC_LEAK, record_of
+from .parity.sampled import unit_of
+from .parity.static_relations import RelationAnswer, relation_series
+from .parity.windows import Window, overlaps, windows_in
+from .plausibility import Implausible, without_constant_errors
 from .relations import StaticWindows, drafts_of_disagreements, drafts_of_relations, find_relations, intact_channels
 from .result import DiagnoseResult, Event, Strip
 from .slow_faults import SlowFaults, find_slow_faults

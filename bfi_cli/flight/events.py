@@ -9,11 +9,11 @@ from functools import partial
 import numpy as np
 
 from ..decision import beyond_tolerance
-from ..parity import Finding
-from ..parity.explain import course_for
-from ..parity.windows import Window, overlaps
 from .flight import Flight
 from .naming import hypothesis_of
+from .parity import Finding
+from .parity.explain import course_for
+from .parity.windows import Window, overlaps
 
 # A finding belongs to an event that began at most this long after it: onsets of slow faults are uncertain by as much.
 # Twice the standard deviation of 7.5 s that the Cramer-Rao bound leaves a drift in 240 s (docs/theory.md, 15.7).

@@ -14,28 +14,28 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
 from ..airdata import DEPENDS_ON, SENSORS, isa_temperature
-from ..channels import STANDARD
 from ..config import Config, merge
 from ..decision import Candidate, Evidence, estimate_of, state_of
 from ..errors import LogError
 from ..faults import Fault, FaultEstimate
+from ..faults.shapes import SHAPES
 from ..flightlog import FlightLog
 from ..flightlog.defects import is_told_by_physics
 from ..flightlog.phases import phases_of
 from ..kernels.progress import Progress, unseen
 from ..notes import Note
-from ..parity import RESIDUALS, Record, available, configuration_changes
-from ..parity.explain import course_for
-from ..parity.record import STATIC_LEAK, climbing, hypotheses
-from ..parity.scan import with_small
-from ..parity.windows import LENGTHS_S, clean_up_time
-from ..report.text import instant, quantity
-from ..shapes import SHAPES
-from ..units import per_second
+from ..quantities.channels import STANDARD
+from ..quantities.text import instant, quantity
+from ..quantities.units import per_second
 from .diagnose import events_of, lasting_faults
 from .events import growth
 from .flight import Flight, flight_of
 from .limits import BIN_S, PITOT_LINE, Bounds, bounds_of, hidden_slopes
+from .parity import RESIDUALS, Record, available, configuration_changes
+from .parity.explain import course_for
+from .parity.record import STATIC_LEAK, climbing, hypotheses
+from .parity.scan import with_small
+from .parity.windows import LENGTHS_S, clean_up_time
 from .result import Event
 
 FloatArray = NDArray[np.float64]

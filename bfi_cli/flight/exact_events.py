@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..flightlog.defects import Defect, sentence_of_defect
+from ..model.preprocessing.tolerance import tolerance_of
 from ..notes import Note
-from ..preprocessing.tolerance import tolerance_of
 from .flight import Flight
 from .result import Event
 

@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ..channels import STANDARD, channel_in_words
-from ..display_units import SI, Units
+from ..faults.shapes import SHAPES
 from ..kernels.runs import within
+from ..quantities.channels import STANDARD, channel_in_words
+from ..quantities.display_units import SI, Units
+from ..quantities.text import change, duration, instant, interval, number
 from ..report.first_screen import (
     Headline,
     Label,
@@ -21,8 +23,6 @@ from ..report.first_screen import (
     lines_of,
     note_lines,
 )
-from ..report.text import change, duration, instant, interval, number
-from ..shapes import SHAPES
 from .limits import AIRSPEEDS
 from .result import DiagnoseResult, Event, FlightLimit, OrdinaryEvent
 from .tables import ON_GROUND

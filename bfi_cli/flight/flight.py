@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..airdata import IMPACT_SOURCES
-from ..channels import STANDARD, quantity_of
 from ..config import Config
 from ..errors import ConfigError, LogError
 from ..flightlog import FlightLog
@@ -17,7 +16,9 @@ from ..flightlog.defects import Defect, find_defects, with_bridges, without_defe
 from ..flightlog.phases import NO_AIRSPEED, Disagreement, Phase, find_phases
 from ..flightlog.plausible import IN_FLIGHT, impossible_median, sentence_of_impossible
 from ..flightlog.recorder import with_seen_recorder
-from ..parity import (
+from ..model.preprocessing.tolerance import AIRSPEEDS, tolerance_of
+from ..quantities.channels import STANDARD, quantity_of
+from .parity import (
     RESIDUALS,
     Finding,
     ParityTable,
@@ -30,14 +31,13 @@ from ..parity import (
     windows_in,
     zero_lift_of,
 )
-from ..parity.calibration import load_air_data
-from ..parity.credibility import coarse_positions, credibility_of
-from ..parity.holds import Holds, find_holds
-from ..parity.record import USED
-from ..parity.sensors import frozen_sensors, sensor_steps, without_frozen
-from ..parity.windows import Window, clean_up_time, flight_stretches, overlaps, within
-from ..plausibility import Implausible
-from ..preprocessing.tolerance import AIRSPEEDS, tolerance_of
+from .parity.calibration import load_air_data
+from .parity.credibility import coarse_positions, credibility_of
+from .parity.holds import Holds, find_holds
+from .parity.record import USED
+from .parity.sensors import frozen_sensors, sensor_steps, without_frozen
+from .parity.windows import Window, clean_up_time, flight_stretches, overlaps, within
+from .plausibility import Implausible
 
 FloatArray = NDArray[np.float64]
 

@@ -13,11 +13,11 @@ import numpy as np
 
 from ..kernels import BoolArray, FloatArray
 from ..kernels.runs import runs
-from ..parity.record import STATIC_LEAK
 from .bench import Bench, Place, place_of, run_place
 from .judge import ordinary_of
 from .lines import PITOT_LEAK
 from .model import ground_speed_of, second_airspeed
+from .parity.record import STATIC_LEAK
 from .tables import AIRSPEED_ROWS
 from .weight import Ordinary, Weight, against, beside
 

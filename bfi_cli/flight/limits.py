@@ -9,15 +9,15 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import LARGEST_ERROR, STANDARD
 from ..kernels.runs import runs
-from ..parity import Bound
-from ..parity.lines import METRES
-from ..parity.record import STATIC_LEAK
-from ..parity.windows import Window, flight_stretches, overlaps, within
-from ..units import per_second
+from ..quantities.channels import LARGEST_ERROR, STANDARD
+from ..quantities.units import per_second
 from .flight import Flight
 from .looks import Scanned
+from .parity import Bound
+from .parity.lines import METRES
+from .parity.record import STATIC_LEAK
+from .parity.windows import Window, flight_stretches, overlaps, within
 from .relations import StaticWindows
 from .result import Event, FlightLimit, LimitCourse
 

@@ -17,9 +17,9 @@ import numpy as np
 
 from ..airdata import HIGHEST, LOWEST, G, channels_of, pressure_at
 from ..kernels import BoolArray, FloatArray
-from ..parity.record import STATIC_LEAK, without_fault
 from .bench import FAULT_STATES, ZERO, Place, jump_seconds, run_place
 from .model import FlightModel, second_airspeed
+from .parity.record import STATIC_LEAK, without_fault
 from .seconds import filled, rate_of, smoothed
 from .tables import AIRSPEED_ROWS
 from .weight import Ordinary, Weight, against, beside, floored_density

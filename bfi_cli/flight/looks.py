@@ -16,11 +16,11 @@ from ..engine import in_order
 from ..errors import BfiError
 from ..flightlog import FlightLog
 from ..kernels.progress import Report, silent
-from ..onset.glance import Glance, glance
-from ..parity import LENGTHS_S, ParityTable, ScanKey, Threshold, WindowScan, table_for, threshold_of
-from ..parity.windows import Window, windows_in
-from ..preprocessing.window import TRUSTED
+from ..model.onset.glance import Glance, glance
+from ..model.preprocessing.window import TRUSTED
 from .flight import INPUTS, Flight
+from .parity import LENGTHS_S, ParityTable, ScanKey, Threshold, WindowScan, table_for, threshold_of
+from .parity.windows import Window, windows_in
 from .result import Look
 
 FloatArray = NDArray[np.float64]

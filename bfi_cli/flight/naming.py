@@ -8,11 +8,11 @@ from itertools import combinations
 import numpy as np
 
 from ..airdata import DEPENDS_ON, IMPACT_SOURCES
-from ..channels import quantity_of
-from ..onset.glance import Glance
-from ..parity import Finding, Fit, Record, Threshold, WindowScan, effects
-from ..parity.record import STATIC_LEAK, hypotheses
-from ..shapes import SHAPES
+from ..faults.shapes import SHAPES
+from ..model.onset.glance import Glance
+from ..quantities.channels import quantity_of
+from .parity import Finding, Fit, Record, Threshold, WindowScan, effects
+from .parity.record import STATIC_LEAK, hypotheses
 
 # s, to both sides of an onset of the scan, which stands on the samples of its analysis at 2 Hz.
 ONSET_STEP_S = 0.5

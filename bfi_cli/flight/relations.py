@@ -7,18 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..channels import STANDARD
 from ..flightlog.phases import Disagreement
 from ..kernels.progress import Report, silent
-from ..parity import Finding
-from ..parity.relation_course import with_course
-from ..parity.sampled import unit_of
-from ..parity.sensors import altitude_step_within
-from ..parity.static_relations import Series, StaticRelations, find_static
-from ..parity.windows import Window, flight_stretches, overlaps
+from ..quantities.channels import STANDARD
 from .events import Draft, clusters, errors_of_rivals, join
 from .flight import Flight, held_stretches
 from .naming import channels_of
+from .parity import Finding
+from .parity.relation_course import with_course
+from .parity.sampled import unit_of
+from .parity.sensors import altitude_step_within
+from .parity.static_relations import Series, StaticRelations, find_static
+from .parity.windows import Window, flight_stretches, overlaps
 
 StaticWindows = Sequence[tuple[Window, StaticRelations]]
 

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
-from ..channels import STANDARD
-from ..display_units import SI, Shown, Units
 from ..files import EVENTS
-from ..flightlog.report import lane_panel
-from ..flightlog.timeline import Happening, bands_of, lanes_of, lines_at, phase_table
 from ..kernels.normal import TWO_SIDED_95
 from ..notes import Note
 from ..provenance import Provenance
+from ..quantities.channels import STANDARD
+from ..quantities.display_units import SI, Shown, Units
+from ..quantities.text import capital, change, duration, instant, number, with_unit
 from ..report.clock import with_clock
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, shown_notes
-from ..report.text import capital, change, duration, instant, number, with_unit
+from ..report.log import lane_panel
+from ..report.timeline import Happening, bands_of, lanes_of, lines_at, phase_table
 from ..serialization import csv_lines, document_of, from_plain, mapping, member, to_plain
 from .first_screen import TEXT_OF_CAUSE, diagnose_screen, event_in_words, second
 from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse, OrdinaryEvent

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..decision import State
+from ..decision.implausible import Implausible
 from ..faults import Decision
+from ..faults.shapes import Kind
 from ..flightlog.phases import Phase
+from ..model.preprocessing.summary import LogSummary
 from ..notes import Note
-from ..parity.finding import Bound, Stage
-from ..plausibility.finding import Implausible
-from ..preprocessing.summary import LogSummary
-from ..shapes import Kind
+from .parity.finding import Bound, Stage
 
 FloatArray = NDArray[np.float64]
 

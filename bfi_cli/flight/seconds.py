@@ -12,7 +12,7 @@ from ..flightlog import FlightLog
 from ..kernels import BoolArray, FloatArray
 from ..kernels.quantisation import find_quantum
 from ..kernels.runs import bridged
-from ..parity.record import Record, over_seconds, record_of, seconds_of_samples
+from .parity.record import Record, over_seconds, record_of, seconds_of_samples
 
 GROUND_VELOCITY = frozenset(("velocity_north", "velocity_east"))
 ANGLES = ("yaw", "track")  # that jump by a turn

@@ -16,14 +16,14 @@ import numpy as np
 
 from ..kernels.progress import Report, silent
 from ..notes import Note
-from ..parity import LENGTHS_S, Fit, Threshold, WindowScan, explain, scan_window
-from ..parity.explain import course_for
-from ..parity.scan import without_lasting
-from ..parity.windows import Window, flight_stretches, overlaps, windows_in
 from .events import Draft, beyond_its_tolerance, clusters, is_certain, is_return
 from .flight import Flight, LastingFault
 from .looks import Scanned, rate_of, scale_of, scan_flight, thresholds_of
 from .naming import contradicted, finding_of_fit, hypotheses_of, hypothesis_of
+from .parity import LENGTHS_S, Fit, Threshold, WindowScan, explain, scan_window
+from .parity.explain import course_for
+from .parity.scan import without_lasting
+from .parity.windows import Window, flight_stretches, overlaps, windows_in
 from .relations import StaticWindows, intact_channels
 
 # A fault that the scan sees near a window's start may have begun before it: the window is moved, or begins earlier

@@ -9,11 +9,11 @@ from itertools import pairwise
 from ..decision import two_digits
 from ..flightlog.phases import HOVER, NO_AIRSPEED, PARTS, TRANSITION, note_on_rotors
 from ..kernels.runs import left_of, union
-from ..parity import LENGTHS_S, available
-from ..parity.windows import Window
 from .flight import Flight
 from .limits import AIRSPEEDS, PITOT_LINE, Bounds
 from .looks import GLANCE_S, Scanned
+from .parity import LENGTHS_S, available
+from .parity.windows import Window
 from .result import Event, FlightLimit
 
 # Half a minute of flight: what is shorter narrows a claim by less than the onsets of slow faults are uncertain.

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 
 from ..decision import Candidate, Evidence, State, two_digits
+from ..decision.implausible import Implausible
 from ..faults import Decision
-from ..plausibility.finding import Implausible
-from ..shapes import Kind
+from ..faults.shapes import Kind
 from .limits import AIRSPEEDS, PITOT_LINE
 from .result import Event, FlightLimit
 from .unwatched import Unwatched

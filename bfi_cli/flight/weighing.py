@@ -8,20 +8,20 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..airdata import DEPENDS_ON
-from ..channels import STANDARD
 from ..flightlog.phases import NO_AIRSPEED
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.runs import within
 from ..notes import Note
-from ..parity.finding import Stage
-from ..parity.windows import flight_stretches
-from ..units import per_second
+from ..quantities.channels import STANDARD
+from ..quantities.units import per_second
 from .bench import AFTER_S, Bench, bench_of
 from .flight import Flight
 from .gross import FEWEST_S, Gross, gross_errors, swings_of
 from .judge import ALIKE, FROZEN, Judgement, explains, is_on_ground, is_set, judge, rows_of
 from .model import flight_model
 from .naming import channels_of, repeat_advice
+from .parity.finding import Stage
+from .parity.windows import flight_stretches
 from .result import Event, OrdinaryEvent
 from .seconds import seconds_of
 from .tables import ALTIMETER_SET, ON_GROUND

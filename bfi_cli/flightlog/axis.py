@@ -15,7 +15,7 @@ from ..errors import LogError
 from ..kernels.regular_clock import quantum_of, regular_times
 from ..kernels.runs import BoolArray, runs
 from ..notes import Note
-from ..report.text import instant
+from ..quantities.text import instant
 from .rates import MENDED, longest_in_order
 from .record import FloatArray, frozen_array
 

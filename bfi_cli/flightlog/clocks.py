@@ -12,10 +12,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..channels import match_name
 from ..errors import LogError
 from ..notes import Note
-from ..units import si_unit, to_si
+from ..quantities.channels import match_name
+from ..quantities.units import si_unit, to_si
 from .rates import one_base
 from .raw import BY_RANK, Asked, FloatArray, RawLog, Track, claimed, time_column
 

@@ -15,13 +15,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import INDEPENDENT
-from ..filters import response_of
+from ..faults.filters import response_of
 from ..kernels.normal import MAD
 from ..kernels.quantisation import find_quantum, quantum_of_plateaus
 from ..kernels.running import interpolation_error, running_median, travel
 from ..kernels.runs import BoolArray, bridged, repeats, within
-from ..report.text import instant
+from ..quantities.channels import INDEPENDENT
+from ..quantities.text import instant
 from .phases import HOVER, TRANSITION, phases_of
 from .quality import hold_of
 from .rates import AS_FAST
@@ -39,7 +39,7 @@ WATCHED: tuple[str, ...] = ("tas", "cas", "ias", "mach", "q_impact", "p_total", 
 WATCHED += ("tat", "sat", "aoa", "sideslip", "pitch", "roll", "normal_acc", "longitudinal_acc", "lateral_acc")
 WATCHED += ("pitch_rate", "roll_rate", "yaw_rate", "velocity_north", "velocity_east", "ground_speed")
 WATCHED += ("latitude", "longitude")
-# Samples of one value from which a sensor may be frozen for good (`bfi_cli.parity.sensors`).
+# Samples of one value from which a sensor may be frozen for good (`bfi_cli.flight.parity.sensors`).
 FEWEST_REPEATS = 20
 # Phases in which airspeeds come and go without a defect, and the margin on both sides, s.
 UNWATCHED, BESIDE_S = ("ground", "take-off", "landing", "stall", HOVER, TRANSITION), 2.0

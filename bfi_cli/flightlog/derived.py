@@ -22,11 +22,11 @@ from ..airdata import (
     lift_speed,
     zero_lift_angle,
 )
-from ..channels import STANDARD
 from ..errors import LogError
 from ..kernels.runs import BoolArray
 from ..notes import Note
-from ..report.text import instant
+from ..quantities.channels import STANDARD
+from ..quantities.text import instant
 from .record import Channel, FlightLog, FloatArray, frozen_array
 
 Group = tuple[tuple[str, ...], ...]  # alternatives, each of channels that are all needed

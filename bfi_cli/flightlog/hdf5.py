@@ -15,10 +15,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import LogError
-from ..filters import filters_from_json
+from ..faults.filters import filters_from_json
 from ..notes import Note
-from ..report.text import instant
-from ..units import si_unit, to_si
+from ..quantities.text import instant
+from ..quantities.units import si_unit, to_si
 from . import raw
 from .layouts import with_channels
 from .raw import LARGEST, LARGEST_CHUNK, Asked, FloatArray, RawLog, Track

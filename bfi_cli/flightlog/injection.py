@@ -20,12 +20,12 @@ from ..airdata import (
 )
 from ..errors import DictionaryError, LogError
 from ..faults import Fault, active_samples, course, has_channel
-from ..filters import recorded_signal, response_of
+from ..faults.filters import recorded_signal, response_of
+from ..faults.shapes import SHAPES
 from ..kernels.low_pass import Response
 from ..kernels.runs import BoolArray, bridged
 from ..notes import Note
-from ..report.text import instant
-from ..shapes import SHAPES
+from ..quantities.text import instant
 from .quantities import pressures_of
 from .record import FlightLog, FloatArray, Truth, frozen_array
 
@@ -33,7 +33,7 @@ ROUNDING = 1e-12  # of a pressure: a fault that moves it by less, a line trapped
 # The share of a pressure by which a derivative is taken: its square is far below, and round-off far above, what counts.
 SMALL = 1e-4
 # Of a line's pressure: with less of it left the airspeed is mostly the noise of what is left. A line that has lost as
-# much is what the stage of holds calls leaking (`bfi_cli.parity.holds`).
+# much is what the stage of holds calls leaking (`bfi_cli.flight.parity.holds`).
 LEAST_LEFT = 0.15
 RATES = ("altitude_rate", "tas_rate")  # of channels that follow from a pressure; they change with its rate as well
 

@@ -11,9 +11,9 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
-from ..channels import split_unit
 from ..errors import LogError
-from ..units import si_unit
+from ..quantities.channels import split_unit
+from ..quantities.units import si_unit
 from .cells import ABSENT, Lines, cells_of, with_commas
 from .raw import Asked, Track, fits, require_few
 from .topics import RECORDERS, Recorder, maps_of

@@ -20,11 +20,11 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from ..channels import match_name, split_unit
 from ..epoch import DAY_S, Epoch
 from ..errors import LogError
 from ..files import MCAP
-from ..units import si_unit
+from ..quantities.channels import match_name, split_unit
+from ..quantities.units import si_unit
 from .raw import (
     LARGEST_CHUNK,
     Asked,

@@ -18,10 +18,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import quantity_of
 from ..kernels.runs import BoolArray, FloatArray, Run, bridged, joined, left_of, runs, runs_with, within
 from ..notes import Note
-from ..report.text import instant
+from ..quantities.channels import quantity_of
+from ..quantities.text import instant
 from .record import LARGEST_VALUE, FlightLog
 from .signs import (
     ABOVE_GROUND,

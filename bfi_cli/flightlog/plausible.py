@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from ..channels import STANDARD
 from ..notes import Note
+from ..quantities.channels import STANDARD
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray
 
 SURFACES = ("elevator", "aileron", "rudder", "stabiliser", "elevator_trim", "flaps")
@@ -41,7 +41,7 @@ IN_FLIGHT = {
     **dict.fromkeys(("pitch_rate", "roll_rate", "yaw_rate"), (-0.7, 0.7)),
     **dict.fromkeys(("tat", "sat"), (COLDEST_K, 400.0)),
 }
-PARTS = 8  # of a flight, as those in which a relation fails throughout (`bfi_cli.plausibility.search.PIECES`)
+PARTS = 8  # of a flight, as those in which a relation fails throughout (`bfi_cli.flight.plausibility.search.PIECES`)
 # What a channel may be that is called an angle of attack.
 RATHER = {"aoa": "an index of the lift or of the margin to the stall", "sideslip": "a slip-skid ball"}
 # Channels and their rates, which tell the length of a second of the time axis. In three recorded flights altitude and
@@ -79,7 +79,7 @@ def impossible_median(name: str, flown: FloatArray) -> float | None:
 
     Parameters
     ----------
-    flown : (n,) of what is in flight, in the unit of `bfi_cli.channels.STANDARD`.
+    flown : (n,) of what is in flight, in the unit of `bfi_cli.quantities.channels.STANDARD`.
     """
     known = flown[np.isfinite(flown)]
     if name not in IN_FLIGHT or known.size < PARTS:

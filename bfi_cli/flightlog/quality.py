@@ -9,13 +9,13 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import INPUTS, STANDARD, quantity_of
 from ..errors import LogError
-from ..filters import Filter
+from ..faults.filters import Filter
 from ..kernels.quantisation import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
 from ..kernels.runs import BoolArray, shared, within
 from ..notes import Note
-from ..report.text import instant, quantity
+from ..quantities.channels import INPUTS, STANDARD, quantity_of
+from ..quantities.text import instant, quantity
 from .derived import DERIVED, missing_for
 from .phases import HOVER, NO_AIRSPEED, TRANSITION, Phase, note_on_rotors, phases_of, spans_of
 from .plausible import doubt_about

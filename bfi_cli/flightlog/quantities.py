@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..airdata import DEPENDS_ON, PRESSURES, altitude_of
-from ..channels import STANDARD, quantity_of
 from ..kernels.normal import MAD
 from ..kernels.quantisation import find_quantum
 from ..notes import Note
+from ..quantities.channels import STANDARD, quantity_of
 from .record import Channel, FlightLog, FloatArray, frozen_array
 
 Values = Mapping[str, FloatArray]

@@ -18,7 +18,7 @@ from ..errors import LogError
 from ..kernels.decimation import WHITE, lowpass_taps
 from ..kernels.regular_clock import regular_times
 from ..notes import Note
-from ..report.text import instant
+from ..quantities.text import instant
 from .raw import FLAGS, FloatArray, RawLog, Track, require_memory
 
 # The first of these channels in the log gives the time base.

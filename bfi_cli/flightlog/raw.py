@@ -11,13 +11,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import STANDARD, NameMatch, match_name
 from ..epoch import Epoch
 from ..errors import LogError, first_line
 from ..faults import Fault
-from ..filters import Filter
+from ..faults.filters import Filter
 from ..notes import Note
-from ..units import si_unit, to_si
+from ..quantities.channels import STANDARD, NameMatch, match_name
+from ..quantities.units import si_unit, to_si
 from .record import Segment
 
 FloatArray = NDArray[np.float64]

@@ -13,13 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ..channels import STANDARD, match_name, meant_channel
 from ..epoch import Epoch, epoch_since_1970
 from ..errors import ConfigError, LogError, reason_of
 from ..files import HDF5
 from ..notes import Note
-from ..report.text import instant
-from ..units import si_unit, to_si
+from ..quantities.channels import STANDARD, match_name, meant_channel
+from ..quantities.text import instant
+from ..quantities.units import si_unit, to_si
 from .axis import FEWEST_TIMES, LATEST, axis_of
 from .clocks import on_one_clock
 from .conventions import NORMAL, Convention, sentence_of, with_conventions

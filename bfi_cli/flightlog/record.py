@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import meant_channel, unit_of
 from ..epoch import Epoch
 from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
-from ..filters import Filter
+from ..faults.filters import Filter
 from ..notes import Note
-from ..report.text import instant
+from ..quantities.channels import meant_channel, unit_of
+from ..quantities.text import instant
 
 FloatArray = NDArray[np.float64]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Literal
 
-from ..filters import Filter
+from ..faults.filters import Filter
 from ..kernels.low_pass import Kind
 from ..kernels.recorder_response import recorder_from_jumps
 from ..kernels.recorder_spectrum import recorder_from_spectra

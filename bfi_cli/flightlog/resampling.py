@@ -15,12 +15,12 @@ from functools import partial
 import numpy as np
 
 from ..errors import ConfigError, LogError
-from ..filters import Filter
+from ..faults.filters import Filter
 from ..kernels.decimation import decimate, lost_samples
 from ..kernels.quantisation import Hold
 from ..kernels.runs import bridged, runs
 from ..notes import Note
-from ..report.text import instant
+from ..quantities.text import instant
 from .quality import hold_of, is_uniform
 from .raw import ANGLES, FLAGS
 from .record import FlightLog, FloatArray, StoredChannel, frozen_array

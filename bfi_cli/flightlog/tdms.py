@@ -1,7 +1,7 @@
 """TDMS logs of LabVIEW: channels in groups, each with a waveform clock, or a group with a channel of time.
 
-The package npTDMS parses the file (extra `tdms`). Channel names are matched by `bfi_cli.channels`, as for HDF5 and CSV;
-units and clocks are properties of the channels.
+The package npTDMS parses the file (extra `tdms`). Channel names are matched by
+`bfi_cli.quantities.channels`, as for HDF5 and CSV; units and clocks are properties of the channels.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from ..channels import match_name
 from ..epoch import DAY_S, Epoch
 from ..errors import LogError
 from ..notes import Note
+from ..quantities.channels import match_name
 from .raw import (
     BESIDE_TIME,
     Asked,

@@ -13,12 +13,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..channels import match_name
 from ..epoch import DAY_S, Epoch, epoch_of_clock
 from ..errors import LogError
-from ..filters import filters_from_json
+from ..faults.filters import filters_from_json
 from ..notes import Note
-from ..units import si_unit, to_si
+from ..quantities.channels import match_name
+from ..quantities.units import si_unit, to_si
 from .axis import made_regular, note_on_order, out_of_order, with_midnights, without_jumps
 from .cells import Kind, Lines, Table
 from .layouts import Heading, heading_of, with_channels

@@ -2,7 +2,7 @@
 
 One table serves every recorder, those whose messages have separate clocks and those that write tables (`layouts`).
 `scale * value + offset` of a field is the channel in the unit of the table, with the signs and conventions of
-`bfi_cli.channels`.
+`bfi_cli.quantities.channels`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..channels import REPEATED, STANDARD
 from ..epoch import Epoch, epoch_of_clock, utc_of_gps
 from ..errors import LogError
 from ..notes import Note
-from ..units import DEGREE, G
+from ..quantities.channels import REPEATED, STANDARD
+from ..quantities.units import DEGREE, G
 from .raw import Asked, FloatArray, RawLog, Track
 
 Recorder = Literal[

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ConfigError
+from ..faults.filters import filters_to_json
 from ..files import ATTRIBUTE, MARK, MCAP, OWNER, aside
-from ..filters import filters_to_json
 from ..printable import SHOWN, printable
 from .record import CLEAN, FlightLog, FloatArray, Truth, faults_to_json, segments_to_json
 from .text import CLOCK, FAULTS, FILTERS, SEGMENTS

@@ -22,7 +22,7 @@ import numpy as np
 from ..errors import first_line
 from ..kernels import FloatArray
 from ..kernels.progress import Report, silent
-from ..units import FOOT
+from ..quantities.units import FOOT
 from .channels import CONTROLS, FLOWN, RECORDED
 from .pilot import Pilot
 

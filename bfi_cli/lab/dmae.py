@@ -26,12 +26,12 @@ from ..kernels.model_selection import Penalty
 from ..kernels.progress import Progress, unseen
 from ..kernels.whiteness import effective_rows
 from ..model.magnitudes import MethodResult
+from ..model.preprocessing.magnitudes import MagnitudeEstimates
+from ..model.preprocessing.regression import RegressionData
+from ..model.preprocessing.window import PreparedWindow
 from ..model.result import SolverSummary
 from ..notes import Note
-from ..preprocessing.magnitudes import MagnitudeEstimates
-from ..preprocessing.regression import RegressionData
-from ..preprocessing.window import PreparedWindow
-from ..report.text import instant
+from ..quantities.text import instant
 
 Variances = float | Sequence[float]
 Reference = Literal["trim", "start"]

@@ -18,11 +18,11 @@ from ..kernels.progress import Progress, parts, unseen
 from ..kernels.variable_projection import Fit, ProjectedRegression
 from ..model.magnitudes import MethodResult, result_of_selection
 from ..model.maximum_likelihood import best_of
+from ..model.preprocessing.magnitudes import MagnitudeEstimates, magnitudes_of_fit
+from ..model.preprocessing.regression import RegressionData
+from ..model.preprocessing.window import PreparedWindow
 from ..model.result import SolverSummary
 from ..notes import Note
-from ..preprocessing.magnitudes import MagnitudeEstimates, magnitudes_of_fit
-from ..preprocessing.regression import RegressionData
-from ..preprocessing.window import PreparedWindow
 
 # Weights relative to that which leaves no magnitude, two a decade, and those of the nuclear norm relative to those of
 # the l1 norm. Chosen on the made records of tests/kernels/test_mf2d.py.

@@ -24,12 +24,12 @@ from ..kernels.mfddfd import (
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.variable_projection import fit_magnitudes
 from ..model.magnitudes import MethodResult
+from ..model.preprocessing.magnitudes import MagnitudeEstimates
+from ..model.preprocessing.regression import RegressionData
+from ..model.preprocessing.window import DEPENDENT, PreparedWindow
 from ..model.result import SolverSummary
 from ..notes import Note
-from ..preprocessing.magnitudes import MagnitudeEstimates
-from ..preprocessing.regression import RegressionData
-from ..preprocessing.window import DEPENDENT, PreparedWindow
-from ..report.text import quantity
+from ..quantities.text import quantity
 
 # Weights relative to that which leaves no block, and digits that a support needs. Chosen on the records of
 # tests/kernels/test_mfddfd.py and tests/measurements/test_mfddfd.py, as is the end of the path.

@@ -17,11 +17,11 @@ from ..kernels.lagged import constants_and_signals
 from ..kernels.normal import ONE_SIDED_95
 from ..kernels.onset.scan import ENDING, STARTING
 from ..kernels.variable_projection import fit_magnitudes, log_dets_beside
-from ..preprocessing.regression import RegressionData
-from ..preprocessing.tolerance import is_any
-from ..preprocessing.window import DEPENDENT, PreparedWindow
+from ..methods import METHODS
 from .magnitudes import MethodResult
-from .methods import METHODS
+from .preprocessing.regression import RegressionData
+from .preprocessing.tolerance import is_any
+from .preprocessing.window import DEPENDENT, PreparedWindow
 
 # Multiples of the limit at which the profile is asked, until it excludes one.
 MULTIPLES = (1.0, 1.5, 2.25, 3.5, 6.0)

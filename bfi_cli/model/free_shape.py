@@ -27,9 +27,9 @@ from ..kernels.free_course import CourseFit, course_problem, fit_course, redrawn
 from ..kernels.model_selection import Penalty
 from ..kernels.progress import Progress, unseen
 from ..kernels.variable_projection import fit_magnitudes
-from ..preprocessing.regression import RegressionData
-from ..preprocessing.window import DEPENDENT, PreparedWindow, regression_of
 from .magnitudes import FreeOutcome, MethodResult
+from .preprocessing.regression import RegressionData
+from .preprocessing.window import DEPENDENT, PreparedWindow, regression_of
 
 # Of the walk: a second, in which the motion of an aircraft changes, is as short as a cell is made; and at most so many.
 # With half a second courses on the nonlinear simulation were found as well, with two seconds less of a bump.

@@ -16,20 +16,20 @@ from ..decision import KINDS, Candidate, Conclusion, Evidence, conclude, estimat
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
 from ..faults import FaultEstimate
-from ..filters import Filter, alternatives, recorder_low_passes
+from ..faults.filters import Filter, alternatives, recorder_low_passes
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
+from ..methods import METHODS
 from ..notes import Note
-from ..preprocessing.defaults import what_would_help
-from ..preprocessing.manoeuvres import manoeuvres_of
-from ..preprocessing.regression import RegressionData
-from ..preprocessing.summary import ModelSummary, noise_of
-from ..preprocessing.tolerance import tolerances_of
-from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
 from .claims import claims_of_entries
 from .free_shape import identify_with_courses
 from .magnitudes import FreeOutcome, MethodResult
-from .methods import METHODS
+from .preprocessing.defaults import what_would_help
+from .preprocessing.manoeuvres import manoeuvres_of
+from .preprocessing.regression import RegressionData
+from .preprocessing.summary import ModelSummary, noise_of
+from .preprocessing.tolerance import tolerances_of
+from .preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
 from .reconstruction import against_truth, output_series, residual_summaries, true_faults, with_heads
 from .recorder import with_likeliest_recorder
 from .result import AgainstTruth, IdentifyResult, OutputSeries, ResidualSummary, ScanSummary
@@ -53,7 +53,7 @@ def identify_faults(
     ----------
     log : in SI units, see `bfi_cli.flightlog.read_log`.
     dictionary : see `bfi_cli.dictionary.load_dictionary`.
-    config : see `bfi_cli.config.Config`; its `method` is one of `bfi_cli.model.methods.METHODS`.
+    config : see `bfi_cli.config.Config`; its `method` is one of `bfi_cli.methods.METHODS`.
     progress : receives the name of every stage and its progress.
     given : every live entry is in the log, and only its magnitude is asked for; method ml.
 

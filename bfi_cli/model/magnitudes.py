@@ -12,9 +12,9 @@ from ..kernels import FloatArray
 from ..kernels.model_selection import least_criterion
 from ..kernels.termination import Termination
 from ..notes import Note
-from ..preprocessing.magnitudes import MagnitudeEstimates
-from ..preprocessing.regression import RegressionData
-from ..preprocessing.window import PreparedWindow
+from .preprocessing.magnitudes import MagnitudeEstimates
+from .preprocessing.regression import RegressionData
+from .preprocessing.window import PreparedWindow
 from .result import SolverSummary
 from .selection import Selection
 

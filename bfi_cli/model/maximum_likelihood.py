@@ -16,6 +16,7 @@ import numpy as np
 from ..config import STRONG_EVIDENCE, Config
 from ..config import Selection as Rules
 from ..errors import DictionaryError, LogError
+from ..faults.shapes import OF_LINES, SHAPES
 from ..kernels import FloatArray
 from ..kernels.model_selection import (
     BACKWARD_LIMIT,
@@ -32,7 +33,9 @@ from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..notes import Note
-from ..preprocessing.magnitudes import (
+from .magnitudes import MethodResult, result_of_selection
+from .onset_search import move_entry, move_onsets
+from .preprocessing.magnitudes import (
     MagnitudeEstimates,
     at_half_rate,
     estimate_magnitudes,
@@ -42,11 +45,8 @@ from ..preprocessing.magnitudes import (
     profiled_limits,
     statistic_needed,
 )
-from ..preprocessing.regression import RegressionData
-from ..preprocessing.window import PreparedWindow, regression_of, with_sizes
-from ..shapes import OF_LINES, SHAPES
-from .magnitudes import MethodResult, result_of_selection
-from .onset_search import move_entry, move_onsets
+from .preprocessing.regression import RegressionData
+from .preprocessing.window import PreparedWindow, regression_of, with_sizes
 from .result import SolverSummary
 from .selection import Selected, Selection
 from .supports import propose_supports

@@ -18,9 +18,9 @@ from ..kernels.covariance import Adding, adding_to
 from ..kernels.lagged import restrict
 from ..kernels.model_selection import Penalty
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
-from ..preprocessing.magnitudes import searched
-from ..preprocessing.regression import RegressionData
-from ..preprocessing.window import PreparedWindow, shifts_within, signals_of_faults, with_onsets
+from .preprocessing.magnitudes import searched
+from .preprocessing.regression import RegressionData
+from .preprocessing.window import PreparedWindow, shifts_within, signals_of_faults, with_onsets
 from .selection import Selected, Selection
 
 # Onsets of an entry that are fitted: the best to first order, which may rank neighbours wrongly.

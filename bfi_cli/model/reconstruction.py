@@ -9,14 +9,14 @@ from dataclasses import replace
 import numpy as np
 
 from ..faults import Fault, active_samples, unit_signal
+from ..faults.shapes import ADDITIVE
+from ..faults.truth import compare_faults, is_same_fault, name_of
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.decimation import decimate
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
-from ..preprocessing.window import PreparedWindow
-from ..shapes import ADDITIVE
-from ..truth import compare_faults, is_same_fault, name_of
 from .magnitudes import MethodResult
+from .preprocessing.window import PreparedWindow
 from .result import AgainstTruth, OutputSeries, ResidualSummary
 
 # An injected fault is an entry of the dictionary if it differs from a multiple of it by less than resampling does.

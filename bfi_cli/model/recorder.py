@@ -13,14 +13,14 @@ import numpy as np
 from ..config import Config, merge
 from ..dictionary import Dictionary
 from ..errors import DictionaryError, LogError
-from ..filters import BETWEEN_RECORDERS, alternatives, recorder_low_passes
+from ..faults.filters import BETWEEN_RECORDERS, alternatives, recorder_low_passes
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..notes import Note
-from ..preprocessing.regression import RegressionData
-from ..preprocessing.window import PreparedWindow, prepare_window, regression_of
 from .magnitudes import MethodResult
 from .maximum_likelihood import identify_by_likelihood
+from .preprocessing.regression import RegressionData
+from .preprocessing.window import PreparedWindow, prepare_window, regression_of
 
 
 def with_likeliest_recorder(

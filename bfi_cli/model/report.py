@@ -11,10 +11,12 @@ from typing import Any
 import numpy as np
 
 from ..decision import Candidate
-from ..display_units import SI, Units
 from ..kernels import FloatArray
 from ..kernels.normal import TWO_SIDED_95
+from ..methods import METHODS
 from ..printable import shortened
+from ..quantities.display_units import SI, Units
+from ..quantities.text import axis_label, change, counted, instant, interval, number, quantity, with_unit
 from ..report.claims import (
     candidate_columns,
     candidate_tables,
@@ -37,9 +39,7 @@ from ..report.content import (
 )
 from ..report.faults import fault_columns, meaning
 from ..report.first_screen import Screen, window_screen
-from ..report.text import axis_label, change, counted, instant, interval, number, quantity, with_unit
 from .document import DERIVED, identify_from_document
-from .methods import METHODS
 from .result import IdentifyResult, OutputSeries, ResidualSummary
 
 DRAWINGS = ("hidden", "outputs", "fault", "magnitudes", "residuals", "orders")

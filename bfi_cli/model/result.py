@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from ..decision import Candidate
+from ..decision.implausible import Implausible
 from ..faults import Decision, FaultEstimate
+from ..faults.shapes import Kind
 from ..kernels import FloatArray
 from ..notes import Note
-from ..plausibility.finding import Implausible
-from ..preprocessing.summary import LogSummary, ModelSummary
-from ..shapes import Kind
+from .preprocessing.summary import LogSummary, ModelSummary
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

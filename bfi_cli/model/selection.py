@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from ..kernels.covariance import FitRows
 from ..kernels.model_selection import OrderSearch, Penalty, ScoredFit
-from ..preprocessing.regression import RegressionData
-from ..preprocessing.window import PreparedWindow
+from .preprocessing.regression import RegressionData
+from .preprocessing.window import PreparedWindow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -16,11 +16,11 @@ from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..kernels.progress import Progress, unseen
 from ..kernels.variable_projection import Fit, fit_magnitudes
+from ..methods import METHODS
 from ..notes import Note
-from ..preprocessing.regression import RegressionData, build_regression
-from ..preprocessing.window import PreparedWindow, prepare_window, regression_of
 from .maximum_likelihood import identify_by_likelihood
-from .methods import METHODS
+from .preprocessing.regression import RegressionData, build_regression
+from .preprocessing.window import PreparedWindow, prepare_window, regression_of
 
 
 def with_those_that_share(
@@ -36,7 +36,7 @@ def with_those_that_share(
     Raises
     ------
     ConfigError : the method knows its model.
-    LogError, DictionaryError : see `bfi_cli.preprocessing.window.prepare_window`.
+    LogError, DictionaryError : see `bfi_cli.model.preprocessing.window.prepare_window`.
     """
     if METHODS[config.method].needs:
         raise ConfigError(

@@ -11,7 +11,7 @@ from ..kernels.risro_varx import VarxSolution, risro_varx, sparse_varx
 from ..kernels.sparsity import SparseSolution, SparseStage
 from ..kernels.termination import StoppingRule
 from ..kernels.variable_projection import fit_magnitudes
-from ..preprocessing.regression import RegressionData
+from .preprocessing.regression import RegressionData
 
 # The derived stage, which ml begins with. Its starts need no more digits than a tenth of a standard deviation.
 DERIVED = SparseStage(kind="exp-l0")

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from ..dictionary import dead_reason, dead_sentences
+from ..faults.shapes import SHAPES
 from ..kernels.whiteness import exceedances
 from ..notes import Note
-from ..preprocessing.magnitudes import MagnitudeEstimates
-from ..preprocessing.window import PreparedWindow
-from ..shapes import SHAPES
 from .magnitudes import MethodResult
+from .preprocessing.magnitudes import MagnitudeEstimates
+from .preprocessing.window import PreparedWindow
 from .result import OutputSeries, ResidualSummary
 
 # p-value of the Ljung-Box test below which intervals are suspected: hundreds of samples of real gusts rarely pass 0.05.

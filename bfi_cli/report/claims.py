@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..decision import Candidate, shown_limit
-from ..display_units import SI, Shown, Units
 from ..kernels.normal import TWO_SIDED_95
 from ..printable import shortened
+from ..quantities.display_units import SI, Shown, Units
+from ..quantities.text import change, number, quantity, with_unit
 from .content import Curve, Drawing, Panel, Span, Style, Table, curve
-from .text import change, number, quantity, with_unit
 
 CANDIDATE_HEADS = ("fault", "state", "magnitude", "min. detectable", "could hide", "channel", "note")
 CANDIDATE_COLUMNS = (

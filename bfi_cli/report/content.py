@@ -13,8 +13,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from ..display_units import SI, Units
 from ..notes import Note
+from ..quantities.display_units import SI, Units
 from ..serialization import from_plain
 from .first_screen import Screen
 

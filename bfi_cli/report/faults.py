@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
-from ..display_units import Shown, Units
 from ..faults import Fault, FaultEstimate
+from ..faults.shapes import SHAPES
+from ..quantities.display_units import Shown, Units
+from ..quantities.text import instant, number
 from ..serialization import mapping, member, to_plain
-from ..shapes import SHAPES
-from .text import instant, number
 
 # Keys of an entry from the fault; name and magnitude are those of the estimate.
 FAULT_KEYS = tuple(

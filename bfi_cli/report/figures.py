@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..printable import printable
+from ..quantities.text import clock, clock_of_day
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, SHADES, SKY, VERMILLION, Look, fix_places, plain, styled
-from .text import clock, clock_of_day
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

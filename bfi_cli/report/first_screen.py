@@ -10,15 +10,15 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
-from ..channels import STANDARD, channel_in_words
 from ..decision import KINDS, UNTESTED, Candidate, shown_limit
-from ..display_units import SI, Shown, Units
+from ..decision.implausible import Implausible
 from ..faults import Decision, FaultEstimate
+from ..faults.shapes import SHAPES, Kind
 from ..notes import Note
-from ..plausibility.finding import Implausible
 from ..printable import shortened
-from ..shapes import SHAPES, Kind
-from .text import capital, change, duration, instant, interval, number, with_unit
+from ..quantities.channels import STANDARD, channel_in_words
+from ..quantities.display_units import SI, Shown, Units
+from ..quantities.text import capital, change, duration, instant, interval, number, with_unit
 
 State = Literal["fault", "deviation", "suspected", "no_fault_found", "cannot_tell"]
 Label = Literal[

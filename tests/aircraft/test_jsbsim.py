@@ -22,11 +22,11 @@ from bfi_cli.airdata import (
     mach_of_tas,
     total_temperature,
 )
-from bfi_cli.channels import INPUTS, STANDARD
 from bfi_cli.commands import run_command
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.jsbsim import flight, process
 from bfi_cli.jsbsim.channels import FLOWN
+from bfi_cli.quantities.channels import INPUTS, STANDARD
 
 needs_jsbsim = pytest.mark.skipif(importlib.util.find_spec("jsbsim") is None, reason="the extra jsbsim")
 RATE = 50.0

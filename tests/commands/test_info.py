@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from noted import texts
 
-from bfi_cli.channels import STANDARD
+from bfi_cli.quantities.channels import STANDARD
 
 T = np.arange(0.0, 60.0, 0.1)
 

@@ -12,7 +12,7 @@ from noted import texts
 from bfi_cli.commands import run_command
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, read_log
-from bfi_cli.flightlog.report import log_lines
+from bfi_cli.report.log import log_lines
 
 BIAS = "bias,channel=tas,magnitude=4,onset_s=1.5"
 SINE = "sine,channel=aoa,magnitude=0.02,frequency_hz=1.15,onset_s=1,offset_s=2,phase_reference=window,name=wobble"

@@ -22,7 +22,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.flightlog import read_log, write_log
 from bfi_cli.model import identify_faults
-from bfi_cli.onset import find_onset
+from bfi_cli.model.onset import find_onset
 
 pty = pytest.importorskip("pty", reason="this system has no pseudo-terminals")
 

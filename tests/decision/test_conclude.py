@@ -20,7 +20,7 @@ from bfi_cli.decision import (
     conclude,
 )
 from bfi_cli.faults import Fault, FaultEstimate
-from bfi_cli.plausibility import Implausible
+from bfi_cli.flight.plausibility import Implausible
 
 
 def estimate(shape: str = "bias", onset_s: float = 50.0, **changes: Any) -> FaultEstimate:

@@ -13,7 +13,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.detection import DetectResult, detect_faults
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault
-from bfi_cli.filters import Filter
+from bfi_cli.faults.filters import Filter
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
 

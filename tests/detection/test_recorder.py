@@ -12,7 +12,7 @@ from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
 from bfi_cli.detection import DetectResult, detect_faults
 from bfi_cli.faults import Fault
-from bfi_cli.filters import Filter, response_of
+from bfi_cli.faults.filters import Filter, response_of
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.flightlog.recorder import recorder_filters

@@ -15,7 +15,7 @@ from made_fleet import flight, flown, make_fleet
 from bfi_cli.fleet import LogAnswer, rows_of_constants, trends_of
 from bfi_cli.fleet.logs import aircraft_in
 from bfi_cli.fleet.trends import trend_drawing, trend_rows
-from bfi_cli.plausibility.constants import ConstantError, constant_errors
+from bfi_cli.flight.plausibility.constants import ConstantError, constant_errors
 
 
 def error(value: float) -> ConstantError:
@@ -103,7 +103,9 @@ def test_by_aircraft(bfi: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPa
         path.write_text(flight(seed=k))
     (tmp_path / "list.csv").write_text("log,aircraft\n" + "".join(f"{path},N1\n" for path in logs))
     growing = iter(0.1 * np.arange(n))
-    monkeypatch.setattr("bfi_cli.plausibility.constants.constant_errors", lambda _: (error(float(next(growing))),))
+    monkeypatch.setattr(
+        "bfi_cli.flight.plausibility.constants.constant_errors", lambda _: (error(float(next(growing))),)
+    )
     out = tmp_path / "out"
     words = ("--list", tmp_path / "list.csv", "--by", "aircraft", "--workers", 1, "--out", out)
     outcome = bfi("diagnose", *words)

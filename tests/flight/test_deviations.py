@@ -9,7 +9,7 @@ import pytest
 
 from bfi_cli.flight.events import Draft, beyond_its_tolerance, errors_of_rivals, largest_first
 from bfi_cli.flight.looks import rate_of
-from bfi_cli.parity import LENGTHS_S, Finding
+from bfi_cli.flight.parity import LENGTHS_S, Finding
 
 TOLERANCES = {"tas": 3.0, "aoa": 0.02}
 FLIGHT: Any = SimpleNamespace(tolerance=lambda channel, window: TOLERANCES.get(channel))

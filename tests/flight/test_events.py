@@ -21,7 +21,7 @@ from bfi_cli.flight.events import (
     with_ends,
 )
 from bfi_cli.flight.flight import LastingFault
-from bfi_cli.parity import Finding
+from bfi_cli.flight.parity import Finding
 
 
 def draft(onset_s: float = 100.0, window: tuple[float, float] = (60.0, 180.0), **changes: Any) -> Draft:

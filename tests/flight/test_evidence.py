@@ -17,9 +17,9 @@ from bfi_cli.errors import ConfigError
 from bfi_cli.faults import Fault
 from bfi_cli.flight import flight as room
 from bfi_cli.flight.evidence import BESIDE_S, FRONT, INVERSION, error_of_probe, physics_evidence
+from bfi_cli.flight.parity import record_of
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.injection import inject
-from bfi_cli.parity import record_of
 
 WINDOW = (400.0, 520.0)
 ONSET_S = 440.0

@@ -24,14 +24,14 @@ from bfi_cli.flight.limits import (
     limits_of,
 )
 from bfi_cli.flight.looks import Scanned, rate_of, scan_flight, thresholds_of
+from bfi_cli.flight.parity import LENGTHS_S, ScanKey, shipped_tables
+from bfi_cli.flight.parity.holds import UnseenLine
 from bfi_cli.flight.unwatched import Unwatched, flown_of, unwatched_by_lines, unwatched_by_steps
 from bfi_cli.flight.verdict import evidence_of, sentence_of
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.runs import left_of
-from bfi_cli.parity import LENGTHS_S, ScanKey, shipped_tables
-from bfi_cli.parity.holds import UnseenLine
 
 AIRSPEEDS = ("tas", "cas", "mach")
 RATES = dict.fromkeys(LENGTHS_S, 0.01)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bfi_cli.flight.looks import Scanned, scan_flight
-from bfi_cli.parity import ScanKey, Threshold
+from bfi_cli.flight.parity import ScanKey, Threshold
 
 AT = Threshold(level=9.0, suspected=6.0, null=None)  # type: ignore[arg-type]
 WINDOW = (0.0, 60.0)

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from bfi_cli.airdata import DEPENDS_ON
-from bfi_cli.channels import STANDARD
 from bfi_cli.decision.calibration import null_from
 from bfi_cli.faults import Fault
 from bfi_cli.flight.naming import REPEATS, contradicted, finding_of_fit, finding_of_glance, repeat_advice
+from bfi_cli.flight.parity import Finding, Threshold, explain, record_of, scan_window
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.injection import inject
-from bfi_cli.onset.glance import Glance
-from bfi_cli.parity import Finding, Threshold, explain, record_of, scan_window
+from bfi_cli.model.onset.glance import Glance
+from bfi_cli.quantities.channels import STANDARD
 
 ONSET_S, WINDOW = 430.0, (370.0, 490.0)
 ONE_AIRSPEED = ("tas", "altitude", "altitude_rate", "aoa", "pitch", "roll", "normal_acc", "longitudinal_acc")

@@ -16,10 +16,10 @@ from noted import texts
 
 from bfi_cli.flight import diagnose_content
 from bfi_cli.flight.exact_events import events_of_defects, notes_on_defects
+from bfi_cli.flight.parity import Finding
 from bfi_cli.flightlog import FlightLog, write_log
 from bfi_cli.flightlog.defects import Defect
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.parity import Finding
 
 AT_S = (420.0, 505.0)
 SPIKES_S = (300.0, 400.2, 500.0)

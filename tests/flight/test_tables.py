@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bfi_cli.channels import STANDARD
 from bfi_cli.flight.report import TEXT_OF_CAUSE
 from bfi_cli.flight.tables import LEVELS, MANOEUVRE, ORDINARY, ROWS, STATES, Coefficients
+from bfi_cli.quantities.channels import STANDARD
 
 N = 5
 WIDENED = {"", "activity", "gusts", "turns"}

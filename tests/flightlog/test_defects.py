@@ -12,7 +12,7 @@ import pytest
 from made_flights import made_flight
 from made_logs import made_log
 
-from bfi_cli.filters import Filter, response_of
+from bfi_cli.faults.filters import Filter, response_of
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.defects import find_defects, sentence_of_defect, with_bridges, without_defects
 from bfi_cli.flightlog.record import frozen_array

@@ -20,12 +20,12 @@ from bfi_cli.airdata import (
     pressure_at,
     total_temperature,
 )
-from bfi_cli.channels import STANDARD
 from bfi_cli.commands import run_command
 from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, write_log
 from bfi_cli.flightlog.derived import DERIVED, missing_for, with_derived
+from bfi_cli.quantities.channels import STANDARD
 
 RATE_HZ, N = 5.0, 3000
 T = np.arange(N) / RATE_HZ

@@ -9,8 +9,8 @@ import pytest
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import Channel, FlightLog
-from bfi_cli.flightlog.difference import difference, time_shift, values_at
 from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.report.difference import difference, time_shift, values_at
 
 
 def log_of(time_s: np.ndarray, **values: np.ndarray) -> FlightLog:

@@ -11,9 +11,9 @@ from made_layouts import KT, LAYOUTS, N, g1000, skyview, xplane
 from noted import texts
 from scipy.io import loadmat
 
-from bfi_cli.channels import STANDARD
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
+from bfi_cli.quantities.channels import STANDARD
 
 LOW_PASSED = {"pitch", "radio_altitude"}  # recorded faster than the airspeed
 

@@ -12,9 +12,9 @@ import pytest
 from made_logs import made_log, write_text
 from noted import texts
 
-from bfi_cli.channels import STANDARD
 from bfi_cli.flightlog import FlightLog, inspect_log, read_log
 from bfi_cli.flightlog.plausible import IN_FLIGHT, LIMITS, doubts_about, impossible_median, sentence_of_impossible
+from bfi_cli.quantities.channels import STANDARD
 
 TIME_S = np.arange(200) / 10.0
 DATA = Path(__file__).parents[2] / "data"

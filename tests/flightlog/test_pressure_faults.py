@@ -22,13 +22,13 @@ from bfi_cli.airdata import (
     pressure_at,
     total_temperature,
 )
-from bfi_cli.channels import STANDARD
 from bfi_cli.commands import run_command
 from bfi_cli.errors import DictionaryError, LogError
 from bfi_cli.faults import Fault
-from bfi_cli.filters import Filter, response_of
+from bfi_cli.faults.filters import Filter, response_of
 from bfi_cli.flightlog import FlightLog, inject, read_log, write_log
-from bfi_cli.flightlog.report import log_lines
+from bfi_cli.quantities.channels import STANDARD
+from bfi_cli.report.log import log_lines
 
 RATE_HZ, N, ONSET_S, OFFSET_S = 10.0, 1200, 1040.0, 1080.0
 T = 1000.0 + np.arange(N) / RATE_HZ

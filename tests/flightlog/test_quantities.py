@@ -10,11 +10,11 @@ from made_logs import made_log
 from noted import texts
 
 from bfi_cli.airdata import altitude_of, pressure_at
-from bfi_cli.channels import STANDARD
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, read_log, write_log
 from bfi_cli.flightlog.quantities import follows_setting, pressure_altitude, with_quantities
 from bfi_cli.kernels.quantisation import find_quantum
+from bfi_cli.quantities.channels import STANDARD
 
 TIME = np.arange(0.0, 1200.0)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from bfi_cli.airdata import ground_velocity
+from bfi_cli.flight.parity import record_of
 from bfi_cli.flightlog import read_log
-from bfi_cli.parity import record_of
 
 pytestmark = pytest.mark.realdata
 

@@ -8,11 +8,11 @@ import pytest
 from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
-from bfi_cli.display_units import SI
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.model.identify import identify_faults
 from bfi_cli.model.report import identify_content
+from bfi_cli.quantities.display_units import SI
 
 CONFIG = merge(Config(), {"method": "mfddfd", "outputs": ("tas", "pitch"), "conditioning.rate_hz": 10.0})
 ONSETS = (6.0, 11.0, 16.0, 21.0)

@@ -17,8 +17,8 @@ from bfi_cli.flight import diagnose_flight
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.model import identify_faults
+from bfi_cli.model.preprocessing.defaults import with_defaults_of
 from bfi_cli.model.result import IdentifyResult
-from bfi_cli.preprocessing.defaults import with_defaults_of
 
 AIRCRAFT = ("c172p", "737", "f16")
 DURATION_S, RATE_HZ, NOISE = 60.0, 50.0, 0.1

@@ -43,23 +43,23 @@ MAGNITUDES = ("tests/preprocessing/test_*magnitudes*.py", "tests/preprocessing/t
 SINES = ("tests/kernels/onset/test_sines.py",)
 LINES = (
     Line(
-        "parity/static_relations.py",
+        "flight/parity/static_relations.py",
         "half = max(1, n // 2)",
         ("half = n", "half = max(1, n // 4)"),
         RELATIONS,
     ),
     Line(
-        "parity/static_relations.py",
-        "sizes, reach = one.hidden[every], one.reach[every]",
+        "flight/parity/static_relations.py",
+        "sizes, reach = relation.hidden[every], relation.reach[every]",
         (
-            "sizes, reach = one.least[every], one.reach[every]",
-            "sizes, reach = one.scan.hidden[every], one.reach[every]",
-            "sizes, reach = 0.99 * one.hidden[every], one.reach[every]",
+            "sizes, reach = relation.least[every], relation.reach[every]",
+            "sizes, reach = relation.scan.hidden[every], relation.reach[every]",
+            "sizes, reach = 0.99 * relation.hidden[every], relation.reach[every]",
         ),
         RELATIONS,
     ),
     Line(
-        "parity/static_relations.py",
+        "flight/parity/static_relations.py",
         "return np.maximum(self.scan.hidden, np.abs(self.scan.amplitude) + self.least)",
         (
             "return np.abs(self.scan.amplitude) + self.least",
@@ -72,8 +72,8 @@ LINES = (
     Line("flight/looks.py", "beside=bool(lasting))", ("beside=False)", "beside=True)"), FLIGHT_LIMITS),
     Line(
         "flight/limits.py",
-        "sizes = np.abs(one.magnitude[name]) + spreads",
-        ("sizes = spreads", "sizes = one.magnitude[name] + spreads", "sizes = np.abs(one.magnitude[name])"),
+        "sizes = np.abs(scan.magnitude[name]) + spreads",
+        ("sizes = spreads", "sizes = scan.magnitude[name] + spreads", "sizes = np.abs(scan.magnitude[name])"),
         FLIGHT_LIMITS,
     ),
     Line(
@@ -93,27 +93,27 @@ LINES = (
     ),
     Line(
         "flight/limits.py",
-        "told = () if overlaps(window, left_out) else one.magnitude",
-        ("told = one.magnitude", "told = () if overlaps(window, left_out[1:]) else one.magnitude"),
+        "magnitudes = () if overlaps(window, left_out) else scan.magnitude",
+        ("magnitudes = scan.magnitude", "magnitudes = () if overlaps(window, left_out[1:]) else scan.magnitude"),
         FLIGHT_LIMITS,
     ),
     Line(
         "flight/verdict.py",
-        "bounded[name] = bool(deciding) and all(one.within_tolerance for one in deciding)",
+        "bounded[name] = bool(deciding) and all(limit.within_tolerance for limit in deciding)",
         (
-            "bounded[name] = bool(deciding) and any(one.within_tolerance for one in deciding)",
-            "bounded[name] = all(one.within_tolerance for one in deciding)",
+            "bounded[name] = bool(deciding) and any(limit.within_tolerance for limit in deciding)",
+            "bounded[name] = all(limit.within_tolerance for limit in deciding)",
         ),
         FLIGHT_LIMITS,
     ),
     Line(
-        "onset/claims.py",
+        "model/onset/claims.py",
         "CLAIMED_CYCLES, CYCLES_LEFT = 6.0, 2.0",
         ("CLAIMED_CYCLES, CYCLES_LEFT = 4.0, 2.0", "CLAIMED_CYCLES, CYCLES_LEFT = 6.0, 1.0"),
         ONSET_CLAIMS,
     ),
     Line(
-        "onset/claims.py",
+        "model/onset/claims.py",
         "EXCLUDED, SUSPECTED = 0.5 * math.exp(-0.5 * ONE_SIDED_95**2), 1.0",
         (
             "EXCLUDED, SUSPECTED = 1.0 * math.exp(-0.5 * ONE_SIDED_95**2), 1.0",
@@ -123,15 +123,15 @@ LINES = (
     ),
     Line(
         "decision/limits.py",
-        'if one.state == "excluded" and (one.shape, one.channel) in rivals',
+        'if candidate.state == "excluded" and (candidate.shape, candidate.channel) in rivals',
         (
-            'if one.state == "excluded" or (one.shape, one.channel) in rivals',
-            'if one.state == "excluded" and (one.shape, one.channel) not in rivals',
+            'if candidate.state == "excluded" or (candidate.shape, candidate.channel) in rivals',
+            'if candidate.state == "excluded" and (candidate.shape, candidate.channel) not in rivals',
         ),
         ("tests/decision/test_limits.py",),
     ),
     Line(
-        "onset/claims.py",
+        "model/onset/claims.py",
         "power=(np.sqrt(threshold) + ONE_SIDED_90 * np.sqrt(dispersion)) ** 2,",
         (
             "power=threshold,",
@@ -141,7 +141,7 @@ LINES = (
         ONSET_CLAIMS,
     ),
     Line(
-        "onset/claims.py",
+        "model/onset/claims.py",
         "doubt=ONE_SIDED_95**2 * dispersion,",
         ("doubt=ONE_SIDED_95**2,", "doubt=ONE_SIDED_95 * dispersion,", "doubt=0.0 * dispersion,"),
         ONSET_CLAIMS,
@@ -167,13 +167,13 @@ LINES = (
         ("tests/detection/test_limits.py",),
     ),
     Line(
-        "preprocessing/magnitudes.py",
+        "model/preprocessing/magnitudes.py",
         "RATE_WEIGHT = 0.5",
         ("RATE_WEIGHT = 0.25", "RATE_WEIGHT = 1.0"),
         MAGNITUDES,
     ),
     Line(
-        "preprocessing/magnitudes.py",
+        "model/preprocessing/magnitudes.py",
         "n, correlated = penalty.n_rows, np.sqrt(penalty.n_rows / penalty.n_effective)",
         (
             "n, correlated = penalty.n_rows, 1.0",
@@ -183,7 +183,7 @@ LINES = (
         MAGNITUDES,
     ),
     Line(
-        "preprocessing/magnitudes.py",
+        "model/preprocessing/magnitudes.py",
         "statistic_needed(penalty, overdispersion)) + ONE_SIDED_90 * correlated * np.sqrt(overdispersion)",
         (
             "statistic_needed(penalty, overdispersion))",
@@ -193,7 +193,7 @@ LINES = (
         MAGNITUDES,
     ),
     Line(
-        "preprocessing/magnitudes.py",
+        "model/preprocessing/magnitudes.py",
         "ratio = penalty.n_effective * (held.log_det - fit.log_det) / overdispersion",
         (
             "ratio = penalty.n_rows * (held.log_det - fit.log_det) / overdispersion",
@@ -203,17 +203,17 @@ LINES = (
         MAGNITUDES,
     ),
     Line(
-        "preprocessing/magnitudes.py",
-        "return mean, (1.0 - weight) * variance + weight * own + spread / overdispersion",
+        "model/preprocessing/magnitudes.py",
+        "return mean, (1.0 - weight) * variance + weight * value_variance + spread / overdispersion",
         (
-            "return mean, (1.0 - weight) * variance + weight * own",
-            "return mean, (1.0 - weight) * variance + weight * own + spread",
-            "return mean, weight * variance + (1.0 - weight) * own + spread / overdispersion",
+            "return mean, (1.0 - weight) * variance + weight * value_variance",
+            "return mean, (1.0 - weight) * variance + weight * value_variance + spread",
+            "return mean, weight * variance + (1.0 - weight) * value_variance + spread / overdispersion",
         ),
         MAGNITUDES,
     ),
     Line(
-        "parity/explain.py",
+        "flight/parity/explain.py",
         "TAILS = 1.3",
         ("TAILS = 1.0", "TAILS = 1.2", "TAILS = 1.5"),
         ("tests/parity/test_explain.py",),
@@ -225,13 +225,13 @@ LINES = (
         SINES,
     ),
     Line(
-        "parity/residuals.py",
+        "flight/parity/residuals.py",
         "BIAS_SD = 0.05",
         ("BIAS_SD = 0.1", "BIAS_SD = 0.025"),
         ("tests/parity/test_residuals.py",),
     ),
     Line(
-        "parity/residuals.py",
+        "flight/parity/residuals.py",
         "np.column_stack([ahead, ahead * height[:, None]]), np.array([WIND_SD, WIND_SD, SHEAR_SD, SHEAR_SD])",
         (
             "np.column_stack([ahead, ahead * height[:, None]]), np.array([WIND_SD, WIND_SD, WIND_SD, WIND_SD])",
@@ -241,7 +241,7 @@ LINES = (
         ("tests/parity/test_residuals.py",),
     ),
     Line(
-        "parity/residuals.py",
+        "flight/parity/residuals.py",
         "slow=lambda t: 0.3**2 * np.minimum(t[:, None], t[None, :]),  # a random walk",
         (
             "slow=lambda t: 0.6**2 * np.minimum(t[:, None], t[None, :]),",
@@ -251,9 +251,9 @@ LINES = (
         ("tests/parity/test_residuals.py",),
     ),
     # Between 3 and 1000 nothing depends on it; at 1 a large fault has no square, at 10 000 it is none.
-    Line("parity/scan.py", "LARGE = 300.0", ("LARGE = 1.0", "LARGE = 10000.0"), ("tests/parity/test_scan.py",)),
+    Line("flight/parity/scan.py", "LARGE = 300.0", ("LARGE = 1.0", "LARGE = 10000.0"), ("tests/parity/test_scan.py",)),
     Line(
-        "parity/scan.py",
+        "flight/parity/scan.py",
         "return np.asarray(STEP_S * (np.cumsum(known, axis=0) - 0.5 * known))",
         (
             "return np.asarray(STEP_S * np.cumsum(known, axis=0))",
@@ -263,7 +263,7 @@ LINES = (
         ("tests/parity/test_scan.py",),
     ),
     Line(
-        "parity/holds.py",
+        "flight/parity/holds.py",
         "STILL, HIDDEN, MOTIONLESS = 1.0 / 3.0, 0.5, 0.1",
         (
             "STILL, HIDDEN, MOTIONLESS = 2.0 / 3.0, 0.5, 0.1",

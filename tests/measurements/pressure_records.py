@@ -8,7 +8,7 @@ import numpy as np
 
 from bfi_cli.airdata import air_data_of, altitude_of, calibrated_airspeed
 from bfi_cli.faults import Fault
-from bfi_cli.filters import response_of
+from bfi_cli.faults.filters import response_of
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
 

@@ -26,8 +26,8 @@ from bfi_cli.aircraft import deviations, find_model, simulate, time_axis
 from bfi_cli.commands import run_command
 from bfi_cli.errors import BfiError
 from bfi_cli.faults import Fault, fault_to_dict, has_channel
+from bfi_cli.faults.shapes import SHAPES
 from bfi_cli.flightlog import FlightLog, inject, read_log, write_log
-from bfi_cli.shapes import SHAPES
 
 FLIGHTS = Path(__file__).resolve().parents[3] / "shared" / "flights"
 DATA = Path(__file__).resolve().parents[2] / "data"

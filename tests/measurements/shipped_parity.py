@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
+from bfi_cli.flight.parity.calibration import SHIPPED, ParityTable
+from bfi_cli.flight.parity.record import Record, record_of
+from bfi_cli.flight.parity.residuals import RESIDUALS
+from bfi_cli.flight.parity.scan import scan_window
+from bfi_cli.flight.parity.windows import LENGTHS_S, configuration_changes, overlaps, windows_in, zero_lift_of
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.flightlog.phases import Phase, phases_of
-from bfi_cli.parity.calibration import SHIPPED, ParityTable
-from bfi_cli.parity.record import Record, record_of
-from bfi_cli.parity.residuals import RESIDUALS
-from bfi_cli.parity.scan import scan_window
-from bfi_cli.parity.windows import LENGTHS_S, configuration_changes, overlaps, windows_in, zero_lift_of
 from bfi_cli.provenance import provenance
 from bfi_cli.serialization import to_json
 

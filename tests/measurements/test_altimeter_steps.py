@@ -12,11 +12,11 @@ from shipped_parity import FLIGHTS
 from bfi_cli.config import Config
 from bfi_cli.faults import Fault
 from bfi_cli.flight.flight import flight_of
+from bfi_cli.flight.parity.static_relations import relation_series
+from bfi_cli.flight.parity.windows import flight_stretches
 from bfi_cli.flight.relations import drafts_of_relations, find_relations
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import phases_of
-from bfi_cli.parity.static_relations import relation_series
-from bfi_cli.parity.windows import flight_stretches
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

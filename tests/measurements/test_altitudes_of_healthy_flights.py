@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from bars import FULL
 
-from bfi_cli.channels import quantity_of
+from bfi_cli.quantities.channels import quantity_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

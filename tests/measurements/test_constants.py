@@ -19,12 +19,12 @@ from test_plausibility import DEGREE, distorted
 
 from bfi_cli.config import Config
 from bfi_cli.faults import Fault
-from bfi_cli.filters import response_of
+from bfi_cli.faults.filters import response_of
 from bfi_cli.flight import DiagnoseResult, diagnose_flight
+from bfi_cli.flight.plausibility import implausible_channels
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
 from bfi_cli.flightlog.recorder import recorder_filters
-from bfi_cli.plausibility import implausible_channels
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

@@ -14,7 +14,7 @@ from bars import FULL, not_above, not_below
 from window_trials import LENGTH_S, flight_log, starts_s
 
 from bfi_cli import Config, Fault, inject, merge, start_time
-from bfi_cli.filters import response_of
+from bfi_cli.faults.filters import response_of
 from bfi_cli.flightlog.phases import airborne_stretches
 from bfi_cli.flightlog.recorder import recorder_filters
 

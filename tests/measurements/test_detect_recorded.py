@@ -21,7 +21,7 @@ from bfi_cli.detection import detect_faults
 from bfi_cli.detection.parity import detect_sequentially
 from bfi_cli.detection.preparation import decimate_record, prepare_detection
 from bfi_cli.faults import Fault
-from bfi_cli.filters import Filter, response_of
+from bfi_cli.faults.filters import Filter, response_of
 from bfi_cli.flightlog import FlightLog, inject, read_log
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]

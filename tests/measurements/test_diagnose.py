@@ -28,11 +28,11 @@ from bfi_cli.config import Config, merge
 from bfi_cli.decision.calibration import save_tables
 from bfi_cli.faults import Fault
 from bfi_cli.flight import DiagnoseResult, Event, diagnose_flight
+from bfi_cli.flight.parity.calibration import calibrate_air_data
+from bfi_cli.flight.parity.windows import configuration_changes
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.recorder import with_seen_recorder
-from bfi_cli.parity.calibration import calibrate_air_data
-from bfi_cli.parity.windows import configuration_changes
 from bfi_cli.provenance import provenance
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]

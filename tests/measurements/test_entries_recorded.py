@@ -15,7 +15,7 @@ from bfi_cli.analysis import identify
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.faults import Fault
-from bfi_cli.filters import response_of
+from bfi_cli.faults.filters import response_of
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
 from bfi_cli.flightlog.recorder import recorder_filters

@@ -25,9 +25,9 @@ from bars import FULL, fewest
 from made_fleet import flight, flown, make_fleet
 
 from bfi_cli.fleet import LogAnswer, fleet_files, rows_of_constants, trends_of
+from bfi_cli.flight.plausibility.constants import constant_errors
 from bfi_cli.flightlog import read_log, write_log
 from bfi_cli.flightlog.phases import airborne_stretches
-from bfi_cli.plausibility.constants import constant_errors
 from bfi_cli.provenance import provenance
 from bfi_cli.serialization import without_series
 

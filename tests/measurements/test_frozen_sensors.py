@@ -9,13 +9,13 @@ import pytest
 from bars import FULL, not_below
 from shipped_parity import FLIGHTS
 
-from bfi_cli.channels import quantity_of
 from bfi_cli.faults import Fault
+from bfi_cli.flight.parity.record import record_of
+from bfi_cli.flight.parity.sensors import MOVING, frozen_sensors
+from bfi_cli.flight.parity.windows import flight_stretches
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import phases_of
-from bfi_cli.parity.record import record_of
-from bfi_cli.parity.sensors import MOVING, frozen_sensors
-from bfi_cli.parity.windows import flight_stretches
+from bfi_cli.quantities.channels import quantity_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

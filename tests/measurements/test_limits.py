@@ -13,10 +13,10 @@ from trials import sized
 from bfi_cli.config import Config, merge
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.onset import claims
-from bfi_cli.onset.scan import scan_of
-from bfi_cli.onset.scan_record import ScanRecord, prepare_record
-from bfi_cli.onset.shapes import ShapeHypothesis, waveform
+from bfi_cli.model.onset import claims
+from bfi_cli.model.onset.scan import scan_of
+from bfi_cli.model.onset.scan_record import ScanRecord, prepare_record
+from bfi_cli.model.onset.shapes import ShapeHypothesis, waveform
 
 pytestmark = pytest.mark.slow
 

@@ -19,13 +19,13 @@ from bfi_cli.flight.evidence import physics_evidence
 from bfi_cli.flight.flight import Flight, flight_of
 from bfi_cli.flight.limits import Hidden, bounds_of
 from bfi_cli.flight.looks import scan_flight, thresholds_of
+from bfi_cli.flight.parity import LENGTHS_S
+from bfi_cli.flight.parity.record import record_of
+from bfi_cli.flight.parity.windows import windows_in
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.parity import LENGTHS_S
-from bfi_cli.parity.record import record_of
-from bfi_cli.parity.windows import windows_in
 
 pytestmark = pytest.mark.realdata
 

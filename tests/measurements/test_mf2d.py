@@ -22,7 +22,7 @@ from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.kernels.mf2d import largest_weight, solve_mf2d
 from bfi_cli.kernels.variable_projection import ProjectedRegression
 from bfi_cli.model import identify_faults
-from bfi_cli.preprocessing.window import prepare_window, regression_of
+from bfi_cli.model.preprocessing.window import prepare_window, regression_of
 
 pytestmark = pytest.mark.slow
 

@@ -19,7 +19,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import Dictionary, load_dictionary
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.model.identify import identify_faults
-from bfi_cli.preprocessing.window import with_inputs_of
+from bfi_cli.model.preprocessing.window import with_inputs_of
 
 pytestmark = pytest.mark.slow
 

@@ -18,11 +18,20 @@ from bars import FULL, not_above, not_below
 from shipped_parity import FLIGHTS, clean_windows, statistics
 
 from bfi_cli.faults import Fault
+from bfi_cli.flight.parity import (
+    ParityTable,
+    ScanKey,
+    Threshold,
+    explain,
+    record_of,
+    scan_window,
+    threshold_of,
+    zero_lift_of,
+)
+from bfi_cli.flight.parity.record import Record
+from bfi_cli.flight.parity.residuals import available
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import Phase, airborne_stretches, phases_of
-from bfi_cli.parity import ParityTable, ScanKey, Threshold, explain, record_of, scan_window, threshold_of, zero_lift_of
-from bfi_cli.parity.record import Record
-from bfi_cli.parity.residuals import available
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

@@ -21,10 +21,10 @@ from made_journeys import made_journey
 from trials import sized
 
 from bfi_cli.errors import LogError
+from bfi_cli.flight.plausibility import Implausible, implausible_channels
+from bfi_cli.flight.plausibility.circling import circle_scales, scale_by_circles
 from bfi_cli.flightlog import FlightLog, read_log, write_log
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.plausibility import Implausible, implausible_channels
-from bfi_cli.plausibility.circling import circle_scales, scale_by_circles
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

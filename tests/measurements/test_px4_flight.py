@@ -15,12 +15,12 @@ from bars import FULL
 
 from bfi_cli.config import Config, merge
 from bfi_cli.faults import Fault
-from bfi_cli.filters import Filter, response_of
+from bfi_cli.faults.filters import Filter, response_of
 from bfi_cli.flightlog import Channel, FlightLog, inject
 from bfi_cli.flightlog.phases import airborne_stretches
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.low_pass import IDENTITY
-from bfi_cli.onset import find_onset
+from bfi_cli.model.onset import find_onset
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

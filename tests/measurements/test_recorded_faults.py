@@ -20,7 +20,7 @@ from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.model import identify_faults
-from bfi_cli.onset import find_onset
+from bfi_cli.model.onset import find_onset
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

@@ -16,9 +16,9 @@ from trials import sized
 from bfi_cli.analysis import start_time
 from bfi_cli.config import Config
 from bfi_cli.faults import Fault
+from bfi_cli.faults.shapes import Shape
 from bfi_cli.flightlog import FlightLog, inject, read_log
-from bfi_cli.onset import OnsetResult
-from bfi_cli.shapes import Shape
+from bfi_cli.model.onset import OnsetResult
 
 pytestmark = pytest.mark.slow
 

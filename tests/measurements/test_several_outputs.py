@@ -18,7 +18,7 @@ from window_trials import CITATION, FLIGHTS, LENGTH_S, flight_log, starts_s
 from bfi_cli.analysis import start_time
 from bfi_cli.config import Config, merge
 from bfi_cli.faults import Fault
-from bfi_cli.filters import response_of
+from bfi_cli.faults.filters import response_of
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.recorder import recorder_filters
 

@@ -15,7 +15,7 @@ import pytest
 from bars import FULL
 from trials import sized
 
-from bfi_cli.filters import response_of
+from bfi_cli.faults.filters import response_of
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.flightlog.defects import Defect, find_defects
 from bfi_cli.flightlog.phases import phases_of

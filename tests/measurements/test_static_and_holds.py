@@ -16,12 +16,12 @@ from pressure_records import recorded_anew
 from test_recorded_faults import FLIGHTS, LENGTH_S, windows
 
 from bfi_cli.faults import Fault
+from bfi_cli.flight.parity.holds import find_holds
+from bfi_cli.flight.parity.lines import lines_of
+from bfi_cli.flight.parity.static_relations import find_static, relation_series
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
-from bfi_cli.parity.holds import find_holds
-from bfi_cli.parity.lines import lines_of
-from bfi_cli.parity.static_relations import find_static, relation_series
-from bfi_cli.preprocessing.tolerance import tolerance_of
+from bfi_cli.model.preprocessing.tolerance import tolerance_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

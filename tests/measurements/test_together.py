@@ -15,13 +15,13 @@ from bfi_cli.aircraft import find_model, manoeuvre, simulate, time_axis
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.faults import Fault
-from bfi_cli.filters import response_of
+from bfi_cli.faults.filters import response_of
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.recorder import recorder_filters
 from bfi_cli.model.identify import identify_faults
+from bfi_cli.model.preprocessing.window import with_inputs_of
 from bfi_cli.model.result import IdentifyResult
 from bfi_cli.model.shared_model import with_those_that_share
-from bfi_cli.preprocessing.window import with_inputs_of
 
 pytestmark = pytest.mark.slow
 

@@ -17,9 +17,9 @@ from bars import FULL, not_above, not_below
 from test_recorded_faults import FLIGHTS, LENGTH_S, windows
 
 from bfi_cli.faults import Fault
+from bfi_cli.flight.parity.static_relations import find_static
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.parity.static_relations import find_static
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

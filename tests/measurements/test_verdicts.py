@@ -36,7 +36,7 @@ from bfi_cli.dictionary import load_dictionary
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.model import identify_faults
-from bfi_cli.onset import find_onset
+from bfi_cli.model.onset import find_onset
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

@@ -18,10 +18,10 @@ from threadpoolctl import threadpool_limits
 
 from bfi_cli.config import Config
 from bfi_cli.flight import DiagnoseResult, diagnose_flight
+from bfi_cli.flight.parity.windows import configuration_changes, flight_stretches
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.parity.windows import configuration_changes, flight_stretches
 
 # A fault begins at least so long after the flight's begin and before its last descent.
 BEFORE_S, AFTER_S = 300.0, 240.0

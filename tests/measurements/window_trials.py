@@ -19,13 +19,13 @@ from bfi_cli.analysis import identify, start_time
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.faults import Fault
-from bfi_cli.filters import response_of
+from bfi_cli.faults.filters import response_of
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
 from bfi_cli.flightlog.recorder import recorder_filters
+from bfi_cli.model.onset import OnsetResult
+from bfi_cli.model.preprocessing.tolerance import tolerance_of
 from bfi_cli.model.result import IdentifyResult
-from bfi_cli.onset import OnsetResult
-from bfi_cli.preprocessing.tolerance import tolerance_of
 
 FLIGHTS = Path(__file__).resolve().parents[3] / "shared" / "flights"
 CITATION = ("citation_20180312_f1.h5", "citation_20190312_123416.h5")

@@ -11,8 +11,8 @@ from noted import texts
 from bfi_cli.config import Config, merge
 from bfi_cli.flightlog import inject
 from bfi_cli.model import identify_faults
-from bfi_cli.preprocessing import signals
-from bfi_cli.preprocessing.window import prepare_window
+from bfi_cli.model.preprocessing import signals
+from bfi_cli.model.preprocessing.window import prepare_window
 
 # A magnitude is the end of an iteration, whose tolerance is 1e-9 of its own standard deviation and more.
 RELATIVE = 1e-9

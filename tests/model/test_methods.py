@@ -13,11 +13,11 @@ from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.flightlog import read_log
+from bfi_cli.methods import METHODS
 from bfi_cli.model import identify_faults
 from bfi_cli.model.magnitudes import MethodResult
-from bfi_cli.model.methods import METHODS
-from bfi_cli.onset import find_onset
-from bfi_cli.preprocessing.window import prepare_window, regression_of
+from bfi_cli.model.onset import find_onset
+from bfi_cli.model.preprocessing.window import prepare_window, regression_of
 
 DATA = Path(__file__).parents[2] / "data"
 GIVEN = {"dmae.model": "citation"}

@@ -14,9 +14,15 @@ from bfi_cli.flightlog import inject
 from bfi_cli.model import identify_faults
 from bfi_cli.model.maximum_likelihood import select
 from bfi_cli.model.onset_search import move_entry
+from bfi_cli.model.preprocessing.signals import decimate_native
+from bfi_cli.model.preprocessing.window import (
+    prepare_window,
+    regression_of,
+    shifted_signals,
+    shifts_within,
+    with_onsets,
+)
 from bfi_cli.model.selection import Selected
-from bfi_cli.preprocessing.signals import decimate_native
-from bfi_cli.preprocessing.window import prepare_window, regression_of, shifted_signals, shifts_within, with_onsets
 
 MOVING = merge(Config(), {"model.order": 5})
 EXACT = merge(MOVING, {"onset_tolerance_s": 0.0})

@@ -10,19 +10,19 @@ import pytest
 from bfi_cli.airdata import channels_of, impact_pressure_of_mach, isa_temperature, mach_of_tas, pressure_at
 from bfi_cli.airdata.airspeed import total_temperature
 from bfi_cli.audit import audit_dictionary, audit_on_log
-from bfi_cli.channels import STANDARD
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import DictionaryError
 from bfi_cli.faults import Fault, parse_spec
-from bfi_cli.filters import Filter, response_of
+from bfi_cli.faults.filters import Filter, response_of
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.injection import line_signals, without_line_fault
 from bfi_cli.flightlog.record import Channel, frozen_array
 from bfi_cli.kernels.low_pass import IDENTITY
 from bfi_cli.kernels.variable_projection import fit_magnitudes
 from bfi_cli.model import identify_faults
-from bfi_cli.preprocessing.window import prepare_window, regression_of, with_sizes
+from bfi_cli.model.preprocessing.window import prepare_window, regression_of, with_sizes
+from bfi_cli.quantities.channels import STANDARD
 
 N, ONSET_S = 600, 25.0
 TIME_S = np.arange(N) / 10.0

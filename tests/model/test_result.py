@@ -11,7 +11,6 @@ from noted import texts
 from bfi_cli.analysis import identify
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
-from bfi_cli.display_units import SI
 from bfi_cli.errors import ConfigError, DictionaryError, ExcitationError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject
@@ -19,6 +18,7 @@ from bfi_cli.kernels.termination import Termination
 from bfi_cli.model import document, identify_faults
 from bfi_cli.model.document import identify_document, identify_from_document
 from bfi_cli.provenance import provenance
+from bfi_cli.quantities.display_units import SI
 from bfi_cli.report.first_screen import candidate_lines
 
 # Without what takes most of the time: the search for an order, and limits for onsets known to a tolerance only.

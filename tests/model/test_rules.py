@@ -15,7 +15,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.model import identify_faults
-from bfi_cli.preprocessing.defaults import require_one_trim
+from bfi_cli.model.preprocessing.defaults import require_one_trim
 
 # Without limits for onsets that are known to a tolerance only, which take most of the time.
 EXACT = merge(Config(), {"onset_tolerance_s": 0.0})

@@ -15,12 +15,12 @@ from bfi_cli.audit import audit_dictionary, audit_on_log
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.faults import Fault
-from bfi_cli.filters import Filter
+from bfi_cli.faults.filters import Filter
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import Channel, frozen_array
 from bfi_cli.kernels.variable_projection import fit_magnitudes
 from bfi_cli.model import identify_faults
-from bfi_cli.preprocessing.window import prepare_window, regression_of
+from bfi_cli.model.preprocessing.window import prepare_window, regression_of
 
 N, ONSET_S = 600, 25.0
 TIME_S = np.arange(N) / 10.0

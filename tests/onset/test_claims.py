@@ -12,10 +12,10 @@ from scipy import optimize, stats
 from bfi_cli.config import Config, merge
 from bfi_cli.decision import candidate_of
 from bfi_cli.kernels import normal
-from bfi_cli.onset import claims
-from bfi_cli.onset.scan import scan_of
-from bfi_cli.onset.scan_record import ScanRecord, prepare_record
-from bfi_cli.onset.shapes import ShapeHypothesis, fault_of, waveform
+from bfi_cli.model.onset import claims
+from bfi_cli.model.onset.scan import scan_of
+from bfi_cli.model.onset.scan_record import ScanRecord, prepare_record
+from bfi_cli.model.onset.shapes import ShapeHypothesis, fault_of, waveform
 
 ORDER, RATE_HZ = 4, 10.0
 BIAS = ShapeHypothesis(shape="bias", output=0, parameter=None, file=None)

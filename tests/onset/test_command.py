@@ -13,8 +13,8 @@ from matplotlib.image import imread
 from noted import texts
 from screens import check_screen
 
-from bfi_cli.onset import onset_content, onset_document
-from bfi_cli.onset.report import onset_from_document
+from bfi_cli.model.onset import onset_content, onset_document
+from bfi_cli.model.onset.report import onset_from_document
 from bfi_cli.provenance import Provenance
 from bfi_cli.serialization import from_plain
 

@@ -16,8 +16,8 @@ from bfi_cli.decision.calibration import CalibrationTable, save_tables
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.onset import find_onset
-from bfi_cli.onset.scan_record import prepare_record
+from bfi_cli.model.onset import find_onset
+from bfi_cli.model.onset.scan_record import prepare_record
 from bfi_cli.provenance import provenance
 
 BIAS = Fault(shape="bias", channel="tas", magnitude=1.0, onset_s=15.6)

@@ -13,9 +13,9 @@ from bfi_cli.config import Config, merge
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import Channel, FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.onset import find_onset
-from bfi_cli.onset.decision import FEWEST_WINDOWS, MOST_WINDOWS, calibration_windows, own_windows, rule_for
-from bfi_cli.onset.scan_record import prepare_record
+from bfi_cli.model.onset import find_onset
+from bfi_cli.model.onset.decision import FEWEST_WINDOWS, MOST_WINDOWS, calibration_windows, own_windows, rule_for
+from bfi_cli.model.onset.scan_record import prepare_record
 
 LENGTH_S, FROM_S = 20.0, 200.0
 GROUND_S, FLIGHT_S = 60.0, 400.0

@@ -15,11 +15,11 @@ from bfi_cli.decision import KINDS, decide
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog.record import FlightLog, frozen_array
-from bfi_cli.onset import find_onset
-from bfi_cli.onset.scan import scan_hypotheses
-from bfi_cli.onset.scan_record import prepare_record
-from bfi_cli.onset.shapes import shape_hypotheses
-from bfi_cli.preprocessing.tolerance import is_any
+from bfi_cli.model.onset import find_onset
+from bfi_cli.model.onset.scan import scan_hypotheses
+from bfi_cli.model.onset.scan_record import prepare_record
+from bfi_cli.model.onset.shapes import shape_hypotheses
+from bfi_cli.model.preprocessing.tolerance import is_any
 
 BIAS = Fault(shape="bias", magnitude=1.0, onset_s=15.0)
 BETWEEN = replace(BIAS, onset_s=15.04)  # between two samples of the analysis

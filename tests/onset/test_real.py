@@ -10,8 +10,8 @@ import pytest
 from bfi_cli.config import Config
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
-from bfi_cli.onset import find_onset, windows_of
-from bfi_cli.preprocessing.manoeuvres import manoeuvres_of
+from bfi_cli.model.onset import find_onset, windows_of
+from bfi_cli.model.preprocessing.manoeuvres import manoeuvres_of
 
 pytestmark = pytest.mark.realdata
 

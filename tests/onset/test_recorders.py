@@ -16,11 +16,11 @@ from scipy.signal import butter, firwin, oaconvolve, sosfilt, sosfilt_zi, sosfil
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.faults import Fault, FaultEstimate
-from bfi_cli.filters import Filter
+from bfi_cli.faults.filters import Filter
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.model import identify_faults
-from bfi_cli.onset import find_onset
+from bfi_cli.model.onset import find_onset
 
 FINE_HZ, FACTOR = 100.0, 10
 # Edges with half the gain: a Butterworth filter of order 2 has it at 3^(1/4) of its -3 dB frequency.

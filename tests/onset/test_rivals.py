@@ -13,15 +13,15 @@ from trials import sized
 from bfi_cli.config import Config, merge
 from bfi_cli.decision import Candidate
 from bfi_cli.faults import Fault
+from bfi_cli.faults.shapes import Shape
 from bfi_cli.flightlog import FlightLog
-from bfi_cli.onset.claims import claims_of
-from bfi_cli.onset.decision import shipped_rule
-from bfi_cli.onset.estimate import Estimate, as_scanned, subtract_faults
-from bfi_cli.onset.rivals import rivals_of, scans_beside, with_rivals
-from bfi_cli.onset.scan import lasting_peak, scan_hypotheses, scan_of
-from bfi_cli.onset.scan_record import ScanRecord, prepare_record
-from bfi_cli.onset.shapes import ShapeHypothesis, constants_s
-from bfi_cli.shapes import Shape
+from bfi_cli.model.onset.claims import claims_of
+from bfi_cli.model.onset.decision import shipped_rule
+from bfi_cli.model.onset.estimate import Estimate, as_scanned, subtract_faults
+from bfi_cli.model.onset.rivals import rivals_of, scans_beside, with_rivals
+from bfi_cli.model.onset.scan import lasting_peak, scan_hypotheses, scan_of
+from bfi_cli.model.onset.scan_record import ScanRecord, prepare_record
+from bfi_cli.model.onset.shapes import ShapeHypothesis, constants_s
 
 ORDER, RATE_HZ = 4, 10.0
 CONFIG = merge(Config(), {"conditioning.rate_hz": RATE_HZ, "model.order": ORDER})

@@ -17,9 +17,9 @@ from bfi_cli.airdata import (
     speed_of_sound,
     total_temperature,
 )
+from bfi_cli.flight.parity import Record
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.parity import Record
 
 ZERO_LIFT = np.radians(-1.2)
 WIND = (7.0, -4.0)  # m/s to the north and to the east

@@ -9,9 +9,9 @@ import pytest
 from made_flight import made_log
 
 from bfi_cli.airdata import EARTH_RADIUS, G, climb_angle, vane_angle
+from bfi_cli.flight.parity import Record
+from bfi_cli.flight.parity.credibility import agreements, coarse_positions, credibility_of
 from bfi_cli.flightlog.phases import Phase
-from bfi_cli.parity import Record
-from bfi_cli.parity.credibility import agreements, coarse_positions, credibility_of
 
 N = 900
 T = np.arange(float(N)) + 0.5

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from made_flights import RECORDED, made_flight
 
+from bfi_cli.flight.parity.holds import find_holds
+from bfi_cli.flight.parity.static_relations import find_static
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.parity.holds import find_holds
-from bfi_cli.parity.static_relations import find_static
 
 DAMAGE = {
     "missing": lambda x: None,

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from made_flight import ZERO_LIFT, log_of, made_log, made_record
 
-from bfi_cli.parity import corrected, effects, explain, record_of, scan_window
-from bfi_cli.parity.explain import CLOSE, COURSES, RARER, Fit, course_for, fit_course
-from bfi_cli.parity.record import Record, hypotheses, with_fault
+from bfi_cli.flight.parity import corrected, effects, explain, record_of, scan_window
+from bfi_cli.flight.parity.explain import CLOSE, COURSES, RARER, Fit, course_for, fit_course
+from bfi_cli.flight.parity.record import Record, hypotheses, with_fault
 
 RECORD = made_record(start_s=1000.5)
 T = RECORD.time_s

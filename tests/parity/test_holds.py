@@ -13,10 +13,10 @@ from scipy.ndimage import gaussian_filter1d
 
 from bfi_cli.airdata import air_data_of, channels_of, impact_pressure_of_cas, pressure_at, total_temperature
 from bfi_cli.faults import Fault
+from bfi_cli.flight.parity.holds import doubt_of, find_holds
+from bfi_cli.flight.parity.lines import Stretches, lines_of
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.parity.holds import doubt_of, find_holds
-from bfi_cli.parity.lines import Stretches, lines_of
 
 FROM_S, TO_S, ONSET_S = 240.0, 360.0, 300.0
 BLOCKED = {"pitot_blocked": "p_total", "static_blocked": "p_static"}

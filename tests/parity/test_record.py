@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from made_flight import WIND, channels_at, log_of, made_log, made_record
 
-from bfi_cli.parity import record_of
-from bfi_cli.parity.record import HYPOTHESES, hypotheses, with_fault, without_fault
+from bfi_cli.flight.parity import record_of
+from bfi_cli.flight.parity.record import HYPOTHESES, hypotheses, with_fault, without_fault
 
 T = np.arange(121.0)
 COURSE = np.maximum(T - 40.0, 0.0) / 80.0

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bfi_cli.parity import Finding
-from bfi_cli.parity.relation_course import with_course
-from bfi_cli.parity.static_relations import Relation, RelationSeries
+from bfi_cli.flight.parity import Finding
+from bfi_cli.flight.parity.relation_course import with_course
+from bfi_cli.flight.parity.static_relations import Relation, RelationSeries
 
 T = np.arange(160.0) + 0.45  # means of seconds
 WINDOW = (0.0, 160.0)

@@ -10,7 +10,7 @@ from made_flights import made_flight
 from made_logs import made_log
 
 from bfi_cli.airdata import SENSORS
-from bfi_cli.parity.static_relations import LEAST_STEPS, Relation, RelationSeries, find_static
+from bfi_cli.flight.parity.static_relations import LEAST_STEPS, Relation, RelationSeries, find_static
 
 FROM_S, TO_S = 0.0, 120.0
 TIME_S = np.arange(0.5, 120.0)

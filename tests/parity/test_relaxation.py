@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bfi_cli.parity.relaxation import relaxations
+from bfi_cli.flight.parity.relaxation import relaxations
 
 TIME_S = np.arange(400) * 0.5
 EVERYWHERE, JUMP = np.ones(400, dtype=bool), np.full(400, 50.0)

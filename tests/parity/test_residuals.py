@@ -9,9 +9,9 @@ import pytest
 from made_flight import WIND, ZERO_LIFT, made_record
 
 from bfi_cli.airdata import G
-from bfi_cli.parity.record import with_fault
-from bfi_cli.parity.residuals import RESIDUALS, available, constants_of
-from bfi_cli.parity.scan import residual_values
+from bfi_cli.flight.parity.record import with_fault
+from bfi_cli.flight.parity.residuals import RESIDUALS, available, constants_of
+from bfi_cli.flight.parity.scan import residual_values
 
 RECORD = made_record()
 T = RECORD.time_s

@@ -10,10 +10,8 @@ from made_flights import made_flight
 from made_logs import made_log
 
 from bfi_cli.airdata import G, isa_temperature, speed_of_sound, static_temperature
-from bfi_cli.flightlog import FlightLog
-from bfi_cli.flightlog.phases import Phase
-from bfi_cli.parity import Record, record_of
-from bfi_cli.parity.sensors import (
+from bfi_cli.flight.parity import Record, record_of
+from bfi_cli.flight.parity.sensors import (
     accelerometer_steps,
     altimeter_steps,
     altitude_step_within,
@@ -21,6 +19,8 @@ from bfi_cli.parity.sensors import (
     probe_steps,
     without_frozen,
 )
+from bfi_cli.flightlog import FlightLog
+from bfi_cli.flightlog.phases import Phase
 
 N, RATE_HZ, ONSET_S = 1000, 4.0, 400.0
 FLIGHT = [Phase(phase="cruise", from_s=0.0, to_s=float(N))]

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bfi_cli.parity import LENGTHS_S, RESIDUALS, ParityTable, ScanKey, shipped_tables, table_for, threshold_of
+from bfi_cli.flight.parity import LENGTHS_S, RESIDUALS, ParityTable, ScanKey, shipped_tables, table_for, threshold_of
 
 STATISTICS = np.sort(np.random.default_rng(1).exponential(20.0, 80))
 TABLE = ParityTable(

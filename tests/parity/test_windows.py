@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_flight import ZERO_LIFT, made_record
 
+from bfi_cli.flight.parity import configuration_changes, windows_in, zero_lift_of
+from bfi_cli.flight.parity.record import with_fault
+from bfi_cli.flight.parity.windows import CLEAN_UP_S, flight_stretches
 from bfi_cli.flightlog.phases import RECOVERY_S, Phase
-from bfi_cli.parity import configuration_changes, windows_in, zero_lift_of
-from bfi_cli.parity.record import with_fault
-from bfi_cli.parity.windows import CLEAN_UP_S, flight_stretches
 
 
 def phases(*parts: tuple[str, float, float]) -> tuple[Phase, ...]:

@@ -11,9 +11,9 @@ from made_flights import made_flight
 from made_journeys import UNITS, made_journey
 from made_logs import made_log
 
+from bfi_cli.flight.plausibility import Implausible, implausible_channels, in_words, with_fixed_units
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.plausibility import Implausible, implausible_channels, in_words, with_fixed_units
 
 KNOT, FOOT, DEGREE, G = 1852.0 / 3600.0, 0.3048, np.pi / 180.0, 9.80665
 Change = Callable[[np.ndarray], np.ndarray]

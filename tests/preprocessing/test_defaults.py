@@ -18,7 +18,7 @@ from noted import texts
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import SHIPPED, load_dictionary
 from bfi_cli.flightlog import FlightLog, read_log
-from bfi_cli.preprocessing.defaults import with_defaults_of
+from bfi_cli.model.preprocessing.defaults import with_defaults_of
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 TIME_S = np.arange(0.0, 1200.0, 0.2)

@@ -17,8 +17,8 @@ from bfi_cli.kernels.variable_projection import (
     with_unit_root,
     without_signal,
 )
-from bfi_cli.preprocessing import magnitudes
-from bfi_cli.preprocessing.magnitudes import (
+from bfi_cli.model.preprocessing import magnitudes
+from bfi_cli.model.preprocessing.magnitudes import (
     UNIT_ROOT,
     MagnitudeEstimates,
     averaged_magnitudes,
@@ -27,8 +27,8 @@ from bfi_cli.preprocessing.magnitudes import (
     profiled_limits,
     statistic_needed,
 )
-from bfi_cli.preprocessing.regression import RegressionData, build_regression
-from bfi_cli.preprocessing.signals import Signals
+from bfi_cli.model.preprocessing.regression import RegressionData, build_regression
+from bfi_cli.model.preprocessing.signals import Signals
 
 RATE_HZ, DURATION_S, ONSET_S, ORDER = 2.0, 120.0, 60.0, 4
 UNITS = {"bias": 1.0, "drift": 0.05}

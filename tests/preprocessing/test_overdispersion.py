@@ -10,8 +10,8 @@ from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.kernels.variable_projection import fit_magnitudes
-from bfi_cli.preprocessing.magnitudes import overdispersion, overdispersion_if_declared
-from bfi_cli.preprocessing.window import prepare_window, regression_of
+from bfi_cli.model.preprocessing.magnitudes import overdispersion, overdispersion_if_declared
+from bfi_cli.model.preprocessing.window import prepare_window, regression_of
 
 ORDER = 2
 DICTIONARY = load_dictionary(

@@ -11,14 +11,14 @@ import pytest
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import LogError
-from bfi_cli.filters import Filter, recorded_signal
+from bfi_cli.faults.filters import Filter, recorded_signal
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.variable_projection import fit_magnitudes
-from bfi_cli.preprocessing import signals
-from bfi_cli.preprocessing.regression import build_regression, feasible_orders
-from bfi_cli.preprocessing.signals import decimate_native
-from bfi_cli.preprocessing.window import prepare_window, regression_of
+from bfi_cli.model.preprocessing import signals
+from bfi_cli.model.preprocessing.regression import build_regression, feasible_orders
+from bfi_cli.model.preprocessing.signals import decimate_native
+from bfi_cli.model.preprocessing.window import prepare_window, regression_of
 
 ROOT = Path(__file__).parents[2]
 THESIS = ROOT / "configs" / "thesis_dictionary.yaml"

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from bfi_cli.faults import Fault
-from bfi_cli.filters import recorded_signal
+from bfi_cli.faults.filters import recorded_signal
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.decimation import SHARP, WHITE, decimate
 from bfi_cli.kernels.low_pass import IDENTITY, low_pass
-from bfi_cli.preprocessing import signals
-from bfi_cli.preprocessing.signals import NativeSignals
+from bfi_cli.model.preprocessing import signals
+from bfi_cli.model.preprocessing.signals import NativeSignals
 
 RATE_HZ = 20.0
 TIME_S = 300.0 + np.arange(3000) / RATE_HZ

@@ -8,6 +8,7 @@ import numpy as np
 
 from bfi_cli.decision import KINDS, Candidate, summarise, verdicts_of
 from bfi_cli.faults import Fault, FaultEstimate
+from bfi_cli.model.preprocessing.summary import LogSummary, ModelSummary
 from bfi_cli.model.result import (
     AgainstTruth,
     IdentifyResult,
@@ -17,7 +18,6 @@ from bfi_cli.model.result import (
     SolverSummary,
 )
 from bfi_cli.notes import Note
-from bfi_cli.preprocessing.summary import LogSummary, ModelSummary
 from bfi_cli.provenance import Provenance
 
 ONSET_S = 13.8

@@ -9,20 +9,20 @@ from typing import Any
 import pytest
 from screens import check_screen, screen
 
-from bfi_cli.channels import unit_of
 from bfi_cli.detection.report import detect_screen
 from bfi_cli.detection.result import DetectResult
-from bfi_cli.display_units import SI
+from bfi_cli.faults.shapes import SHAPES
 from bfi_cli.flight.first_screen import diagnose_screen
 from bfi_cli.flight.result import DiagnoseResult
 from bfi_cli.model.document import identify_from_document
+from bfi_cli.model.onset.report import onset_from_document, onset_screen
 from bfi_cli.model.report import CHANGES, READINGS, identify_screen
-from bfi_cli.onset.report import onset_from_document, onset_screen
 from bfi_cli.provenance import provenance
+from bfi_cli.quantities.channels import unit_of
+from bfi_cli.quantities.display_units import SI
 from bfi_cli.report.content import ReportContent
 from bfi_cli.report.first_screen import Screen, error_in_words
 from bfi_cli.serialization import SCHEMA, from_plain, to_plain
-from bfi_cli.shapes import SHAPES
 
 ANSWERS = Path(__file__).parents[1] / "lock" / "answers"
 KINDS = ("identify", "start_time", "detect", "diagnose")

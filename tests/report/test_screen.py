@@ -8,12 +8,12 @@ import pytest
 from made_results import fault_result, inconclusive_result, no_fault_result, two_output_result
 from screens import check_screen, screen
 
-from bfi_cli.display_units import AVIATION, SI
 from bfi_cli.faults import Fault
+from bfi_cli.faults.shapes import SHAPES
 from bfi_cli.model.report import identify_content
 from bfi_cli.notes import Note
+from bfi_cli.quantities.display_units import AVIATION, SI
 from bfi_cli.report.first_screen import candidate_lines, estimate_in_words
-from bfi_cli.shapes import SHAPES
 
 
 @pytest.mark.parametrize("width", [100, 120])

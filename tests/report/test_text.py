@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bfi_cli.report.text import axis_label, duration, instant, interval, number, quantity, shortened
+from bfi_cli.quantities.text import axis_label, duration, instant, interval, number, quantity, shortened
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,9 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from bfi_cli.flightlog.report import lane_panel
 from bfi_cli.report.content import Block, Drawing, Lane, Panel, ReportContent, curve
 from bfi_cli.report.figures import draw
+from bfi_cli.report.log import lane_panel
 from bfi_cli.report.zoom import render_zoom
 
 HOSTILE = "</script><script>alert(1)</script><img src=x onerror=alert(1)>\"'&lt;\u202e\u2028\x1b[31m"

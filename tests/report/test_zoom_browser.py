@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bfi_cli.flightlog.report import lane_panel
 from bfi_cli.report.content import Block, Drawing, Lane, Panel, ReportContent, curve
+from bfi_cli.report.log import lane_panel
 from bfi_cli.report.zoom import render_zoom
 
 playwright = pytest.importorskip("playwright.sync_api")

@@ -13,13 +13,13 @@ from ...config import Config
 from ...dictionary import Dictionary
 from ...errors import BfiError
 from ...faults import Fault, has_channel
+from ...faults.shapes import SHAPES
 from ...flightlog import FlightLog
 from ...flightlog.record import frozen_array
 from ...kernels.progress import Progress, unseen
+from ...model.preprocessing.summary import log_summary
+from ...model.preprocessing.window import with_inputs_of
 from ...notes import Note
-from ...preprocessing.summary import log_summary
-from ...preprocessing.window import with_inputs_of
-from ...shapes import SHAPES
 from .peers import Peer, Problem
 from .result import SPREAD_S, ComparisonResult, Isolation, Outcome, Score, Statement, Suspect
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from ...display_units import SI, Units
 from ...faults import fault_from_dict, fault_to_dict
 from ...kernels.runs import union
 from ...printable import shortened
 from ...provenance import Provenance
+from ...quantities.display_units import SI, Units
+from ...quantities.text import counted, instant, number
 from ...report.clock import with_clock
 from ...report.content import Block, Drawing, Lane, Panel, ReportContent, Span, Table, curve, shown_notes
-from ...report.text import counted, instant, number
 from ...serialization import document_of, from_plain, mapping, member, to_plain
 from .result import ComparisonResult, Outcome, Suspect
 

@@ -16,8 +16,8 @@ from ...errors import ConfigError
 from ...faults import Decision, Fault, FaultEstimate
 from ...flightlog import FlightLog
 from ...model.identify import identify_faults
+from ...model.preprocessing.defaults import default_inputs
 from ...model.result import IdentifyResult
-from ...preprocessing.defaults import default_inputs
 from ..dmae import dmae_of
 from .result import SPREAD_S, Statement, Suspect
 

@@ -11,7 +11,7 @@ from ...errors import ConfigError, reason_of
 from ...flightlog import write_log
 from ...printable import shortened
 from ...programs import run_program
-from ...report.text import counted
+from ...quantities.text import counted
 from ...serialization import from_plain
 from .peers import Peer, Problem
 from .result import Statement

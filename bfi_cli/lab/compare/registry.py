@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 
-from ...model.methods import METHODS
+from ...methods import METHODS
 from .peers import Peer, by_entries, by_likelihood, by_null_space, by_residual, by_search, by_two_filters
 from .rivals import AIRSPEED, by_ardupilot, by_change_points, by_cumulative_sum, by_likelihood_ratio, by_px4
 

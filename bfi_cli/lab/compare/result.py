@@ -7,8 +7,8 @@ from typing import Literal
 
 from ...faults import Decision, Fault
 from ...kernels import FloatArray
+from ...model.preprocessing.summary import LogSummary
 from ...notes import Note
-from ...preprocessing.summary import LogSummary
 
 # Seconds by which an alarm may precede its fault: the low-pass of an analysis at 1 Hz spreads a step that far.
 SPREAD_S = 1.0

@@ -6,8 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from ...quantities.text import number
 from ...report.content import Curve, Drawing, Panel, Style, Table, curve
-from ...report.text import number
 
 Plain = Mapping[str, Any]
 

@@ -14,8 +14,8 @@ from ...config import Config, DictionarySource, Natural
 from ...dictionary import Interval, NumberOrInterval
 from ...errors import DictionaryError
 from ...faults import Fault, did_you_mean, fault_from_dict, require_loss
-from ...shapes import SHAPES
-from ...validation import Number, Positive, Rules, Text, Whole, editor_schema
+from ...faults.shapes import SHAPES
+from ...faults.validation import Number, Positive, Rules, Text, Whole, editor_schema
 from ..compare import PEERS, Peer, program_peer
 
 

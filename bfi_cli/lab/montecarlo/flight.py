@@ -11,14 +11,14 @@ import numpy as np
 from ...aircraft import find_model, flight_of
 from ...errors import ConfigError, LogError
 from ...faults import Fault
-from ...filters import recorded_signal, response_of
+from ...faults.filters import recorded_signal, response_of
+from ...faults.shapes import OF_LINES, SHAPES
 from ...flightlog import FlightLog, read_log
 from ...flightlog.injection import added_by
 from ...flightlog.record import frozen_array
 from ...flightlog.recorder import recorder_filters
 from ...kernels import FloatArray
-from ...report.text import instant
-from ...shapes import OF_LINES, SHAPES
+from ...quantities.text import instant
 from .definition import FlownModel, InjectedFault, RecordedLog
 from .scenarios import Setting
 

@@ -17,10 +17,10 @@ from ...config import Config, merge
 from ...dictionary import Dictionary, load_dictionary
 from ...errors import ConfigError
 from ...faults import Fault, did_you_mean
+from ...faults.shapes import PARAMETERS, SHAPES
+from ...faults.truth import is_same_fault
+from ...faults.validation import validate
 from ...printable import printable
-from ...shapes import PARAMETERS, SHAPES
-from ...truth import is_same_fault
-from ...validation import validate
 from ...yaml12 import load_yaml, read_text
 from ..compare import Peer
 from .definition import FlownModel, InjectedFault, RecordedLog, SweepRules

@@ -12,13 +12,13 @@ import numpy as np
 
 from ...decision import KINDS
 from ...faults import Decision
+from ...faults.shapes import Kind
 from ...kernels.normal import TWO_SIDED_95
 from ...notes import Note, unique
 from ...provenance import Provenance
+from ...quantities.text import counted, number
 from ...report.content import Curve, Drawing, Panel, ReportContent, Table, curve, notes_of
-from ...report.text import counted, number
 from ...serialization import SCHEMA, to_plain
-from ...shapes import Kind
 from . import comparison
 from .comparison import MOST_CURVES, comparison_drawings, comparison_tables, curve_of_shares
 from .scenarios import Sweep

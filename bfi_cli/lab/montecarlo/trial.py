@@ -19,18 +19,18 @@ from ...analysis import identify
 from ...decision import KINDS, State, kind_of
 from ...errors import BfiError
 from ...faults import Decision, Fault, FaultEstimate
+from ...faults.shapes import ADDITIVE, OF_LINES, Kind
+from ...faults.truth import compare_faults
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
 from ...kernels.termination import Termination
+from ...methods import METHODS
 from ...model import identify_faults
-from ...model.methods import METHODS
+from ...model.preprocessing.regression import RegressionData, decides_by_rule, solve
+from ...model.preprocessing.tolerance import tolerances_of
+from ...model.preprocessing.window import prepare_window, regression_of, with_inputs_of
 from ...model.risro import declared
-from ...preprocessing.regression import RegressionData, decides_by_rule, solve
-from ...preprocessing.tolerance import tolerances_of
-from ...preprocessing.window import prepare_window, regression_of, with_inputs_of
 from ...serialization import to_json
-from ...shapes import ADDITIVE, OF_LINES, Kind
-from ...truth import compare_faults
 from ..compare import Problem, outcome_of, paired
 from .flight import faults_of, faulty, is_shared, largest_errors, record_of
 from .scenarios import Setting, Trial, size_of

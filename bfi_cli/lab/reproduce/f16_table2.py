@@ -17,6 +17,7 @@ from pydantic import Field, model_validator
 
 from ...aircraft.f16 import STATES, Inversion, Observation, observe
 from ...errors import ConfigError
+from ...faults.validation import Number, Positive, Rules, validate
 from ...kernels import FloatArray
 from ...kernels.divergence import (
     Density,
@@ -27,7 +28,6 @@ from ...kernels.divergence import (
     log_density,
 )
 from ...report.content import Drawing, Panel, ReportContent, Span, curve
-from ...validation import Number, Positive, Rules, validate
 from ...yaml12 import load_yaml
 from .page import Page, drawing, fill, load, report_content, table
 from .record import Settings

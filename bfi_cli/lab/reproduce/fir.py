@@ -18,8 +18,8 @@ from ...flightlog.record import frozen_array
 from ...kernels import FloatArray
 from ...kernels.risro import risro
 from ...kernels.termination import Termination
+from ...quantities.text import number
 from ...report.content import Panel, ReportContent, curve
-from ...report.text import number
 from .page import drawing, joined, load, report_content, table
 from .record import Settings, thesis_dictionary, thesis_record, trials_of
 

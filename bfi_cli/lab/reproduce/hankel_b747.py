@@ -11,8 +11,8 @@ from ...aircraft.catalogue import B747, ELEVATORS, ENGINES
 from ...aircraft.model import LinearModel, propagate, response
 from ...kernels import FloatArray
 from ...kernels.nullspace import Criteria, criteria
+from ...quantities.text import number
 from ...report.content import Panel, ReportContent, curve
-from ...report.text import number
 from .page import drawing, load, report_content, table
 from .record import Settings
 

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from ...notes import Note
+from ...quantities.text import capital
 from ...report.content import Curve, Drawing, Panel, ReportContent, Style, Table
-from ...report.text import capital
 from ...yaml12 import load_yaml
 
 FOLDER = Path(__file__).parent

@@ -20,13 +20,13 @@ from ...kernels import FloatArray
 from ...kernels.lagged import lagged
 from ...model import identify_faults
 from ...model.identify import NOT_CONVERGED
+from ...model.onset import find_onset, table_of_windows
+from ...model.preprocessing.regression import build_regression, solve
+from ...model.preprocessing.window import prepare_window
 from ...model.result import IdentifyResult
 from ...model.risro import THRESHOLD
-from ...onset import find_onset, table_of_windows
-from ...preprocessing.regression import build_regression, solve
-from ...preprocessing.window import prepare_window
 from ...provenance import provenance
-from ...report.text import interval, number
+from ...quantities.text import interval, number
 from ..dmae import DmaeSettings, dmae
 from .page import load
 from .record import NOISE_M_S, Settings, thesis_dictionary, thesis_record, true_fault, with_noise

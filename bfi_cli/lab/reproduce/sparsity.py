@@ -24,10 +24,10 @@ from ...kernels.model_selection import Penalty, Proposal, refine_supports, searc
 from ...kernels.risro_varx import risro_varx
 from ...kernels.sparsity import SparseStage
 from ...kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes
+from ...model.preprocessing.regression import RegressionData, build_regression
+from ...model.preprocessing.window import prepare_window
 from ...model.risro import THRESHOLD
 from ...model.supports import proposals_of, stage_runs
-from ...preprocessing.regression import RegressionData, build_regression
-from ...preprocessing.window import prepare_window
 from ...report.content import Panel, ReportContent, curve
 from ..montecarlo.summary import Proportion, proportion
 from .page import Page, drawing, joined, load, panel, report_content, table

@@ -17,8 +17,8 @@ from ...config import merge
 from ...errors import LogError
 from ...flightlog import write_log
 from ...notes import Note
+from ...quantities.text import number
 from ...report.content import Curve, Drawing, ReportContent, Span, curve
-from ...report.text import number
 from ...serialization import to_plain
 from ..montecarlo import Sweep, check_records, load_sweep, run_sweep, summarise
 from ..montecarlo.comparison import comparison_drawings, comparison_tables

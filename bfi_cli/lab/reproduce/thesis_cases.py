@@ -17,11 +17,11 @@ import numpy as np
 from ...config import Config
 from ...dictionary import signals
 from ...faults import Fault
+from ...faults.shapes import SHAPES
 from ...flightlog import FlightLog
 from ...model import identify_faults
+from ...quantities.text import number, quantity
 from ...report.content import Curve, Drawing, Panel, ReportContent, Style, Table, curve
-from ...report.text import number, quantity
-from ...shapes import SHAPES
 from ..dmae import DmaeSettings
 from .page import Page, drawing, joined, load, panel, percent, report_content, table
 from .reconstruction import (

@@ -10,6 +10,7 @@ import numpy as np
 
 from ...config import STRONG_EVIDENCE
 from ...faults import Fault, unit_signal
+from ...faults.shapes import Shape
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
 from ...kernels.lagged import Compressed, compress
@@ -17,11 +18,10 @@ from ...kernels.model_selection import Penalty, Proposal, refine_supports
 from ...kernels.risro_varx import risro_varx, sparse_varx
 from ...kernels.sparsity import SparseStage
 from ...kernels.variable_projection import project_inputs
-from ...onset import OnsetResult, find_onset
-from ...preprocessing.regression import ROUND_OFF, solve
+from ...model.onset import OnsetResult, find_onset
+from ...model.preprocessing.regression import ROUND_OFF, solve
+from ...quantities.text import number
 from ...report.content import Drawing, Panel, ReportContent, Table, curve
-from ...report.text import number
-from ...shapes import Shape
 from .page import drawing, fill, load, panel, report_content, table
 from .reconstruction import COPIES, READINGS, dated, label_of, method_config, scanning, shipped
 from .record import (

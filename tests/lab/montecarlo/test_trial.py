@@ -18,8 +18,8 @@ from bfi_cli.lab.montecarlo import trial as trial_module
 from bfi_cli.lab.montecarlo.flight import faults_of, faulty, largest_errors, record_of
 from bfi_cli.lab.montecarlo.scenarios import Setting, Trial
 from bfi_cli.lab.montecarlo.trial import Row, declared_magnitudes, row_from_cells, shared_record
+from bfi_cli.methods import METHODS
 from bfi_cli.model import identify_faults
-from bfi_cli.model.methods import METHODS
 
 DATA = Path(__file__).parents[3] / "data"
 HEAD = "record: {model: citation, rate_hz: 10, duration_s: 30}\ndictionary: dictionary.yaml\n"

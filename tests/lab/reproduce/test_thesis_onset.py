@@ -16,7 +16,7 @@ from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.lab.reproduce import Settings
 from bfi_cli.lab.reproduce.record import thesis_record
 from bfi_cli.lab.reproduce.thesis_onset import thesis_5_14, thesis_5_15, thesis_5_16
-from bfi_cli.onset import find_onset
+from bfi_cli.model.onset import find_onset
 from bfi_cli.report.content import ReportContent
 
 pytestmark = pytest.mark.slow

@@ -1,0 +1,64 @@
+"""Channels of a log averaged over short blocks in flight, and the steps in which they were recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...flightlog import FlightLog
+from ...kernels import FloatArray, IntArray
+from ...kernels.quantisation import find_quantum, quantum_of_plateaus
+from ...quantities.channels import STANDARD
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Blocks:
+    """Which samples of a log each block averages.
+
+    Attributes
+    ----------
+    block : (n_samples,) number of the block of every sample.
+    count : (n_blocks,) samples in each.
+    time_s : (n_blocks,) their mean time.
+    """
+
+    block: IntArray
+    count: FloatArray
+    time_s: FloatArray
+
+    @classmethod
+    def of(cls, time_s: FloatArray, block_s: float) -> Blocks:
+        """Return blocks of a length, those without samples left out."""
+        number = np.floor((time_s - time_s[0]) / block_s + 1e-6).astype(np.intp)
+        block = np.concatenate([[0], np.cumsum(np.diff(number) > 0)]).astype(np.intp)
+        count = np.bincount(block).astype(np.float64)
+        return cls(block=block, count=count, time_s=np.bincount(block, time_s - time_s[0]) / count + time_s[0])
+
+    def mean(self, x: FloatArray) -> FloatArray:
+        """Return (n_blocks,) means of the finite samples of x (n_samples,); NaN where more than half are missing."""
+        finite = np.isfinite(x)
+        middle = float(np.mean(x[finite])) if finite.any() else 0.0
+        n = np.bincount(self.block, finite)
+        total = np.bincount(self.block, np.where(finite, x - middle, 0.0))
+        return np.where(2.0 * n >= self.count, total / np.maximum(n, 1.0) + middle, np.nan)
+
+
+def quanta_of(log: FlightLog, names: Collection[str]) -> Mapping[str, float]:
+    """Return the steps in which channels were recorded, in their units, where the log shows them."""
+    quanta = {}
+    for name in names:
+        values = log.channels[name].values
+        finite = values[np.isfinite(values)]
+        quantum = find_quantum(finite)
+        if quantum is None:
+            quantum = quantum_of_plateaus(finite, log.rate_hz)
+        if quantum is not None:
+            quanta[name] = quantum
+    return quanta
+
+
+def unit_of(log: FlightLog, name: str) -> str:
+    """Return the unit of a channel, the standard one where the log states none."""
+    return log.channels[name].unit or (STANDARD[name].unit if name in STANDARD else "")

@@ -1,0 +1,285 @@
+"""The scan of one window for a fault that grows, in any sensor or pressure line that the residuals involve."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from ...kernels import BoolArray, FloatArray
+from ...kernels.change_scan import steps_and_ramps
+from ...kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratio, noise_model
+from ...kernels.runs import bridged
+from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, climbing, hypotheses, with_fault, without_fault
+from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of, weights_of
+
+# A ramp whose onset lies between two of these loses 0.6 % of its statistic at most; `explain` goes on in whole seconds.
+ONSET_STEP_S = 3.0
+# Times the size of a small fault: what a fault that has grown makes of a residual besides what a small one does.
+# Only that it is many times as large counts: between 3 and 1000 times nothing depends on it.
+LARGE = 300.0
+# After the window's start and before its end: a slope after the onset takes longer to tell from the slow noise than the
+# level before it. Chosen by hand; the shipped tables hold for these.
+FIRST_ONSET_S, LAST_ONSET_S = 10.0, 20.0
+# Of a deflection in rad, and of a gear that is down at 1: more is no play of a sensor. Chosen by hand, not tuned.
+MOVED = {"flaps": 0.02, "gear": 0.2}
+# Of the seconds of a window that the log samples, in which a residual must be known. Chosen by hand, not tuned.
+FEWEST = 0.7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WindowScan:
+    """What the residuals of a window say of every fault that grows from an onset on.
+
+    Attributes
+    ----------
+    onsets_s : (n_onsets,) on the log's axis.
+    ratios : by fault.
+    kinds : the residuals used; residuals : of each the whitened one, at the seconds where it is known.
+    columns : of each (n, m), what is added to it in unknown amounts, at these seconds.
+    lacking : what the others lacked, by name.
+    """
+
+    onsets_s: FloatArray
+    ratios: Mapping[str, LikelihoodRatio]
+    kinds: tuple[ResidualKind, ...]
+    residuals: tuple[Residual, ...]
+    known: tuple[BoolArray, ...]
+    columns: tuple[FloatArray, ...]
+    constants: Constants
+    lacking: Mapping[str, str]
+
+    @property
+    def statistic(self) -> float:
+        """The largest ratio over faults and onsets."""
+        return max(float(ratio.ratio.max()) for ratio in self.ratios.values())
+
+    @property
+    def length_s(self) -> float:
+        return FIRST_ONSET_S + float(self.onsets_s[-1] - self.onsets_s[0]) + LAST_ONSET_S
+
+    @property
+    def weights(self) -> FloatArray:
+        """(n_residuals,) what their log-likelihoods are worth of what their noise models say."""
+        return weights_of(self.kinds, self.length_s)
+
+
+@lru_cache(maxsize=64)  # 0.5 MB each at 240 s
+def _noise(kind: str, n: int, missing: bytes, levels: tuple[float, ...]) -> NoiseModel:
+    known = ~np.frombuffer(missing, dtype=bool)
+    model = next(residual for residual in RESIDUALS if residual.name == kind)
+    time_s = STEP_S * np.arange(n, dtype=np.float64)
+    return noise_model(time_s[known], np.array(levels), model.slow(time_s)[np.ix_(known, known)])
+
+
+def scan_window(
+    record: Record,
+    *,
+    zero_lift: float | None,
+    only: Collection[str] | None = None,
+    lasting: Collection[str] = (),
+) -> WindowScan | None:
+    """Return the scan of a window; None where the log allows no residual.
+
+    Parameters
+    ----------
+    record : the seconds of the window.
+    zero_lift : angle of attack of zero lift, rad, where it is known.
+    only : names of the residuals to use; None for all that the log allows.
+    lasting : faults that began before the window. Whatever constant and drift they may have in it is no evidence.
+    """
+    kinds, lacking = available(record.channels)
+    kinds = tuple(kind for kind in kinds if only is None or kind.name in only)
+    if not kinds or not np.isfinite(record.channels["tas"]).any():
+        return None
+    reason = _reconfigured(record)
+    if reason and "lift" not in lacking:
+        kinds = tuple(kind for kind in kinds if kind.name != "lift")
+        lacking["lift"] = reason
+    constants = constants_of(record, zero_lift=zero_lift)
+    first, last = record.time_s[0] - 0.5 * STEP_S, record.time_s[-1] + 0.5 * STEP_S
+    onsets_s = np.arange(first + FIRST_ONSET_S, last - LAST_ONSET_S + 1e-6, ONSET_STEP_S)
+    if not len(onsets_s):
+        return None
+    _, ramps = steps_and_ramps(record.time_s, onsets_s)
+    n, fewest = len(record.time_s), FEWEST * _samples(record)
+    begun = [candidate for candidate in hypotheses(record) if candidate.fault in lasting]
+    course = np.column_stack([np.ones(n), (record.time_s - record.time_s[0]) / n])
+    used: list[tuple[ResidualKind, Residual, BoolArray, FloatArray]] = []
+    for kind in kinds:
+        values = residual_values(record, record, constants, kind)
+        columns, prior_sd = np.ones((n, 1)), np.array([np.inf])
+        if kind.nuisances is not None:
+            more, sd = kind.nuisances(record, constants)
+            columns, prior_sd = np.column_stack([columns, more]), np.append(prior_sd, sd)
+        for hypothesis in begun:
+            added = _lasting_columns(kind, constants, record, hypothesis, course)
+            columns = np.column_stack([columns, np.nan_to_num(added)])
+            prior_sd = np.append(prior_sd, np.full(added.shape[1], np.inf))
+        known = np.isfinite(values) & np.isfinite(columns).all(axis=1)
+        if np.count_nonzero(known) < fewest:
+            lacking[kind.name] = _gaps(record, kind, fewest)
+            continue
+        noise = _noise(kind.name, n, (~known).tobytes(), tuple(kind.levels.tolist()))
+        residual = Residual.of(noise, values[known], columns[known], prior_sd, ramps[known])
+        used.append((kind, residual, known, columns[known]))
+    if not used:
+        return None
+    kinds, residuals, masks, nuisances = zip(*used, strict=True)
+    scan = WindowScan(
+        onsets_s=onsets_s,
+        ratios={},
+        kinds=kinds,
+        residuals=residuals,
+        known=masks,
+        columns=nuisances,
+        constants=constants,
+        lacking=lacking,
+    )
+    ratios, healthy = {}, [level_of(kind, record, constants) for kind in kinds]
+    for hypothesis in hypotheses(record):
+        signatures = fault_signatures(scan, record, hypothesis, ramps, healthy)
+        if any(signature.any() for signature in signatures):
+            ratios[hypothesis.fault] = likelihood_ratio(residuals, signatures)
+    return replace(scan, ratios=ratios) if ratios else None
+
+
+def _samples(record: Record) -> float:
+    """Return how many samples a window has where there are no gaps: fewer than seconds in a slower log."""
+    n = len(record.time_s)
+    sampled = np.flatnonzero(np.any([np.isfinite(values) for values in record.channels.values()], axis=0))
+    return n / float(np.median(np.diff(sampled))) if len(sampled) > 1 else float(n)
+
+
+def _gaps(record: Record, kind: ResidualKind, fewest: float) -> str:
+    """Return which channels a residual that has too few values lacks."""
+    channels = record.channels
+    short = [
+        " or ".join(group)
+        for group in kind.needs
+        if not any(name in channels and np.isfinite(channels[name]).sum() >= fewest for name in group)
+    ]
+    return ", ".join(f"{names} without gaps" for names in short) or "flight with lift and airspeed"
+
+
+def _reconfigured(record: Record) -> str:
+    """Return what moves that changes the lift at an angle of attack, "" for nothing."""
+    for name in ("flaps", "gear"):
+        values = record.channels.get(name)
+        if values is not None and np.isfinite(values).any() and np.nanmax(values) - np.nanmin(values) > MOVED[name]:
+            return f"{name} that stay where they are" if name == "flaps" else f"a {name} that stays where it is"
+    return ""
+
+
+def residual_values(record: Record, original: Record, constants: Constants, kind: ResidualKind) -> FloatArray:
+    """Return (n,) of a residual.
+
+    Parameters
+    ----------
+    original : the record as it was recorded, where `record` is a corrected one; the integral of the kinematic
+        acceleration at the log's rate belongs to it.
+    """
+    values = kind.values(record, constants)
+    if kind.rate is None:
+        return values
+    assert original.gained is not None
+    gained = original.gained
+    if np.isfinite(gained).any():
+        gained = gained - np.nanmean(gained)
+    values = values - gained
+    if record is not original:
+        values = values - _integral(kind.rate(record) - kind.rate(original))
+    return values
+
+
+def without_lasting(record: Record, fault: str, amount: FloatArray) -> Record:
+    """Return a record as it would be without a fault of `amount`, (n,), with the integral of its accelerations."""
+    other = without_fault(record, fault, amount)
+    if record.gained is None:
+        return other
+    (rate,) = (kind.rate for kind in RESIDUALS if kind.rate is not None)
+    return replace(other, gained=record.gained + _integral(rate(other) - rate(record)))
+
+
+def _integral(rates: FloatArray) -> FloatArray:
+    """Return the integral, by the trapezoidal rule as the acceleration itself is integrated, at the seconds.
+
+    What is not known of rates, (n,), is bridged; those of several courses, (n, n_courses), are all known.
+    """
+    known = np.nan_to_num(bridged(rates)) if rates.ndim == 1 else rates
+    return np.asarray(STEP_S * (np.cumsum(known, axis=0) - 0.5 * known))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Level:
+    """A residual at a record before anything is integrated: its values (n,) and its rate (n,), None where none is."""
+
+    values: FloatArray
+    rate: FloatArray | None
+
+
+def level_of(kind: ResidualKind, record: Record, constants: Constants) -> Level:
+    """Return where a residual is at a record."""
+    return Level(values=kind.values(record, constants), rate=None if kind.rate is None else kind.rate(record))
+
+
+def fault_signatures(
+    scan: WindowScan,
+    record: Record,
+    hypothesis: Hypothesis,
+    courses: FloatArray,
+    healthy: Sequence[Level] | None = None,
+) -> list[FloatArray]:
+    """Return what a fault of these courses, (n, n_courses), makes of every residual; 0 of one that it leaves alone.
+
+    Parameters
+    ----------
+    record : where it is linearised.
+    healthy : where the residuals of the scan are at the record, for several faults at one record; None to find out.
+    """
+    signatures: list[FloatArray] = []
+    other = with_small(record, hypothesis)
+    moved = {name for name, values in other.channels.items() if values is not record.channels[name]}
+    # A static pressure that changes shows as a climb while it does.
+    turning = climbing(record, hypothesis.size) if hypothesis.fault == STATIC_LEAK else None
+    for k, (kind, known) in enumerate(zip(scan.kinds, scan.known, strict=True)):
+        if moved.isdisjoint(kind.reads):
+            signatures.append(np.zeros((np.count_nonzero(known), courses.shape[1])))
+            continue
+        level = level_of(kind, record, scan.constants) if healthy is None else healthy[k]
+        signature = _signature(level, level_of(kind, other, scan.constants), hypothesis, courses)
+        if turning is not None and "altitude_rate" in kind.reads:
+            climb = (kind.values(turning, scan.constants) - level.values) / hypothesis.size
+            signature = signature + climb[:, None] * np.gradient(courses, STEP_S, axis=0)
+        signatures.append(np.nan_to_num(signature[known]))
+    return signatures
+
+
+def _lasting_columns(
+    kind: ResidualKind, constants: Constants, record: Record, hypothesis: Hypothesis, courses: FloatArray
+) -> FloatArray:
+    """Return (n, n_courses + 1) what a fault of any size makes of a residual: each course, and the constant squared."""
+    large, healthy = replace(hypothesis, size=LARGE * hypothesis.size), level_of(kind, record, constants)
+    small_level, large_level = (
+        level_of(kind, with_small(record, candidate), constants) for candidate in (hypothesis, large)
+    )
+    first = _signature(healthy, small_level, hypothesis, courses)
+    ahead = _signature(healthy, large_level, large, courses[:, :1])
+    return np.column_stack([first, ahead - first[:, :1]])
+
+
+def with_small(record: Record, hypothesis: Hypothesis) -> Record:
+    """Return a record with a small constant fault, for differences."""
+    return with_fault(record, hypothesis.fault, np.full(record.time_s.shape, hypothesis.size))
+
+
+def _signature(healthy: Level, faulty: Level, hypothesis: Hypothesis, courses: FloatArray) -> FloatArray:
+    """Return (n, n_courses) what a fault makes of a residual, from where that is without and with a small one."""
+    moved = (faulty.values - healthy.values) / hypothesis.size
+    signature = moved[:, None] * courses
+    if healthy.rate is None or faulty.rate is None:
+        return signature
+    rates = np.nan_to_num(bridged(faulty.rate - healthy.rate)) / hypothesis.size
+    return np.asarray(signature - _integral(rates[:, None] * courses))

@@ -1,0 +1,443 @@
+"""Sensors that fail by themselves: any that holds its reading; a probe, an altimeter, a normal accelerometer that step.
+
+What is computed from a temperature follows a probe that is wrong, so that no relation between these channels breaks;
+but no air changes by some kelvin within seconds at one altitude. The mean of a normal acceleration over two minutes is
+that of gravity, bank and little else, since the climb is no other afterwards than before by more than its own change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ...airdata import air_data_of, climb_angle
+from ...flightlog import FlightLog
+from ...flightlog.defects import FEWEST_REPEATS, WATCHED
+from ...flightlog.phases import Phase
+from ...flightlog.quantities import pressures_of
+from ...kernels.normal import MAD, TWO_SIDED_95
+from ...kernels.quantisation import find_quantum
+from ...kernels.runs import is_repeated, left_of, repeats
+from ...quantities.channels import quantity_of
+from .credibility import climbing_load, still_air_angle
+from .finding import Finding, as_good, squares_by_onset
+from .record import STEP_S, Record
+from .windows import Window, flight_stretches, within
+
+FloatArray = NDArray[np.float64]
+
+# s, and samples, that a frozen sensor rests at least, and times the longest rest in 99 % of the flight beside: coarse
+# sensors rest in calm air. Of 50 sensors of six recorders the longest rest of a healthy one is 21 s, of one that rests
+# for up to 13 s beside.
+RESTS_S, RESTS, USUAL = 20.0, 5.0, 0.99
+# Those that hardly rest, s, of which most must move meanwhile: a recorder that hangs holds all of them.
+LIVELY_S, MOST = 2.5, 0.75
+MOVING = frozenset(WATCHED) - {"tat", "sat"}  # which level flight holds
+# By a blocked port, with the rate of climb, which then shows its noise and its offset: less than these.
+PORT_HOLDS, CLIMBED_M, CLIMBING_M_S = ("altitude", "p_static"), 20.0, 0.1
+# s that a vane should move in meanwhile.
+VANE_NEEDS = frozenset({"aoa", "tas", "altitude_rate", "pitch", "roll"})
+VANE_RESTS_S = 30.0
+# rad, by which attitude and climb say that it should move meanwhile: half a degree, and so many of its own steps.
+SHOULD_MOVE, STEPS = np.radians(0.5), 2.0
+# s of the means before and after a step of the temperature, and between them, which a probe and a recorder take to
+# follow.
+PROBE_MEAN_S, PROBE_GAP_S = 4, 2
+# K, and K per m of altitude meanwhile, in which air can be layered. Off a lapse rate the static temperature of both
+# recorded Citations changes by at most 1.6 K within these seconds in level flight and by 2.5 K in 55 m of climb.
+AIR_K, LAYERED = 3.0, 0.1
+# m, steps of the altitude, and share of its change, by which it does not change beside its rate: at most 4.7 m in the
+# flights of three recorders.
+ALTIMETER_M, ALTIMETER_STEPS, SHARE = 8.0, 3.0, 0.1
+# The share of it that one second of a step has at least, in two of which its sample and the recorder's low-pass lie.
+AT_ONCE = 0.4
+# Times what the flight usually shows, that a step is; s after which it must still be there.
+UNUSUAL, LASTS_S = 10.0, 30
+# Times the usual change, beyond which one has no part in the fit of what follows, which is made so many times; chosen
+# without a tuning record: of normal changes one in twenty thousand is left out.
+STANDS_OUT, FITS = 6.0, 4
+# s of the means before and after a step of the normal acceleration, with less bank than this, rad: in a turn, bank is
+# not known well enough. Such means of both Citations differ by at most 0.10 m/s^2, nine tenths by less than 0.03.
+LOAD_MEAN_S, LARGEST_BANK, FEWEST = 120, np.radians(20.0), 0.6
+LEAST_STEP, UNUSUAL_LOAD = 0.15, 10.0
+ALIKE_S = 10.0  # over which errors of the means are alike, where an onset is sought
+
+
+def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:
+    """Return the stretches in which a sensor holds one value to the last bit while others move.
+
+    It rests for several times as long as in all but a hundredth of the flight beside. Of a vane attitude and climb must
+    say that it should move, of an altitude the rate of climb: calm air, and a blocked port, hold these too.
+    """
+    rate_hz = log.rate_hz
+    flown = np.concatenate([[0], np.cumsum(within(log.time_s, flight_stretches(phases)))]) / rate_hz
+    rests = {name: repeats(channel.values) for name, channel in log.channels.items()}
+    flown_s, fewest_s = float(flown[-1]), max(RESTS_S, FEWEST_REPEATS / rate_hz)
+
+    def usual_s(name: str, stretch: tuple[int, int]) -> float:
+        beside = np.array(left_of(rests[name], [stretch]), dtype=np.intp).reshape(-1, 2)
+        seconds = flown[beside[:, 1]] - flown[beside[:, 0]]
+        return _usual(seconds[seconds > 0.0], flown_s - float(flown[stretch[1]] - flown[stretch[0]]))
+
+    reference = still_air_angle(record) if record.channels.keys() >= VANE_NEEDS else None
+    findings = []
+    for name in log.independent([name for name in log.channels if quantity_of(name) in MOVING]):
+        for first, end in rests[name]:
+            seconds = float(flown[end] - flown[first])
+            if seconds < fewest_s or flown_s - seconds < RESTS_S:
+                continue
+            needed = max(fewest_s, RESTS * usual_s(name, (first, end)))
+            if seconds < needed or not _others_move(log, name, (first, end), usual_s):
+                continue
+            onset_s, until_s = float(log.time_s[first]), float(log.time_s[end - 1])
+            effect: dict[str, float] = {}
+            if quantity_of(name) == "aoa":
+                error = None if reference is None else _error_of_vane(log, record, reference, name, (onset_s, until_s))
+                if error is None:
+                    continue
+                effect = {name: error}
+            findings.append(
+                Finding(
+                    fault=name,
+                    among=(name,),
+                    channels=(name,),
+                    stage="sensors",
+                    shape="frozen",
+                    onset_s=onset_s,
+                    onset_ci95=(onset_s - 1.0 / rate_hz - PROBE_GAP_S, onset_s + 1.0 / rate_hz),
+                    offset_s=None if end >= log.n_samples else until_s,
+                    statistic=seconds,
+                    threshold=needed,
+                    effect=effect,
+                    evidence={"rests_s": seconds},
+                )
+            )
+    return tuple(findings)
+
+
+def _others_move(
+    log: FlightLog, name: str, stretch: tuple[int, int], usual_s: Callable[[str, tuple[int, int]], float]
+) -> bool:
+    """Return whether most of the other sensors that hardly rest move.
+
+    A blocked port holds the altitude and its rate at once: of an altitude only its rate counts, a rate is not frozen
+    while the altitude rests.
+    """
+    if quantity_of(name) == "altitude_rate" and pressures_of(log, name):
+        altitudes = [log.channels[channel].values[slice(*stretch)] for channel in PORT_HOLDS if channel in log.channels]
+        if any(np.mean(is_repeated(values)) >= 0.5 for values in altitudes):
+            return False
+    if quantity_of(name) in PORT_HOLDS:
+        rate = log.channels["altitude_rate"].values[slice(*stretch)] if "altitude_rate" in log.channels else np.zeros(1)
+        climbed = np.cumsum(np.nan_to_num(rate)) / log.rate_hz
+        climbs = np.ptp(climbed) > max(CLIMBED_M, CLIMBING_M_S * len(rate) / log.rate_hz)
+        return bool(climbs and np.mean(is_repeated(rate)) < 0.5)
+    others = [channel for channel in log.channels if channel != name and usual_s(channel, stretch) < LIVELY_S]
+    repeated = [np.mean(is_repeated(log.channels[channel].values[slice(*stretch)])) for channel in others]
+    return bool(repeated) and float(np.mean(np.array(repeated) < 0.5)) >= MOST
+
+
+def _error_of_vane(
+    log: FlightLog, record: Record, reference: FloatArray, name: str, during: tuple[float, float]
+) -> float | None:
+    """Return the largest error of a vane that rests, None where attitude and climb do not say that it should move."""
+    values = log.channels[name].values
+    meanwhile = reference[within(record.time_s, [during])]
+    meanwhile = meanwhile[np.isfinite(meanwhile)]
+    if meanwhile.size < 0.5 * VANE_RESTS_S:
+        return None
+    low, high = np.quantile(meanwhile, (0.05, 0.95))
+    if high - low < max(SHOULD_MOVE, STEPS * (find_quantum(values[np.isfinite(values)]) or 0.0)):
+        return None
+    held = values[np.searchsorted(log.time_s, during[0])]
+    return float(max((held - low, held - high), key=abs))
+
+
+def _usual(seconds: FloatArray, flown_s: float) -> float:
+    """Return the length of rest that all but a hundredth of the time flown lies below."""
+    if not len(seconds):
+        return 0.0
+    order = np.sort(seconds)[::-1]
+    k = int(np.searchsorted(np.cumsum(order), (1.0 - USUAL) * flown_s))
+    return float(order[min(k, len(order) - 1)])
+
+
+def sensor_steps(
+    record: Record, phases: Sequence[Phase], recorded: Collection[str], *, without: Sequence[Window]
+) -> tuple[Finding, ...]:
+    """Return the steps of a temperature probe, of an altimeter and of a normal accelerometer.
+
+    Parameters
+    ----------
+    recorded : the channels that the log has by itself.
+    without : stretches in which the static line is held or leaks.
+    """
+    return (
+        *probe_steps(record, phases, recorded),
+        *altimeter_steps(record, phases, without),
+        *accelerometer_steps(record, phases),
+    )
+
+
+def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[str]) -> tuple[Finding, ...]:
+    """Return the steps of the air temperature that no air has: a probe, with all that is computed from it."""
+    channels = record.channels
+    heat = next((name for name in ("tat", "sat") if name in recorded), None)
+    if heat is None or "altitude" not in channels:
+        return ()
+    # Of a probe without a speed what it shows is taken for the air's: the speed's own steps then hide some.
+    sat = channels["sat"] if "sat" in channels else channels["tat"]
+    if "sat" not in channels and "mach" in channels:
+        sat = air_data_of({name: channels[name] for name in ("altitude", "mach", "tat")}).sat
+    speed = 340.0 * channels["mach"] if "mach" in channels else channels["tas"]
+    flies = within(record.time_s, flight_stretches(phases))
+    warmer, higher, faster = (
+        _difference(np.where(flies, x, np.nan), PROBE_MEAN_S, PROBE_GAP_S) for x in (sat, channels["altitude"], speed)
+    )
+    unexplained, usual = _less_what_follows(warmer, np.column_stack([higher, faster]))
+    least = np.maximum(AIR_K, UNUSUAL * usual) + LAYERED * np.abs(higher)
+    reach_s = 0.5 * (PROBE_MEAN_S + PROBE_GAP_S)
+    findings = []
+    for k in _lasting_peaks(unexplained, least, sat):
+        step, warmth = float(unexplained[k]), float(channels["sat" if "sat" in channels else heat][k])
+        size = step * float(channels[heat][k] / warmth)
+        faster_by = 0.5 * float(channels["tas"][k] if "tas" in channels else 0.0) * step / warmth
+        effects = {"tat": size, "sat": step, "tas": faster_by}
+        finding = _step(
+            heat,
+            size,
+            sd=max(usual, 1e-3 * abs(size)),
+            unit="K",
+            onsets_s=(float(record.time_s[k]), float(record.time_s[k]) - reach_s, float(record.time_s[k]) + reach_s),
+            statistic=abs(step) / float(least[k]),
+            words="temperature against the altitude",
+        )
+        names = tuple(name for name in ("tat", "sat", "tas") if name in recorded)
+        findings.append(replace(finding, channels=names, effect={name: effects[name] for name in names}))
+    return tuple(findings)
+
+
+def altimeter_steps(record: Record, phases: Sequence[Phase], without: Sequence[Window]) -> tuple[Finding, ...]:
+    """Return the steps of the altitude that its rate does not have: an altimeter, or what is set on it.
+
+    Parameters
+    ----------
+    without : stretches in which the static line is held or leaks: then both read what the line does.
+    """
+    excess, unexplained, least, sd = _altitude_beside_rate(record, phases, without)
+    at_once = np.nan_to_num(np.abs(np.diff(excess)))  # by which a step changes, and what is held does not
+    findings = []
+    for k in _lasting_peaks(unexplained, least, excess):
+        first = max(0, k - PROBE_MEAN_S)
+        onset = first + int(np.argmax(at_once[first : k + PROBE_MEAN_S]))
+        # With the onset between the two means: at the peak a part of one may be from before it.
+        at = onset + 1 if np.isfinite(unexplained[onset + 1]) else k
+        size = float(unexplained[at])
+        if abs(size) > least[at] and at_once[onset] > AT_ONCE * abs(size):
+            onset_s = float(record.time_s[onset]) + 0.5 * STEP_S
+            findings.append(
+                _step(
+                    "altitude",
+                    size,
+                    sd=max(float(sd[at]), 1e-3 * abs(size)),
+                    unit="m",
+                    onsets_s=(onset_s, onset_s - STEP_S, onset_s + STEP_S),
+                    statistic=abs(size) / float(least[at]),
+                    words="altitude against its rate",
+                )
+            )
+    return tuple(findings)
+
+
+def altitude_step_within(
+    record: Record, phases: Sequence[Phase], without: Sequence[Window], onsets_s: tuple[float, float]
+) -> float:
+    """Return the size of step of the altitude, m, that its rate allows with an onset in an interval, infinite for any.
+
+    Parameters
+    ----------
+    without : see `altimeter_steps`.
+    """
+    _, unexplained, least, _ = _altitude_beside_rate(record, phases, without)
+    reach_s = PROBE_MEAN_S + PROBE_GAP_S
+    about = within(record.time_s, [(onsets_s[0] - reach_s, onsets_s[1] + reach_s)])
+    allowed = np.abs(unexplained[about]) + least[about]
+    return float(allowed.max()) if allowed.size and np.isfinite(allowed).all() else np.inf
+
+
+def _altitude_beside_rate(
+    record: Record, phases: Sequence[Phase], without: Sequence[Window]
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Return the altitude less the integral of its rate, its changes, how large a step's must be, and their errors.
+
+    A rate that lags makes a change of the altitude that follows a change of the rate; it is taken off. All are (n,),
+    NaN where they are not known.
+    """
+    channels = record.channels
+    if not {"altitude", "altitude_rate"} <= channels.keys():
+        unknown = np.full(len(record.time_s), np.nan)
+        return unknown, unknown, unknown, unknown
+    watched = within(record.time_s, flight_stretches(phases)) & ~within(record.time_s, without)
+    rate = np.where(watched, channels["altitude_rate"], np.nan)
+    climbed = STEP_S * (np.cumsum(np.nan_to_num(rate)) - 0.5 * np.nan_to_num(rate))
+    excess = np.where(np.isfinite(rate), channels["altitude"] - climbed, np.nan)
+    change, faster, by_rate = (_difference(x, PROBE_MEAN_S, PROBE_GAP_S) for x in (excess, rate, climbed))
+    unexplained, usual = _less_what_follows(change, faster[:, None])
+    quantum = find_quantum(channels["altitude"][np.isfinite(channels["altitude"])]) or 0.0
+    least = max(ALTIMETER_M, UNUSUAL * usual, ALTIMETER_STEPS * quantum) + SHARE * np.abs(by_rate)
+    return excess, unexplained, np.where(np.isfinite(unexplained), least, np.nan), np.hypot(usual, SHARE * by_rate)
+
+
+def _less_what_follows(change: FloatArray, follows: FloatArray) -> tuple[FloatArray, float]:
+    """Return (n,) changes less what follows others, (n, n_others), and their usual size; NaN where few are known.
+
+    What is fitted leaves out the changes that stand out, which else would hide a part of themselves.
+    """
+    known = np.isfinite(change) & np.isfinite(follows).all(axis=1)
+    if np.count_nonzero(known) < LASTS_S:
+        return np.full(len(change), np.nan), np.nan
+    fitted = known
+    for _ in range(FITS):
+        unexplained = change - follows @ np.linalg.lstsq(follows[fitted], change[fitted], rcond=None)[0]
+        usual = MAD * float(np.median(np.abs(unexplained[known])))
+        fitted = known & (np.abs(unexplained) <= STANDS_OUT * usual) if usual > 0.0 else known
+    return unexplained, usual
+
+
+def _lasting_peaks(changes: FloatArray, least: FloatArray, values: FloatArray) -> list[int]:
+    """Return the samples at which a change of values is largest and above the least; a spike is none.
+
+    The step is there half a minute later, but for half of it.
+    """
+    lasting = []
+    for k in _peaks(np.abs(changes) / least, 2 * (PROBE_MEAN_S + PROBE_GAP_S)):
+        before, after = values[max(0, k - LASTS_S) : k - 2], values[k + 2 : k + LASTS_S]
+        known = np.isfinite(before).any() and np.isfinite(after).any()
+        if known and (np.nanmedian(after) - np.nanmedian(before)) / changes[k] > 0.5:
+            lasting.append(k)
+    return lasting
+
+
+def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:
+    """Return the steps of the normal acceleration that neither climb nor bank explain.
+
+    The climb is that of the altitude and that of attitude and airspeed: a static line that leaks makes a climb of the
+    one, and a vane that steps one of the other.
+    """
+    channels = record.channels
+    if not {"normal_acc", "altitude_rate", "pitch", "roll", "tas"} <= channels.keys():
+        return ()
+    level = within(record.time_s, flight_stretches(phases)) & (np.abs(channels["roll"]) < LARGEST_BANK)
+    aoa = channels.get("aoa", np.zeros(len(record.time_s)))
+    by_attitude = channels["tas"] * np.sin(climb_angle(aoa, channels["pitch"], channels["roll"]))
+    excess = np.where(level, channels["normal_acc"] - climbing_load(record), np.nan)
+    other = np.where(level, channels["normal_acc"] - climbing_load(record, by_attitude), np.nan)
+    shown, confirmed = (_difference(course, LOAD_MEAN_S, 0) for course in (excess, other))
+    change = np.where(np.abs(confirmed) < np.abs(shown), np.where(confirmed * shown > 0.0, confirmed, 0.0), shown)
+    known = np.isfinite(change)
+    if np.count_nonzero(known) < 2 * LOAD_MEAN_S:
+        return ()
+    # A step is in 240 s of differences, much of a short flight: the lower quartile, as of a normal distribution.
+    usual = float(np.quantile(np.abs(change[known]), 0.25)) / 0.3186
+    least = max(LEAST_STEP, UNUSUAL_LOAD * usual)
+    findings = []
+    for k in _peaks(np.abs(change) / least, LOAD_MEAN_S):
+        first, last = max(0, k - LOAD_MEAN_S), min(len(excess), k + LOAD_MEAN_S)
+        onset, low, high = _onset(excess[first:last])
+        if not abs(change[first + onset]) >= least:  # it splits what turns leave of a stretch, and says nothing
+            onset, low, high = k - first, 0, last - first - 1
+        size = float(shown[first + onset])
+        times = record.time_s[[first + onset, first + low, min(first + high, len(excess) - 1)]] - 0.5
+        findings.append(
+            _step(
+                "normal_acc",
+                size,
+                sd=float(np.quantile(np.abs(shown[np.abs(shown) < 0.5 * abs(size)]), 0.95)) / TWO_SIDED_95,
+                unit="m/s^2",
+                onsets_s=(float(times[0]), float(times[1]) - 1.0, float(times[2]) + 1.0),
+                statistic=float(abs(change[first + onset])) / least,
+                words="normal_acc against climb and bank",
+            )
+        )
+    return tuple(findings)
+
+
+def _step(
+    channel: str,
+    size: float,
+    *,
+    sd: float,
+    unit: str,
+    onsets_s: tuple[float, float, float],
+    statistic: float,
+    words: str,
+) -> Finding:
+    """Return the finding of a channel that steps; `onsets_s` are the onset and the ends of its interval."""
+    return Finding(
+        fault=channel,
+        among=(channel,),
+        channels=(channel,),
+        stage="static relations",
+        shape="bias",
+        magnitude=size,
+        sd=sd,
+        unit=unit,
+        onset_s=onsets_s[0],
+        onset_ci95=onsets_s[1:],
+        statistic=statistic,
+        threshold=1.0,
+        effect={channel: size},
+        evidence={words: round(statistic, 2)},
+    )
+
+
+def _difference(values: FloatArray, n: int, gap: int) -> FloatArray:
+    """Return the mean of n values from a sample on, or `gap` later, less that of n before; NaN with too few."""
+    known = np.isfinite(values)
+    total = np.concatenate([[0.0], np.cumsum(np.where(known, values, 0.0))])
+    count = np.concatenate([[0], np.cumsum(known)])
+    change = np.full(len(values), np.nan)
+    k = np.arange(n + gap, len(values) - n - gap)
+    if not k.size:
+        return change
+
+    def mean(first: NDArray[np.intp]) -> FloatArray:
+        seen = count[first + n] - count[first]
+        return np.where(seen >= FEWEST * n, (total[first + n] - total[first]) / np.maximum(seen, 1), np.nan)
+
+    change[k] = mean(k + gap) - mean(k - n - gap)
+    return change
+
+
+def _peaks(ratio: FloatArray, apart: int) -> list[int]:
+    """Return the samples at which a ratio is above 1 and the largest within so many to both sides."""
+    left, peaks = np.nan_to_num(ratio), []
+    while left.size and left.max() > 1.0:
+        k = int(np.argmax(left))
+        peaks.append(k)
+        left[max(0, k - apart) : k + apart + 1] = 0.0
+    return sorted(peaks)
+
+
+def _onset(values: FloatArray) -> tuple[int, int, int]:
+    """Return where a step splits values best, and the first and last place that does as well."""
+    known = np.flatnonzero(np.isfinite(values))
+    after = np.tri(len(known), len(known) - 1, -1)
+    squares, _ = squares_by_onset(values[known], after)
+    near = as_good(squares, len(known), ALIKE_S)
+    return tuple(known[[int(np.argmin(squares)) + 1, near[0], near[-1] + 1]].tolist())
+
+
+def without_frozen(log: FlightLog, findings: Sequence[Finding]) -> FlightLog:
+    """Return a log without the samples in which a channel is frozen."""
+    channels = dict(log.channels)
+    for finding in findings:
+        until_s = np.inf if finding.offset_s is None else finding.offset_s
+        gone = (log.time_s >= finding.onset_ci95[0]) & (log.time_s <= until_s)
+        values = np.where(gone, np.nan, channels[finding.fault].values)
+        values.setflags(write=False)
+        channels[finding.fault] = replace(channels[finding.fault], values=values)
+    return replace(log, channels=channels)

@@ -1,0 +1,385 @@
+"""What the channels of a flight imply of each other, in absolute terms: one row a relation.
+
+Tolerances are of the medians of pieces of a flight, in which gusts and manoeuvres have no part: of rounding and of the
+recovery of a probe (1 % of what a temperature rises by, half a percent of the airspeed) within one air-data computer,
+CS/FAR 25.1323(b) for an indicated airspeed, the coldest and hottest air of an altitude (35 K of the standard one), the
+range of altimeter settings (950 to 1050 hPa), and the mounting of vanes and accelerometers (a degree, three degrees).
+Those of `cas` by Mach number, of `q_impact` and of `aoa` had to be widened for flights that were recorded
+(docs/theory.md, 15.9).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import KW_ONLY, dataclass, replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from ...airdata import (
+    EARTH_RADIUS,
+    HIGHEST,
+    LOWEST,
+    PRESSURES,
+    G,
+    altitude_of,
+    calibrated_airspeed,
+    impact_pressure_of_cas,
+    impact_pressure_of_mach,
+    isa_temperature,
+    kinematic_acceleration,
+    mach_number,
+    pressure_at,
+    speed_of_sound,
+    total_temperature,
+    true_airspeed,
+    vane_angle,
+)
+from ...kernels import FloatArray
+
+Values = Mapping[str, FloatArray]
+Make = Callable[["State"], FloatArray]
+
+# rad; a vane that flaps or a nose that points straight up is no flight that these relations know.
+STEEPEST = 1.4
+# K, between which all air lies that an aircraft meets, and what its probes show of it.
+TEMPERATURES = (150.0, 420.0)
+# Calibrated airspeed, m/s, and impact pressure, Pa and as a share of the static one: of just below Mach 1.
+FASTEST, LARGEST_IMPACT, SUBSONIC = 340.0, 90_000.0, 0.89
+# CS/FAR 25.1323(b), m/s: 5 kt of an indicated airspeed, of which a tenth in slow flight with flaps.
+INDICATED = (2.6, 0.1)
+DEGREE = np.pi / 180.0
+# Of the vertical, below which the load along body z says nothing of the climb: 70 degrees of bank.
+LEAST_UPRIGHT = 0.3
+# rad, above that of zero lift: in cruise, of the six degrees that `parity.credibility` takes for typical.
+TYPICAL_ANGLE = 0.1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class State:
+    """Channels once a second, in flight, with their rates, as they are or changed.
+
+    Attributes
+    ----------
+    values : (n,) by standard name, in its SI unit, NaN where a second has none.
+    rates : (n,) their derivatives, per second of the log's axis.
+    time_s : (n,) on that axis.
+    """
+
+    values: Values
+    rates: Values
+    time_s: FloatArray
+
+    def without(self, names: Collection[str]) -> State:
+        """Return the rest without some channels."""
+        values, rates = (
+            {name: quantity for name, quantity in every.items() if name not in names}
+            for every in (self.values, self.rates)
+        )
+        return replace(self, values=values, rates=rates)
+
+    @property
+    def zeros(self) -> FloatArray:
+        """A channel that is 0 throughout."""
+        return np.zeros_like(next(iter(self.values.values())))
+
+    def of(self, name: str) -> FloatArray:
+        """Return a channel, 0 where it is missing."""
+        return self.values.get(name, self.zeros)
+
+    def rate(self, name: str) -> FloatArray:
+        """Return the rate of a channel, 0 where it is missing."""
+        return self.rates.get(name, self.zeros)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Relation:
+    """What a channel should read by others.
+
+    Attributes
+    ----------
+    reading, expected : from the channels, (n,) what it reads and what it should.
+    needs : the channels that it takes, the one that is read first; beside : those that it takes where they are known.
+    tolerance, share : by which the medians of both may differ, in the channel's unit and of what is expected.
+    least : standard deviation of what is expected in a piece, from which the reading should follow it; None where the
+        level alone counts. `tolerance` is None where the motion alone does.
+    has_scale : whether it follows one to one; timed : whether it takes the rate of a channel by the time axis.
+    """
+
+    reading: Make
+    expected: Make
+    _: KW_ONLY
+    needs: tuple[str, ...]
+    beside: tuple[str, ...] = ()
+    tolerance: float | None = None
+    share: float = 0.0
+    least: float | None = None
+    has_scale: bool = True
+    timed: bool = False
+
+    def channels(self, known: Collection[str]) -> tuple[str, ...]:
+        """Return the channels of the log that have a part in it."""
+        return (*self.needs, *(name for name in self.beside if name in known))
+
+
+def _within(values: FloatArray, low: float, high: float | FloatArray) -> FloatArray:
+    """Return the values between two bounds, NaN beyond: no equation holds there."""
+    return np.where((values >= low) & (values <= high), values, np.nan)
+
+
+def _temperature(state: State, name: str) -> FloatArray:
+    return _within(state.values[name], *TEMPERATURES)
+
+
+def _pressure(state: State, name: str) -> FloatArray:
+    if name == "p_static":
+        return _within(state.values[name], *PRESSURES)
+    return pressure_at(_within(state.values[name], LOWEST, HIGHEST))
+
+
+def _mach(state: State, name: str, static: str) -> FloatArray:
+    """Return the Mach number of a calibrated airspeed at the pressure of another channel."""
+    pressure = _pressure(state, static)
+    impact = impact_pressure_of_cas(_within(state.values[name], 0.0, FASTEST))
+    return mach_number(_within(impact, 0.0, SUBSONIC * np.nan_to_num(pressure, nan=1.0)), pressure)
+
+
+def _tas_of(mach: FloatArray, state: State, temperature: str) -> FloatArray:
+    mach, kelvin = _within(mach, 0.0, 1.0), _temperature(state, temperature)
+    return true_airspeed(mach, kelvin) if temperature == "tat" else mach * speed_of_sound(kelvin)
+
+
+def _true_airspeed(state: State, name: str, static: str) -> FloatArray:
+    """Return the true airspeed of a calibrated one, in standard air where no temperature is recorded."""
+    mach = _mach(state, name, static)
+    heat = next((channel for channel in ("sat", "tat") if channel in state.values), None)
+    known = np.full(mach.shape, np.nan) if heat is None else _tas_of(mach, state, heat)
+    standard = mach * speed_of_sound(isa_temperature(altitude_of(_pressure(state, static))))
+    return np.where(np.isfinite(known), known, standard)
+
+
+def _cas_of_mach(state: State, static: str) -> FloatArray:
+    impact = impact_pressure_of_mach(_within(state.values["mach"], 0.0, 1.0), _pressure(state, static))
+    return calibrated_airspeed(_within(impact, 0.0, LARGEST_IMPACT))
+
+
+def _standard_air(state: State) -> FloatArray:
+    return isa_temperature(_within(state.values["altitude"], LOWEST, HIGHEST))
+
+
+def _climb_rate(state: State, source: str) -> FloatArray:
+    """Return the rate of climb in metres as they are, by the altitude or its recorded rate."""
+    rate = state.rates["altitude"] if source == "altitude" else state.values["altitude_rate"]
+    if "sat" not in state.values or "altitude" not in state.values:
+        return rate
+    warmth = _temperature(state, "sat") / _standard_air(state)
+    return rate * np.where(np.isfinite(warmth), np.clip(warmth, 0.8, 1.2), 1.0)
+
+
+def _vane(state: State, source: str, speed: str = "tas") -> FloatArray:
+    pitch, roll = (_within(state.of(name), -STEEPEST, STEEPEST) for name in ("pitch", "roll"))
+    return vane_angle(_climb_rate(state, source), state.values[speed], pitch, roll)
+
+
+def _load(state: State) -> FloatArray:
+    """Return the normal acceleration upward, without gravity, of the climb and the bank."""
+    pitch, roll = state.of("pitch"), state.of("roll")
+    upright = np.cos(roll) * np.cos(pitch)
+    upward = G * np.cos(pitch) ** 2 + state.rate("altitude_rate")
+    return upward / np.where(upright > LEAST_UPRIGHT, upright, np.nan) - G
+
+
+def _lift(state: State, name: str) -> FloatArray:
+    """Return what the angle of attack follows, in its size: the lift over the square of an airspeed."""
+    squared = state.values[name] ** 2
+    return TYPICAL_ANGLE * (state.of("normal_acc") + G) / G * np.nanmedian(squared) / np.maximum(squared, 1.0)
+
+
+def _along(state: State) -> FloatArray:
+    """Return the longitudinal acceleration by the airspeed's rate and the attitude."""
+    aoa, pitch, roll = (state.of(name) for name in ("aoa", "pitch", "roll"))
+    still = kinematic_acceleration(np.zeros_like(pitch), state.of("normal_acc"), aoa, pitch, roll)
+    return (state.rates["tas"] - still) / np.cos(aoa)
+
+
+def _ground(state: State) -> FloatArray:
+    return np.hypot(state.values["velocity_north"], state.values["velocity_east"])
+
+
+def _moved(state: State) -> FloatArray:
+    """Return the ground speed of the positions: that of a degree of latitude where it is, and of longitude there."""
+    north = EARTH_RADIUS * state.rates["latitude"]
+    return np.hypot(north, EARTH_RADIUS * np.cos(state.values["latitude"]) * state.rates["longitude"])
+
+
+def _turning(state: State, name: str = "tas") -> FloatArray:
+    """Return the rate of the heading in a coordinated turn."""
+    roll, speed = _within(state.of("roll"), -STEEPEST, STEEPEST), np.abs(state.values[name])
+    return G * np.tan(roll) / np.where(speed > 1.0, speed, np.nan)
+
+
+def _heading_rate(state: State) -> FloatArray:
+    if "yaw" in state.rates:
+        return state.rates["yaw"]
+    return _turning(state) if {"tas", "roll"} <= state.values.keys() else state.zeros
+
+
+def _pitching(state: State) -> FloatArray:
+    pitch, roll = state.of("pitch"), state.of("roll")
+    return state.rates["pitch"] * np.cos(roll) + _heading_rate(state) * np.sin(roll) * np.cos(pitch)
+
+
+def _rolling(state: State) -> FloatArray:
+    return state.rates["roll"] - _heading_rate(state) * np.sin(state.of("pitch"))
+
+
+def _yawing(state: State) -> FloatArray:
+    return _turning(state) * np.cos(state.of("roll")) * np.cos(state.of("pitch"))
+
+
+def _off_track(state: State) -> FloatArray:
+    track = np.arctan2(state.values["velocity_east"], state.values["velocity_north"])
+    return (state.values["yaw"] - track + np.pi) % (2.0 * np.pi) - np.pi
+
+
+def _value(name: str) -> Make:
+    return lambda state: state.values[name]
+
+
+def _rate(name: str) -> Make:
+    return lambda state: state.rates[name]
+
+
+def _air_data() -> Iterator[Relation]:
+    """Yield what pressures, temperatures and airspeeds of one air say of each other."""
+    for warm in ("sat", "tat"):
+
+        def by_mach(state: State, warm: str = warm) -> FloatArray:
+            return _tas_of(state.values["mach"], state, warm)
+
+        yield Relation(_value("tas"), by_mach, needs=("tas", "mach", warm), tolerance=0.5, share=0.0075)
+        limit = 35.0 if warm == "sat" else 60.0  # K; up to Mach 0.7 the total temperature is 25 K more
+        yield Relation(_value(warm), _standard_air, needs=(warm, "altitude"), tolerance=limit)
+        for static in ("altitude", "p_static"):
+            for name, tolerance, share in (("cas", 0.5, 0.0075), ("ias", *INDICATED)):
+
+                def by_pressure(state: State, name: str = name, static: str = static, warm: str = warm) -> FloatArray:
+                    return _tas_of(_mach(state, name, static), state, warm)
+
+                needs = ("tas", name, static, warm)
+                yield Relation(_value("tas"), by_pressure, needs=needs, tolerance=tolerance, share=share)
+    for static in ("altitude", "p_static"):
+        cas_of_mach = partial(_cas_of_mach, static=static)
+        for name, tolerance, share in (("cas", 0.3, 0.001), ("ias", *INDICATED)):
+            yield Relation(_value(name), cas_of_mach, needs=(name, "mach", static), tolerance=tolerance, share=share)
+    yield Relation(_value("cas"), _value("ias"), needs=("cas", "ias"), tolerance=INDICATED[0], share=INDICATED[1])
+    yield Relation(
+        _value("tat"),
+        lambda s: total_temperature(_temperature(s, "sat"), _within(s.values["mach"], 0.0, 1.0)),
+        needs=("tat", "sat", "mach"),
+        tolerance=1.5,
+    )
+    pressures = ("altitude", "p_static")
+    yield Relation(
+        _value("altitude"), lambda s: altitude_of(_pressure(s, "p_static")), needs=pressures, tolerance=550.0
+    )
+    for name in ("cas", "ias"):
+        # The differential pressure of a flow sensor is no impact pressure before its tubes are corrected for: by 0.4.
+        yield Relation(
+            _value(name),
+            lambda s: calibrated_airspeed(_within(s.values["q_impact"], 0.0, LARGEST_IMPACT)),
+            needs=(name, "q_impact"),
+            tolerance=2.6,
+            share=0.4,
+        )
+    sum_of = ("p_total", "p_static", "q_impact")
+    yield Relation(
+        _value("p_total"), lambda s: s.values["p_static"] + s.values["q_impact"], needs=sum_of, tolerance=100.0
+    )
+
+
+def _attitude() -> Iterator[Relation]:
+    """Yield what attitude, climb, vane and accelerations say of each other; a vane is mounted within a degree."""
+    for source in ("altitude_rate", "altitude"):
+        yield Relation(
+            _value("aoa"),
+            partial(_vane, source=source),
+            needs=("aoa", "pitch", "tas", source),
+            beside=("roll",),
+            tolerance=1.25 * DEGREE,
+            least=1.5 * DEGREE,
+            timed=source == "altitude",
+        )
+    for name in ("cas", "tas"):
+        needs = ("aoa", "normal_acc", name)
+        yield Relation(_value("aoa"), partial(_lift, name=name), needs=needs, least=0.7 * DEGREE, has_scale=False)
+    yield Relation(
+        _value("normal_acc"),
+        _load,
+        needs=("normal_acc", "pitch", "roll"),
+        beside=("altitude_rate",),
+        tolerance=0.6,
+        least=0.4,
+    )
+    yield Relation(
+        _value("longitudinal_acc"),
+        _along,
+        needs=("longitudinal_acc", "tas", "pitch"),
+        beside=("aoa", "roll", "normal_acc"),
+        tolerance=0.5,
+        least=0.25,
+        timed=True,
+    )
+
+
+def _rates() -> Iterator[Relation]:
+    """Yield what rates say of the channels whose rates they are."""
+    needs: tuple[str, ...] = ("altitude_rate", "altitude")
+    yield Relation(_value(needs[0]), _rate("altitude"), needs=needs, tolerance=1.0, least=0.75, timed=True)
+    needs = ("tas_rate", "tas")
+    yield Relation(_value(needs[0]), _rate("tas"), needs=needs, tolerance=0.2, least=0.15, timed=True)
+    angular = partial(Relation, tolerance=DEGREE, timed=True)
+    beside: tuple[str, ...] = ("roll", "yaw", "tas")
+    yield angular(_value("pitch_rate"), _pitching, needs=("pitch_rate", "pitch"), beside=beside, least=0.15 * DEGREE)
+    yield angular(_value("roll_rate"), _rolling, needs=("roll_rate", "roll"), beside=("pitch",), least=0.3 * DEGREE)
+    yield Relation(
+        _value("yaw_rate"),
+        _yawing,
+        needs=("yaw_rate", "roll", "tas"),
+        beside=("pitch",),
+        tolerance=0.25 * DEGREE,
+        share=0.25,
+        least=0.3 * DEGREE,
+    )
+    yield Relation(
+        _rate("yaw"),
+        lambda s: s.values["yaw_rate"] / np.cos(s.of("roll")),
+        needs=("yaw", "yaw_rate"),
+        beside=("roll",),
+        least=0.3 * DEGREE,
+        timed=True,
+    )
+
+
+def _over_ground() -> Iterator[Relation]:
+    """Yield what the motion over ground says of the airspeed, in any wind that is flown in, and of the heading."""
+    north = ("velocity_north", "velocity_east")
+    in_wind = partial(Relation, tolerance=15.0, share=0.35)
+    # At 11 km a true airspeed is 1.7 times the calibrated one: without a height none is made of it.
+    airspeeds: list[tuple[tuple[str, ...], Make]] = [(("tas",), _value("tas"))]
+    for name, static in product(("cas", "ias"), ("altitude", "p_static", "gps_altitude")):
+        airspeeds.append(((name, static), partial(_true_airspeed, name=name, static=static)))
+    for needs, airspeed in airspeeds:
+        beside = () if needs == ("tas",) else ("sat", "tat")
+        yield in_wind(_value("ground_speed"), airspeed, needs=("ground_speed", *needs), beside=beside)
+        yield in_wind(_ground, airspeed, needs=(*north, *needs), beside=beside)
+    yield Relation(_value("ground_speed"), _ground, needs=("ground_speed", *north), tolerance=1.0, share=0.05)
+    moved = partial(Relation, expected=_moved, tolerance=3.0, share=0.1, timed=True)
+    yield moved(_value("ground_speed"), needs=("ground_speed", "latitude", "longitude"))
+    yield moved(_ground, needs=(*north, "latitude", "longitude"))
+    yield Relation(_off_track, lambda state: state.zeros, needs=("yaw", *north), tolerance=0.8)
+
+
+RELATIONS = (*_air_data(), *_attitude(), *_rates(), *_over_ground())
+NAMES = tuple(dict.fromkeys(name for relation in RELATIONS for name in (*relation.needs, *relation.beside)))

@@ -1,0 +1,321 @@
+"""Which channel is to blame where relations fail throughout a flight, and what would make all of them fit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from ...kernels import BoolArray, FloatArray, IntArray
+from .changes import Change, named_changes
+from .constancy import ConstantPart, constant_part
+from .relations import Relation, State
+
+# Pieces of a flight in each of which a relation fails that fails throughout; what begins during a flight is a fault
+# with an onset, which the analyses find. Slopes need longer pieces than medians.
+PIECES, LONG_PIECES, LEAST_PER_PIECE = 8, 4, 3
+FEWEST_TOLD = 2  # longer pieces that tell of the motion: in one alone it may be gusts
+SIMPLER = float(np.log(2.0))  # of the cost, that a scale must be better by: its misfit in one relation half as large
+# Of the pieces, in which a relation holds that holds.
+HOLDING = 0.75
+# As in `bfi_cli.flight.parity.credibility`, which has the recorded flights: with less in common two signals say next to
+# nothing of each other, and a scale that is off by more makes an error of half of what the channel shows.
+LEAST_CORRELATION, LARGEST_SCALE = 0.5, 1.5
+# Of a tolerance, from which what is expected shows a factor; how much better a unit fits than what it is said to be.
+LARGE, BETTER = 2.0, 3.0
+# So alike they tell a scale, however little what is expected moves.
+ALIKE = 0.9
+# Of the size of a relation's residual, what its solution leaves; iterations of the secant to there.
+SOLVED, MOST_STEPS = 1e-3, 6
+MOST_FINDINGS = 3
+FEWEST_CLOCKED = 2  # relations that tell the time, of which one alone may have a wrong channel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Misfit:
+    """How a relation holds.
+
+    Attributes
+    ----------
+    levels : (8,) by piece the median difference over its tolerance, 0 where none is stated.
+    correlation, slope : (4,) by longer piece, of the reading and what is expected, 0 and 1 where that is not told.
+    is_informative, follows : (4,) whether what is expected moves enough to tell, and whether the reading follows it.
+    difference, size : medians over the flight of the difference and of the size of what is expected.
+    tolerance : of the levels.
+    """
+
+    levels: FloatArray
+    correlation: FloatArray
+    slope: FloatArray
+    is_informative: BoolArray
+    follows: BoolArray
+    difference: float
+    size: float
+    tolerance: float
+
+    @property
+    def is_wrong(self) -> bool:
+        """Whether the reading follows in no piece that is informative."""
+        return bool(self.is_informative.sum() >= FEWEST_TOLD and not self.follows[self.is_informative].any())
+
+    @property
+    def fails(self) -> bool:
+        """Whether it fails throughout the flight."""
+        return self.is_wrong or bool(np.all(np.abs(self.levels) > 1.0))
+
+    @property
+    def holds(self) -> bool:
+        """Whether it holds in most of the flight."""
+        return not self.is_wrong and float(np.mean(np.abs(self.levels) <= 1.0)) >= HOLDING
+
+    @property
+    def cost(self) -> float:
+        """What is left of it, in tolerances."""
+        return float(np.sqrt(np.mean(np.minimum(np.abs(self.levels), 1e6) ** 2)))
+
+    def explained_by(self, after: Misfit, change: Change) -> bool:
+        """Return whether it fails, and holds after a change, which what is compared is large enough to show.
+
+        What is made small fits whatever is near to nothing.
+        """
+        if not self.fails or not after.holds:
+            return False
+        if self.is_wrong:
+            return float(np.mean(after.follows[self.is_informative])) >= HOLDING
+        if change.what == "offset":
+            return True
+        shown = after.size >= LARGE * after.tolerance or bool(after.follows.mean() >= HOLDING)
+        return shown and (change.what != "unit" or self.cost >= BETTER * after.cost)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class KnownRelation:
+    """A relation of the log with the seconds (8, m) in which all of its channels are known."""
+
+    relation: Relation
+    channels: tuple[str, ...]
+    rows: IntArray
+
+    def is_touched_by(self, change: Change) -> bool:
+        """Return whether it takes a channel that is changed, or a rate by a clock that is."""
+        return self.relation.timed if change.what == "clock" else not set(change.channels).isdisjoint(self.channels)
+
+    def misfit(self, state: State) -> Misfit:
+        """Return how it holds."""
+        relation = self.relation
+        reading, expected = self._sides(state)
+        with np.errstate(all="ignore"):
+            difference = reading - expected
+        known = np.isfinite(difference)
+        difference[~known] = np.inf
+        size = np.median(np.abs(np.where(known, expected, 0.0)), axis=1)
+        levels, tolerance = np.zeros(PIECES), np.full(PIECES, np.inf)
+        if relation.tolerance is not None:
+            tolerance = relation.tolerance + relation.share * size
+            levels = np.median(difference, axis=1) / tolerance
+        moments = (np.zeros(LONG_PIECES), np.ones(LONG_PIECES), *np.zeros((2, LONG_PIECES), dtype=bool))
+        if relation.least is not None:
+            moments = self._motion(reading, expected, known)
+        return Misfit(
+            levels=levels,
+            correlation=moments[0],
+            slope=moments[1],
+            is_informative=moments[2],
+            follows=moments[3],
+            difference=float(np.median(difference)),
+            size=float(np.median(size)),
+            tolerance=float(np.median(tolerance)),
+        )
+
+    def _sides(self, state: State) -> tuple[FloatArray, FloatArray]:
+        """Return (8, m) what the relation reads and what it should."""
+        with np.errstate(all="ignore"):
+            return self.relation.reading(state)[self.rows], self.relation.expected(state)[self.rows]
+
+    def constant_part(self, change: Change, state: State) -> ConstantPart | None:
+        """Return what of an offset or a scale is there from the first sample on, None where it begins later."""
+        with np.errstate(all="ignore"):
+            difference, left = (np.subtract(*self._sides(case)).ravel() for case in (state, change.of(state)))
+            constant = difference - left
+        tolerance = self.misfit(state).tolerance
+        return constant_part(difference, constant, state.time_s[self.rows.ravel()], tolerance=tolerance)
+
+    def _motion(
+        self, reading: FloatArray, expected: FloatArray, known: BoolArray
+    ) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
+        """Return by longer piece correlation and slope, whether they tell anything, and whether the reading follows."""
+        least = self.relation.least or 0.0
+        n = known.size // LONG_PIECES
+        known, (x, y) = known.reshape(LONG_PIECES, n), (side.reshape(LONG_PIECES, n) for side in (reading, expected))
+        count = np.maximum(known.sum(axis=1, keepdims=True), 1)
+        x, y = (np.where(known, side, 0.0) for side in (x, y))
+        x, y = (np.where(known, side - side.sum(axis=1, keepdims=True) / count, 0.0) for side in (x, y))
+        xx, xy, yy = ((side * other).sum(axis=1) / count[:, 0] for side, other in ((x, x), (x, y), (y, y)))
+        with np.errstate(all="ignore"):
+            correlation = np.nan_to_num(xy / np.sqrt(xx * yy))
+            slope = np.nan_to_num(np.sqrt(xx / yy), nan=1.0)
+        is_informative = (yy >= least**2) | ((np.abs(correlation) >= ALIKE) & (xx >= least**2))
+        lost = 2 * known.sum(axis=1) < n
+        follows = (correlation >= LEAST_CORRELATION) & ~lost
+        if self.relation.has_scale:
+            with np.errstate(all="ignore"):  # of what does not move at all
+                follows &= (correlation * slope <= LARGEST_SCALE) & (correlation <= LARGEST_SCALE * slope)
+        return correlation, slope, is_informative | lost, follows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Blame:
+    """A change that makes relations fit which fail without it, and the others that would do the same.
+
+    Attributes
+    ----------
+    explains : the relations; misfit : of the first of them with the change, over what it expects.
+    share_sd : standard deviation of the size of an offset or a scale, as a share of it; infinite where nothing tells.
+    """
+
+    change: Change
+    rivals: tuple[Change, ...]
+    explains: tuple[KnownRelation, ...]
+    misfit: float
+    share_sd: float = np.inf
+
+
+def known_relations(relations: Sequence[Relation], seconds: State) -> list[KnownRelation]:
+    """Return the relations that a log tells of, with the seconds in which it does."""
+    usable = []
+    for relation in relations:
+        if not set(relation.needs) <= seconds.values.keys():
+            continue
+        channels = relation.channels(seconds.values)
+        known = np.flatnonzero(np.all([np.isfinite(seconds.values[name]) for name in channels], axis=0))
+        rows = known[: known.size // PIECES * PIECES].reshape(PIECES, -1)
+        if rows.shape[1] >= LEAST_PER_PIECE:
+            usable.append(KnownRelation(relation=relation, channels=channels, rows=rows))
+    return usable
+
+
+def blames(relations: Sequence[KnownRelation], state: State, stated: Mapping[str, str | None]) -> list[Blame]:
+    """Return what explains the relations that fail throughout a flight, what explains most of them first.
+
+    A change is to blame that makes relations hold which fail, and lets none fail that holds. Of changes that explain
+    the same, one that has a name (a unit, a sign) is likelier than a size that fits whatever it is, one channel than
+    several, and the unit of a channel that states none likelier than a stated one; what is left are rivals. What
+    the unit of a channel would explain that states another is named, and the channel stays as it is. What fails by an
+    error that begins during the flight is left to the analyses.
+
+    Parameters
+    ----------
+    stated : the units that the log states, None where it does not.
+    """
+    to_blame = list[Blame]()
+    relations = list(relations)
+    while len(to_blame) < MOST_FINDINGS:
+        before = [relation.misfit(state) for relation in relations]
+        failing = [relation for relation, misfit in zip(relations, before, strict=True) if misfit.fails]
+        if not failing:
+            break
+        blame = _blame(relations, before, state, failing, stated)
+        if blame is None:
+            break
+        if blame.change.is_constant:
+            part = blame.explains[0].constant_part(blame.change, state)
+            if part is None:
+                relations = [relation for relation in relations if relation not in blame.explains]
+                continue
+            changes = [rival.part(part.share) for rival in (blame.change, *blame.rivals)]
+            sd = part.sd / abs(part.share)
+            blame = replace(blame, change=changes[0], rivals=tuple(changes[1:]), share_sd=sd)
+        to_blame.append(blame)
+        if blame.change.doubts_unit(stated):
+            known = [known for known, misfit in zip(relations, before, strict=True) if misfit.fails]
+            relations = [
+                relation for relation in relations if relation not in known or not relation.is_touched_by(blame.change)
+            ]
+            continue
+        state = blame.change.of(state)
+    return to_blame
+
+
+def _blame(
+    relations: Sequence[KnownRelation],
+    before: Sequence[Misfit],
+    state: State,
+    failing: Sequence[KnownRelation],
+    stated: Mapping[str, str | None],
+) -> Blame | None:
+    suspects = tuple(dict.fromkeys(name for relation in failing for name in relation.channels))
+    explanations: list[tuple[tuple[float, ...], Blame]] = []
+    for change in (*named_changes(suspects, state.values, stated), *_sized(suspects, failing, state)):
+        changed = change.of(state)
+        touched = [k for k, relation in enumerate(relations) if relation.is_touched_by(change)]
+        explained: list[KnownRelation] = []
+        cost, left = 0.0, 0.0
+        # What fails now first: most changes mend none of it.
+        for k in sorted(touched, key=lambda k: not before[k].fails):
+            was = before[k]
+            if not was.fails and not explained:
+                break
+            after = relations[k].misfit(changed)
+            if was.explained_by(after, change):
+                left = left if explained or not after.size else abs(after.difference) / after.size
+                explained.append(relations[k])
+            elif (was.holds and not after.holds) or (after.fails and not was.fails):
+                explained.clear()
+                break
+            cost += np.log(max(after.cost, SOLVED) / max(was.cost, SOLVED))
+        if explained and (change.what != "clock" or len(explained) >= FEWEST_CLOCKED):
+            # In level flight a scale fits as well as an offset, which is simpler.
+            cost += SIMPLER * (change.what == "scale")
+            order = (-len(explained), change.rank, change.doubts_unit(stated), len(change.channels) > 1, cost)
+            explanations.append((order, Blame(change=change, rivals=(), explains=tuple(explained), misfit=left)))
+    if not explanations:
+        return None
+    explanations.sort(key=lambda explanation: explanation[0])
+    best, blame = explanations[0]
+    as_likely = [other.change for rank, other in explanations if rank[:4] == best[:4]]
+    rivals = {change.channels: change for change in reversed(as_likely)}
+    rivals.pop(blame.change.channels)
+    return replace(blame, rivals=tuple(rivals.values()))
+
+
+def _sized(suspects: Sequence[str], failing: Sequence[KnownRelation], state: State) -> Iterator[Change]:
+    """Yield the offsets and scales of single channels, and the clocks, that make relations hold that fail."""
+    for name, relation in product(suspects, failing):
+        if name in relation.channels and relation.relation.tolerance is not None:
+            sized = (_solved(relation, name, state, is_scale=is_scale) for is_scale in (False, True))
+            yield from (change for change in sized if change is not None)
+    for relation in failing:
+        misfit = relation.misfit(state)
+        alike = misfit.is_informative & (np.abs(misfit.correlation) >= ALIKE) & (misfit.slope > 0.0)
+        if misfit.is_wrong and relation.relation.has_scale and alike.any():
+            slope = float(np.median((np.sign(misfit.correlation) * misfit.slope)[alike]))
+            yield Change(what="scale", channels=(relation.relation.needs[0],), factor=1.0 / slope)
+            if relation.relation.timed:
+                yield Change(what="clock", channels=(), factor=1.0 / slope)
+
+
+def _solved(known: KnownRelation, name: str, state: State, *, is_scale: bool) -> Change | None:
+    """Return the offset or scale of a channel at which a relation's median difference is nothing; None for none."""
+
+    def change(size: float) -> Change:
+        if is_scale:
+            return Change(what="scale", channels=(name,), factor=1.0 + size)
+        return Change(what="offset", channels=(name,), offset=size)
+
+    def left(size: float) -> float:
+        return known.misfit(change(size).of(state)).difference
+
+    typical = float(np.nanmedian(np.abs(state.values[name]))) or 1.0
+    last, size = 0.0, 0.01 * (1.0 if is_scale else typical)
+    was, now = left(last), left(size)
+    goal = SOLVED * abs(was)
+    for _ in range(MOST_STEPS):
+        if not np.isfinite(now) or not np.isfinite(was) or now == was:
+            return None
+        if abs(now) <= goal:
+            return change(size)
+        last, size, was = size, size - now * (size - last) / (now - was), now
+        now = left(size)
+    return change(size) if np.isfinite(now) and abs(now) <= 10.0 * goal else None

@@ -1,0 +1,586 @@
+"""What a scan over all onsets says of the shapes that it looked for: declared, suspected, excluded or not seen.
+
+The rule that decides, a threshold on the statistic, is turned into the magnitude that a fault of each shape would have
+needed at every onset (`kernels.onset.limits`). The worst onset counts: a claim that there is no step above a size holds
+from three orders of samples after the window's start to two before its end.
+
+A claim that there is no step means no lag and no ramp either, and these are followed by the model rather than predicted
+wrong: a threshold would ask for several times the tolerance. What excludes them is the record itself, by how much
+likelier it is without such a fault than with one, whatever its onset. Limits are at 95 %.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...decision import KINDS, UNTESTED, Candidate, ScanLimit, candidate_of, finite, kind_of, with_limit
+from ...faults import Fault
+from ...faults.shapes import SHAPES, Kind, Shape
+from ...kernels import BoolArray, FloatArray, IntArray
+from ...kernels.normal import ONE_SIDED_90, ONE_SIDED_95
+from ...kernels.onset.frequency import PEAKS, frequency_grid, screen_grid
+from ...kernels.onset.limits import (
+    excluded_error,
+    likelihood_ratios,
+    mean_ratios,
+    profile_with_deviances,
+    undeclared_magnitudes,
+)
+from ...kernels.onset.pairs import peaks
+from ...kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onsets, scan_shape
+from ...kernels.onset.waveform import Waveform
+from ...kernels.progress import Report, parts, shares, silent
+from ...quantities.text import instant
+from ..preprocessing.tolerance import is_any
+from .decision import Rule
+from .estimate import Estimate
+from .scan import HypothesisScan, Peak
+from .scan_record import ScanRecord
+from .shapes import LARGEST_SHARE, ShapeHypothesis, fault_of, waveform
+
+# A claim of no oscillation holds for those with at least so many cycles in the window, of which two are left after the
+# onset: slower ones are bends, which a change of thrust or wind makes as well. With four cycles in place of six the
+# claim could be made in 67 instead of 80 % of 39 fault-free windows of two recorded flights.
+CLAIMED_CYCLES, CYCLES_LEFT = 6.0, 2.0
+# Frequencies spread over the band, for the sizes that a claim covers; those that stand out are looked at beside them.
+FREQUENCIES = 8
+# Onsets, spread over the window, at which the size that would be declared is sought: its median over them is stated.
+SIZED = 25
+# Of more hypotheses than the first, one of so many onsets as the second is looked at, and all of them for as many that
+# hide most, and as many that are likeliest. Chosen without tuning.
+FULL, GLANCED = 2, 5
+# Lags and ramps that a claim about steps covers, with their time constants and durations: by their longest, since what
+# builds up faster stands out more. The same answers in 340 runs on two recorded flights with ramps of 5 s beside; with
+# 10 s alone a ramp over 12.3 s of 2.4 tolerances was excluded.
+BUILT_UP: Mapping[Shape, tuple[float, ...]] = {"lagged_bias": (5.0,), "ramp_hold": (10.0, 13.0)}
+# Shapes that are excluded by the likelihood of the record, not by the size that they would have needed: at the worst of
+# many onsets and frequencies that is several times the tolerance, while the record as a whole leaves no doubt: the
+# claim that there is no oscillation can be made in all instead of half of the fault-free windows of two recorded
+# flights (docs/theory.md, 8.5).
+WEIGHED: tuple[Shape, ...] = ("bias", "sine", "cosine", *BUILT_UP)
+# A size is excluded where the record is at most so many times as likely with such a fault as without, in the mean over
+# onsets and signs. Where one onset is known, a fault of z standard deviations is excluded with a probability of up to
+# Phi(-z / 2 - q^2 / 2 z), at most Phi(-q) = 5 %, which unknown onsets meet too (docs/theory.md, 8.5). A shape is
+# suspected where faults beyond the tolerance explain the record better than none does.
+EXCLUDED, SUSPECTED = 0.5 * math.exp(-0.5 * ONE_SIDED_95**2), 1.0
+# Errors at which the likelihood is asked, in tolerances: limits from a tenth to a hundred of them.
+PER_DECADE = 6
+ERRORS = np.geomspace(0.1, 100.0, 3 * PER_DECADE + 1)
+# Scan shape that also covers this shape.
+LIKE = {"cosine": "sine"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Limits:
+    """The magnitudes of a hypothesis that the scan would declare, and excludes, by onset: scaled, (n_onsets,).
+
+    Attributes
+    ----------
+    profile : over the onsets.
+    onset_s : on the log's axis.
+    detected : magnitude that would be declared with 90 % power.
+    excluded : magnitude beyond which the record excludes the fault, infinite where none is; effect : its largest error.
+    """
+
+    profile: Profile
+    onset_s: FloatArray
+    detected: FloatArray
+    excluded: FloatArray
+    effect: FloatArray
+
+    def hidden(self, near: BoolArray | None = None) -> tuple[float, float]:
+        """Return magnitude and error that are excluded at the worst onset, of those `near` (n_onsets,) or of all."""
+        worst = int(np.argmax(self.effect if near is None else np.where(near, self.effect, -1.0)))
+        return float(self.excluded[worst]), float(self.effect[worst])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Likeliness:
+    """Likelihood ratios of the record with a fault of a hypothesis against none, by error and onset.
+
+    Attributes
+    ----------
+    profile : over the onsets.
+    onset_s : (n_onsets,) on the log's axis.
+    errors : (n_errors,) largest errors on the channel, scaled; ratios : (n_errors, n_onsets) of the fault that makes
+        each.
+    tolerance : of the channel, scaled.
+    parameter : of the hypothesis: frequency, time constant or duration.
+    detected : magnitude that would be declared with 90 % power at half of the onsets; None where it was not asked for.
+    """
+
+    profile: Profile
+    parameter: float
+    onset_s: FloatArray
+    errors: FloatArray
+    ratios: FloatArray
+    tolerance: float
+    detected: float | None
+
+    def hidden(self, near: BoolArray | None = None) -> tuple[float, float]:
+        """Return magnitude and error that are excluded at 95 %, at the onsets `near` (n_onsets,) or at all."""
+        ratios = self.ratios if near is None else self.ratios[:, near]
+        error = excluded_error(self.errors, ratios.mean(axis=1), EXCLUDED)
+        return error, error
+
+    @property
+    def beyond(self) -> float:
+        """How much likelier the record is with a fault beyond the tolerance than without."""
+        means = mean_ratios(self.errors, self.ratios)
+        return float(np.interp(np.log(self.tolerance), np.log(self.errors[: len(means)]), means))
+
+
+def claims_of(
+    record: ScanRecord,
+    first: HypothesisScan,
+    last: HypothesisScan,
+    estimates: Sequence[Estimate],
+    rule: Rule,
+    tolerances: Mapping[str, float],
+    scans: Sequence[Scan],
+    *,
+    order: int,
+    rivals: Collection[tuple[Shape, int]] = (),
+    doubted: Mapping[tuple[Shape, int], str],
+    claims: Collection[Kind] = KINDS,
+    report: Report = silent,
+) -> tuple[Candidate, ...]:
+    """Return one candidate per shape and channel, and of lags and ramps where steps are looked for.
+
+    Parameters
+    ----------
+    first : scan of the outputs as measured; last : of the outputs less the faults.
+    estimates : the declared faults; rule : by which they were.
+    tolerances : by output; scans : of each, see `rivals.scans_beside`.
+    order : of the model that is left without the faults.
+    rivals : shape and output of what may stand in place of a declared fault: it is suspected.
+    claims : kinds of fault of which limits are sought; of others there is a candidate where it stands out.
+    doubted : why a shape on an output that stands out is not declared.
+    report : called with the fraction that is done.
+    """
+    settings = record.settings
+    # A claim about steps covers lags and ramps too.
+    beside = [shape for shape in BUILT_UP if shape not in settings.shapes and "bias" in settings.shapes]
+    candidates = []
+    wanted = [
+        (shape, i)
+        for i in range(record.y.shape[1])
+        for shape in (*settings.shapes, *beside)
+        if record.kinds.may_be(shape, i)
+    ]
+    for (shape, output), share in parts(report, wanted):
+        channel, scale, unit = record.output(output)
+        alike = (fault for fault in estimates if (fault.form.shape, fault.form.output) == (shape, output))
+        declared = next(alike, None)
+        peak = None if shape in beside else first.of(shape, output)
+        form = _built_up(record, shape, output)[0] if peak is None else peak.form
+        form = form if declared is None else declared.form
+        fault = fault_of(form, channel)
+        kind = SHAPES[shape].kind if shape in WEIGHED else kind_of(fault, declared=declared is not None)
+        called = shape if len(settings.outputs) == 1 else f"{shape} on {channel}"
+        candidate = candidate_of(
+            fault,
+            unit,
+            name=record.kinds.names.get((shape, output), called),
+            kind=kind,
+            declared=declared is not None,
+            magnitude=None if declared is None else scale * declared.z,
+            sd=None if declared is None else scale * declared.sd,
+            tolerance=tolerances[channel],
+        )
+        if declared is not None:
+            candidates.append(replace(candidate, note=_narrowed(record, shape, output, order, None)))
+            continue
+        suspicion = doubted.get((shape, output))
+        if suspicion is None and peak is not None:
+            suspicion = _suspicion(rule, first, estimates, peak, order)
+        if suspicion is None and (shape, output) in rivals:
+            suspicion = f"a {shape} in place of what is declared would explain the log nearly as well"
+        if kind in claims:
+            bounded = _weighed if shape in WEIGHED else _sized
+            seen = last.standing_out.get(output)
+            candidate = bounded(record, scans[output], rule, candidate, form, peak, seen, share)
+        elif suspicion is None:
+            continue
+        if suspicion is not None:
+            candidate = replace(candidate, state="suspected", note=suspicion)
+        elif candidate.state != "suspected":
+            candidate = replace(candidate, note=_narrowed(record, shape, output, order, candidate.note))
+        candidates.append(replace(candidate, onsets_checked=_checked(record, shape, output, order)))
+    return tuple(candidates)
+
+
+def _narrowed(record: ScanRecord, shape: Shape, output: int, order: int, note: str | None) -> str | None:
+    """Return the note of a claim, with its onsets where the dictionary asks for fewer than the window could tell."""
+    spans = _checked(record, shape, output, order)
+    if not spans:
+        return UNTESTED
+    if spans[0] == covered_s(record, order):
+        return note
+    onsets = f"that begins from {instant(spans[0][0])} to {instant(spans[0][1])} s"
+    return f"{note} {onsets}" if note and shape == "sine" else onsets
+
+
+def _checked(record: ScanRecord, shape: Shape, output: int, order: int) -> tuple[tuple[float, float], ...]:
+    """Return the onsets at which a fault was looked for: (from, to), s, or nothing."""
+    earliest_s, latest_s = covered_s(record, order)
+    first_s, last_s = record.kinds.onsets_of(shape, output)
+    span = (max(earliest_s, first_s), min(latest_s, last_s))
+    return (span,) if span[0] <= span[1] else ()
+
+
+def _sized(
+    record: ScanRecord,
+    scan: Scan,
+    rule: Rule,
+    candidate: Candidate,
+    form: ShapeHypothesis,
+    peak: Peak | None,
+    seen: Sequence[float] | None,
+    report: Report,
+) -> Candidate:
+    """Return a candidate of a shape that is excluded by the size that it would have needed at the worst onset."""
+    forms = _claimed(record, scan, form, peak, seen, report)
+    form_limits = [_limits(record, scan, claimed, rule.threshold(form.shape)) for claimed in forms]
+    covered = [limits for limits in form_limits if limits is not None]
+    if not covered:
+        return candidate if peak is None else _bounded(record, candidate, form.output, peak.profile, None)
+    worst = max(covered, key=lambda limits: float(limits.effect.max()))
+    likeliest = max((limits.profile for limits in covered), key=lambda profile: float(profile.statistic.max()))
+    detectable = float(np.median([np.median(limits.detected) for limits in covered]))
+    return _bounded(record, candidate, form.output, likeliest, detectable, *worst.hidden())
+
+
+def _weighed(
+    record: ScanRecord,
+    scan: Scan,
+    rule: Rule,
+    candidate: Candidate,
+    form: ShapeHypothesis,
+    peak: Peak | None,
+    seen: Sequence[float] | None,
+    report: Report,
+) -> Candidate:
+    """Return a candidate of a shape that is excluded by how likely the record is with and without it.
+
+    Parameters
+    ----------
+    peak : of the shape where it is looked for; seen : see `standing_out_hz`.
+    """
+    searching, weighing = shares(report, 1, 2)
+    shape, forms = form.shape, _claimed(record, scan, form, peak, seen, searching)
+    if not forms:
+        return replace(candidate, note="the window is too short for an oscillation")
+    assert candidate.tolerance is not None
+    tolerance = candidate.tolerance / float(record.unit[form.output])
+    threshold = None if peak is None else rule.threshold(shape)
+    # Every onset counts for the hypotheses that hide most only: fewer onsets tell which these are.
+    every = GLANCED if len(forms) > FULL else 1
+    glances = {
+        claimed: _likeliness(record, scan, claimed, tolerance, threshold, every=every)
+        for claimed, _ in parts(weighing, forms)
+    }
+    covered = {claimed: glance for claimed, glance in glances.items() if glance is not None}
+    if not covered:
+        return candidate
+    detectable = None if peak is None else float(np.median([glance.detected for glance in covered.values()]))
+    if every > 1:
+        worst_forms = {
+            claimed
+            for most in (lambda at: covered[at].hidden(), lambda at: covered[at].beyond)
+            for claimed in sorted(covered, key=most)[-FULL:]
+        }
+        looked_at = (_likeliness(record, scan, claimed, tolerance) for claimed in forms if claimed in worst_forms)
+        likelinesses = [likeliness for likeliness in looked_at if likeliness is not None]
+    else:
+        likelinesses = list(covered.values())
+    likeliest = max(likelinesses, key=lambda likeliness: likeliness.beyond)
+    values = [claimed.parameter or 0.0 for claimed in forms]
+    if shape == "sine":
+        note, named = f"of {min(values):.2g} to {max(values):.2g} Hz", f"an oscillation of {likeliest.parameter:.3g} Hz"
+    elif shape == "bias":
+        note, named = None, "a step"
+    else:
+        note = f"over up to {max(values):.3g} s"
+        named = f"a {'lag' if shape == 'lagged_bias' else 'ramp'} over {likeliest.parameter:.3g} s"
+    if likeliest.beyond >= SUSPECTED:
+        candidate = replace(candidate, state="suspected")
+        note = (
+            f"the log is {likeliest.beyond:.2g} times as likely with {named} beyond the tolerance as without, most of "
+            f"all from {instant(likeliest.onset_s[likeliest.profile.best])} s on; see --shape {shape}"
+        )
+    hidden = max(likeliness.hidden() for likeliness in likelinesses)
+    return _bounded(record, candidate, form.output, likeliest.profile, detectable, *hidden, note=note)
+
+
+def _bounded(
+    record: ScanRecord,
+    candidate: Candidate,
+    output: int,
+    profile: Profile,
+    detectable: float | None,
+    excluded: float = np.inf,
+    effect: float = np.inf,
+    **changes: str | None,
+) -> Candidate:
+    """Return a candidate with its likeliest magnitude and its limits.
+
+    Parameters
+    ----------
+    profile : over the onsets; detectable, excluded, effect : magnitudes and error, scaled, infinite for any.
+    """
+    scale, best = float(record.unit[output]), profile.best
+    sized = replace(
+        candidate,
+        magnitude=finite(scale * float(profile.z[best])),
+        sd=finite(scale * float(profile.sd[best])),
+        minimal_detectable_scan=None if detectable is None else finite(scale * detectable),
+    )
+    if is_any(scale * effect, record.window.log, candidate.channel):
+        return with_limit(sized, None, None, **changes)
+    return with_limit(sized, scale * effect, finite(scale * excluded), **changes)
+
+
+def _likeliness(
+    record: ScanRecord,
+    scan: Scan,
+    form: ShapeHypothesis,
+    tolerance: float,
+    threshold: float | None = None,
+    *,
+    every: int = 1,
+) -> Likeliness | None:
+    """Return the likelihood ratios of a hypothesis; None where there is no onset that a claim covers.
+
+    Parameters
+    ----------
+    threshold : of the statistic, of which `detected` is the size; None where it is not asked for.
+    every : of so many onsets one is looked at.
+    """
+    wave = waveform(form, replace(record.sampling, n_samples=scan.n_samples))
+    onsets = _covered(record, scan, form)[::every]
+    if onsets.size == 0:
+        return None
+    errors, detected = tolerance * ERRORS, None
+    magnitudes = errors[:, None] / wave.largest(scan.n_samples - onsets)
+    profile, both_signs = profile_with_deviances(scan, wave, onsets, magnitudes)
+    dispersion = profile.dispersion
+    if threshold is not None:
+        some = profile.take(np.linspace(0, len(onsets) - 1, min(SIZED, len(onsets))).astype(np.intp))
+        detected = float(np.median(_sizes(scan, wave, some, threshold, dispersion)[0]))
+    return Likeliness(
+        profile=profile,
+        parameter=form.parameter or 0.0,
+        onset_s=record.onsets_s(onsets + record.sampling.lead),
+        errors=errors,
+        ratios=likelihood_ratios(both_signs, dispersion=dispersion),
+        tolerance=tolerance,
+        detected=detected,
+    )
+
+
+def limits_near_onsets(
+    record: ScanRecord,
+    rule: Rule,
+    faults: Sequence[Fault],
+    tolerance_s: float,
+    tolerances: Mapping[str, float],
+    scans: Sequence[Scan],
+    *,
+    report: Report = silent,
+) -> tuple[ScanLimit | None, ...]:
+    """Return what the scan says of faults of a dictionary, the worst of the onsets that each may have.
+
+    None for a fault of a shape that no claim is made of, or whose channel is no output.
+
+    Parameters
+    ----------
+    faults : of the dictionary; `tolerances` and `scans` as in `claims_of`.
+    tolerance_s : how far the onset of a fault may be from that of the dictionary.
+    report : called with the fraction that is done.
+    """
+    form_limits = dict[ShapeHypothesis, Limits | Likeliness | None]()
+    # An onset lies between two samples of the analysis.
+    near_s = tolerance_s + 1.0 / record.settings.rate_hz
+    limits: list[ScanLimit | None] = []
+    for fault, _ in parts(report, faults):
+        shape = LIKE.get(fault.shape, fault.shape)
+        looked_for = shape in (*record.settings.shapes, *BUILT_UP)
+        if not looked_for or fault.channel not in record.settings.outputs:
+            limits.append(None)
+            continue
+        output = record.settings.outputs.index(fault.channel)
+        parameter = fault.frequency_hz or fault.time_constant_s or fault.duration_s
+        form = ShapeHypothesis(shape=shape, output=output, parameter=parameter, file=fault.file)
+        scale, slope = float(record.unit[output]), abs(fault.slope or 1.0)  # a slope is so many times the hypothesis's
+        if form not in form_limits:
+            scan = scans[output]
+            form_limits[form] = (
+                _likeliness(record, scan, form, tolerances[fault.channel] / scale)
+                if shape in WEIGHED
+                else _limits(record, scan, form, rule.threshold(shape))
+            )
+        hidden = _near(form_limits[form], fault.onset_s, near_s)
+        if hidden is None:
+            limits.append(ScanLimit(covered=False))
+            continue
+        excluded, effect = hidden
+        known_size = not is_any(scale * effect, record.window.log, fault.channel)
+        limits.append(
+            ScanLimit(
+                excluded_above=scale / slope * excluded if known_size else None,
+                effect=scale * effect if known_size else None,
+            )
+        )
+    return tuple(limits)
+
+
+def _near(limits: Limits | Likeliness | None, onset_s: float, near_s: float) -> tuple[float, float] | None:
+    """Return the magnitude that is excluded near an onset and the error that it makes, scaled, infinite where none is.
+
+    None where no onset near it is covered.
+    """
+    near = np.zeros(0, dtype=bool) if limits is None else np.abs(limits.onset_s - onset_s) <= near_s
+    return limits.hidden(near) if limits is not None and near.any() else None
+
+
+def _claimed(
+    record: ScanRecord,
+    scan: Scan,
+    form: ShapeHypothesis,
+    peak: Peak | None,
+    seen: Sequence[float] | None,
+    report: Report,
+) -> list[ShapeHypothesis]:
+    """Return the hypotheses that a claim about a shape must cover: its frequencies, time constants or durations.
+
+    Frequencies are some in the whole band, those that stand out most on the scan's grid, between which others hardly
+    stand out more, and the likeliest.
+
+    Parameters
+    ----------
+    peak : of the shape where it is looked for; seen : see `standing_out_hz`.
+    """
+    shape, output = form.shape, form.output
+    if shape in BUILT_UP:
+        return _built_up(record, shape, output)
+    if shape != "sine":
+        return [scanned for scanned in record.forms if (scanned.shape, scanned.output) == (shape, output)]
+    low, high = _claimed_band_hz(record)
+    if low >= high:
+        return []
+    values = {*np.geomspace(low, high, FREQUENCIES).tolist(), *standing_out_hz(record, scan, report, seen=seen)}
+    likeliest = None if peak is None else peak.form.parameter
+    values |= set() if likeliest is None or not low <= likeliest <= high else {likeliest}
+    return [ShapeHypothesis(shape=shape, output=output, parameter=f) for f in sorted(values)]
+
+
+def _claimed_band_hz(record: ScanRecord) -> tuple[float, float]:
+    """Return the lowest and the highest frequency of a claim about oscillations; none where they are not in order."""
+    low, high = record.band_hz
+    return max(low, CLAIMED_CYCLES / record.settings.duration_s), high
+
+
+def standing_out_hz(
+    record: ScanRecord, scan: Scan, report: Report = silent, *, seen: Sequence[float] | None = None
+) -> list[float]:
+    """Return the frequencies of a claim about oscillations that stand out on the grid of the scan, the most first.
+
+    Parameters
+    ----------
+    seen : those that stand out, cycles per sample, where they are known.
+    """
+    (low, high), rate_hz = _claimed_band_hz(record), record.sampling.rate_hz
+    if low >= high:
+        return []
+    if seen is not None:
+        return [rate_hz * frequency for frequency in seen if rate_hz * frequency >= low][:PEAKS]
+    grid = frequency_grid(scan, (record.band_hz[0] / rate_hz, high / rate_hz))
+    claimed = rate_hz * grid >= low
+    stands_out = peaks(np.where(claimed, screen_grid(scan, grid, report), 0.0), PEAKS)
+    return [float(rate_hz * grid[k]) for k in stands_out if claimed[k]]
+
+
+def _built_up(record: ScanRecord, shape: Shape, output: int) -> list[ShapeHypothesis]:
+    """Return the lags or ramps that a claim about steps covers."""
+    longest_s = LARGEST_SHARE * record.settings.duration_s
+    lengths_s = sorted({min(seconds, longest_s) for seconds in BUILT_UP[shape]})
+    return [ShapeHypothesis(shape=shape, output=output, parameter=seconds) for seconds in lengths_s]
+
+
+def _covered(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> IntArray:
+    """Return the onsets that a claim looks at; of an oscillation those with cycles left.
+
+    Every sample is an onset, for a sample beside it a fault is hardly seen: with every third sample a sixth of the lags
+    and ramps of five standard deviations that were in simulated records were excluded.
+    """
+    onsets = default_onsets(scan)
+    onsets = onsets[record.admits(form, onsets + record.sampling.lead)]
+    if form.shape == "sine" and form.parameter is not None:
+        onsets = onsets[onsets <= scan.n_samples - CYCLES_LEFT * record.sampling.rate_hz / form.parameter]
+    return onsets
+
+
+def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: float) -> Limits | None:
+    """Return the limits of a hypothesis at every onset that a claim covers; None where there is no such onset."""
+    wave, onsets = waveform(form, replace(record.sampling, n_samples=scan.n_samples)), _covered(record, scan, form)
+    if onsets.size == 0:
+        return None
+    profile = scan_shape(scan, wave, onsets)
+    detected, admitted = _sizes(scan, wave, profile, threshold, profile.dispersion)
+    excluded = np.maximum(detected, admitted)
+    return Limits(
+        profile=profile,
+        onset_s=record.onsets_s(onsets + record.sampling.lead),
+        detected=detected,
+        excluded=excluded,
+        effect=excluded * wave.largest(scan.n_samples - onsets),
+    )
+
+
+def _sizes(
+    scan: Scan, wave: Waveform, profile: Profile, threshold: float, dispersion: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the magnitudes (n_onsets,) declared with 90 % power, and those that the record excludes at 95 %."""
+    return undeclared_magnitudes(
+        scan,
+        wave,
+        profile,
+        power=(np.sqrt(threshold) + ONE_SIDED_90 * np.sqrt(dispersion)) ** 2,
+        doubt=ONE_SIDED_95**2 * dispersion,
+    )
+
+
+def _suspicion(rule: Rule, first: HypothesisScan, estimates: Sequence[Estimate], peak: Peak, order: int) -> str | None:
+    """Return why a shape that is not declared is suspected, None where it is not.
+
+    A shape that stood out in the record as measured is suspected where it explains the record worse than the declared
+    faults by less than fault-free records show.
+    """
+    shape, threshold = peak.form.shape, rule.threshold(peak.form.shape)
+    if peak.statistic <= threshold:
+        if not estimates and peak.statistic > rule.suspicion(shape):
+            return (
+                f"its statistic {peak.statistic:.3g} exceeds the threshold {rule.suspicion(shape):.3g} of the nearest "
+                f"calibration, but not {threshold:.3g}, which counts where none fits"
+            )
+        return None
+    explained = max((other.statistic for other in first.peaks if other.form.output == peak.form.output), default=0.0)
+    if not estimates:
+        return f"its statistic {peak.statistic:.3g} exceeds the threshold {threshold:.3g}, but it was declined"
+    if explained - peak.statistic < threshold:
+        return (
+            f"a {shape} alone would explain the log nearly as well (statistic {peak.statistic:.3g}, the best "
+            f"{explained:.3g})"
+        )
+    return None
+
+
+def covered_s(record: ScanRecord, order: int) -> tuple[float, float]:
+    """Return the first and the last onset that the scan searches, and for which its claims hold."""
+    lead = record.sampling.lead
+    return record.onset_s(STARTING * order + lead), record.onset_s(len(record.time_s) - ENDING * order + lead)

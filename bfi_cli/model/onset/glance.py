@@ -1,0 +1,80 @@
+"""One look at a window: does the scan over all onsets see a fault, without limits, refinement or further faults."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from threadpoolctl import threadpool_limits
+
+from ...config import Config
+from ...flightlog import FlightLog
+from .confirmation import unconfirmed
+from .decision import shipped_rule
+from .estimate import as_scanned
+from .scan import scan_hypotheses
+from .scan_record import prepare_record
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Glance:
+    """What stands out most in a window.
+
+    Attributes
+    ----------
+    stands_out : whether it is declared.
+    shape, channel, magnitude, sd, unit, onset_s, frequency_hz : as the scan has them, on its grid of onsets.
+    statistic, threshold : of its shape; p_value is None where no shipped table fits the settings.
+    doubt : a sentence where the other trusted channels of the log explain it, else "".
+    """
+
+    stands_out: bool
+    shape: str
+    channel: str
+    magnitude: float
+    sd: float
+    onset_s: float
+    frequency_hz: float | None
+    statistic: float
+    threshold: float
+    p_value: float | None
+    doubt: str = ""
+
+
+def glance(log: FlightLog, config: Config) -> Glance:
+    """Return what stands out most in the window of the configuration.
+
+    The threshold is that of the shipped table which fits, or of the nearest, with a wider tail. What stands out is
+    confirmed as `bfi start-time` does it: with all trusted channels of the log as inputs, too.
+
+    Parameters
+    ----------
+    log : with all its channels, of which the inputs of the configuration are looked at first.
+
+    Raises
+    ------
+    LogError, ExcitationError : the window cannot be analysed.
+    ConfigError : no table has these shapes.
+    """
+    with threadpool_limits(1):
+        record = prepare_record(log, config)
+        scan = scan_hypotheses(record, record.y)
+        rule = shipped_rule(record, config)
+        verdict = rule.verdict(scan)
+        peak = verdict.significant[0] if verdict.significant else scan.of(verdict.shape)
+        doubts: dict[int, str] = {}
+        if verdict.significant:
+            doubts = unconfirmed(log, record, [as_scanned(record, peak)], config, order=scan.order)
+    best = peak.profile.best
+    return Glance(
+        stands_out=bool(verdict.significant),
+        shape=peak.form.shape,
+        channel=config.outputs[0],
+        magnitude=float(peak.profile.z[best]),
+        sd=float(peak.profile.sd[best]),
+        onset_s=record.onset_s(peak.onset),
+        frequency_hz=peak.form.frequency_hz,
+        statistic=peak.statistic,
+        threshold=rule.threshold(peak.form.shape),
+        p_value=verdict.p_value,
+        doubt=doubts.get(0, ""),
+    )

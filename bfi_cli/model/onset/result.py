@@ -1,0 +1,100 @@
+"""The answer of the scan over all onsets, as a document has it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ...decision import Candidate, ScanLimit
+from ...decision.implausible import Implausible
+from ...faults import Decision, Fault, FaultEstimate
+from ...faults.shapes import Kind
+from ...kernels import FloatArray
+from ...notes import Note
+from ..preprocessing.summary import LogSummary, ModelSummary
+from .decision import CalibrationUse
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ShapeProfile:
+    """One shape at every onset of the record as measured; arrays are (n_onsets,).
+
+    Attributes
+    ----------
+    frequency_hz : the likeliest frequency, None for a shape that has none.
+    threshold : of the statistic, None where the method has none.
+    """
+
+    shape: str
+    channel: str
+    unit: str
+    frequency_hz: float | None
+    onset_s: FloatArray
+    statistic: FloatArray
+    magnitude: FloatArray
+    sd: FloatArray
+    threshold: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OnsetSeries:
+    """One output along time; arrays are (n_samples,), in `unit`.
+
+    Attributes
+    ----------
+    measured, corrected : the filtered output, and the same less the declared faults.
+    plain_alarms_s : times at which the 5-sigma test on the residual of the fault-free model raises an alarm.
+    plain_sd : the sigma of that test.
+    """
+
+    channel: str
+    unit: str
+    measured: FloatArray
+    corrected: FloatArray
+    plain_alarms_s: tuple[float, ...]
+    plain_sd: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OnsetResult:
+    """The whole answer of `bfi start-time`.
+
+    Attributes
+    ----------
+    verdicts : on each kind of fault; candidates : every shape on every output, see `bfi_cli.decision`.
+    summary : what the log says of the kinds of which no fault is declared.
+    covered_s : first and last onset for which the claims hold, None where the method makes no claim.
+    dictionary_limits : limits of the faults that were asked for, in their order.
+    statistic, threshold : 2 log of the likelihood ratio of the shape that stands out most, and what it must exceed.
+    p_value : of the largest standardised statistic, a bound where it is 1 / (n + 1) of n windows; None where no
+        calibration fits the settings.
+    time_s : (n_samples,) of the series.
+    truth : injected faults that the log states, times on its axis; None where it states none.
+    """
+
+    log: LogSummary
+    decision: Decision
+    verdicts: Mapping[Kind, Decision]
+    candidates: tuple[Candidate, ...]
+    summary: str
+    covered_s: tuple[float, float] | None = None
+    dictionary_limits: tuple[ScanLimit | None, ...] = ()
+    false_alarm: float
+    p_value: float | None
+    statistic: float
+    threshold: float | None
+    calibration: CalibrationUse | None
+    faults: tuple[FaultEstimate, ...]
+    model: ModelSummary
+    method: str
+    profiles: tuple[ShapeProfile, ...]
+    time_s: FloatArray
+    series: tuple[OnsetSeries, ...]
+    truth: tuple[Fault, ...] | None
+    notes: tuple[Note, ...]
+    plausibility: tuple[Implausible, ...] = ()
+
+    @property
+    def is_trusted(self) -> bool:
+        """Whether the log could tell, and the p-value of the statistic is known."""
+        return self.decision != "inconclusive" and self.p_value is not None

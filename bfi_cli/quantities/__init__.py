@@ -1,0 +1,1 @@
+"""What is measured: channels, their units, and how numbers and words of them are written."""

@@ -1,6 +1,6 @@
 """Make what is generated in this folder, or check that it is up to date.
 
-    python docs/generate.py            write commands.md, api.md, tables of formats.md, outputs of guide and README
+    python docs/generate.py            write commands.md, api.md, tables of other pages, outputs of guide and README
     python docs/generate.py --check    write nothing; exit 1 and name what is out of date
     python docs/generate.py --fast     leave out the outputs, whose commands take a minute
 
@@ -38,12 +38,10 @@ NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?", re.IGNORECASE
 
 def pages() -> dict[Path, str]:
     """Return the text of every generated page but the guide."""
-    formats = DOCS / "formats.md"
-    return {
-        DOCS / "commands.md": commands_page(),
-        DOCS / "api.md": api_page(),
-        formats: with_tables(formats.read_text("utf-8"), tables()),
-    }
+    made = {DOCS / "commands.md": commands_page(), DOCS / "api.md": api_page()}
+    for page, within in tables().items():
+        made[DOCS / page] = with_tables(page, (DOCS / page).read_text("utf-8"), within)
+    return made
 
 
 # Tables in Markdown
@@ -55,7 +53,7 @@ def table(header: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)
 
 
-def with_tables(text: str, made: dict[str, str]) -> str:
+def with_tables(page: str, text: str, made: dict[str, str]) -> str:
     """Return a page with what stands between `<!-- table: NAME -->` and `<!-- end -->` replaced."""
 
     def replaced(found: re.Match[str]) -> str:
@@ -63,12 +61,12 @@ def with_tables(text: str, made: dict[str, str]) -> str:
 
     text = re.sub(r"<!-- table: (\S+) -->\n.*?<!-- end -->", replaced, text, flags=re.DOTALL)
     if made:
-        raise SystemExit(f"formats.md: no place for the tables {', '.join(made)}")
+        raise SystemExit(f"{page}: no place for the tables {', '.join(made)}")
     return text
 
 
-def tables() -> dict[str, str]:
-    """Return the tables of formats.md by name."""
+def tables() -> dict[str, dict[str, str]]:
+    """Return the tables of the pages that are written by hand, by page and name."""
     from bfi_cli.quantities.channels import STANDARD
     from bfi_cli.quantities.units import CASE_MATTERS, CONVERSIONS
 
@@ -82,12 +80,16 @@ def tables() -> dict[str, str]:
     for conversion, spelled in spellings:
         units.setdefault(conversion.si, []).append(" ".join(f"`{word}`" for word in spelled.split()))
     return {
-        "maps": maps_table(),
-        "channels": table(("channel", "unit", "what it is", "also called"), channels),
-        "units": table(("becomes", "spellings"), [(si, "; ".join(words)) for si, words in units.items()]),
-        "shapes": shapes_table(),
-        "config": config_table("config"),
-        "montecarlo": config_table("montecarlo"),
+        "logs.md": {
+            "maps": maps_table(),
+            "channels": table(("channel", "unit", "what it is", "also called"), channels),
+            "units": table(("becomes", "spellings"), [(si, "; ".join(words)) for si, words in units.items()]),
+        },
+        "configuration.md": {
+            "shapes": shapes_table(),
+            "config": config_table("config"),
+            "montecarlo": config_table("montecarlo"),
+        },
     }
 
 
@@ -169,7 +171,7 @@ def commands_page() -> str:
         "# Commands",
         "",
         "Made by `docs/generate.py` from the command line itself: `bfi COMMAND --help` says the same. What is common to"
-        " all commands (exit codes, files of `--out`, JSON) is in [formats](formats.md), a worked example in the"
+        " all commands (exit codes, files of `--out`, JSON) is in [documents](documents.md), a worked example in the"
         " [guide](guide.md).",
         "",
     ]

@@ -1,6 +1,6 @@
 """Draw the pictures of this folder: the figures that the commands below write, made small.
 
-    python docs/pictures.py            write docs/pictures/*.png, and sparsity.md from the run that draws its picture
+    python docs/pictures.py            write docs/pictures/*.png, and the section of validation.md that a run draws
     python docs/pictures.py NAME...    only those
 
 The logs are those of `data/`, or simulated. A picture is the PNG of `--out`, narrowed and reduced to a palette. The run
@@ -22,6 +22,7 @@ from PIL import Image
 
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
+VALIDATION = ROOT / "docs" / "validation.md"
 WIDTH = 900  # pixels: what a Markdown page shows without scaling
 COLOURS = 128  # a dozen colours and the smoothing of lines; fewer change a colour visibly
 
@@ -79,7 +80,8 @@ def main() -> None:
                 shrink(folder / f"out{i}" / f"{figure}.png", PICTURES / f"{picture}.png")
             if "sparsity" in pictures:
                 document = json.loads((folder / f"out{i}" / "result.json").read_text("utf-8"))
-                (PICTURES.parent / "sparsity.md").write_text(sparsity_page(document["exhibit"]), encoding="utf-8")
+                text = VALIDATION.read_text("utf-8")
+                VALIDATION.write_text(with_sparsity(text, document["exhibit"]), encoding="utf-8")
 
 
 def shrink(figure: Path, picture: Path) -> None:
@@ -91,8 +93,17 @@ def shrink(figure: Path, picture: Path) -> None:
     print(f"{picture.relative_to(ROOT)}: {picture.stat().st_size // 1000} kB")
 
 
-def sparsity_page(content: dict[str, Any]) -> str:
-    """Return sparsity.md: the question, the answer, a row per point and a column per rule, what each rule is."""
+def with_sparsity(text: str, content: dict[str, Any]) -> str:
+    """Return validation.md with what stands between `<!-- made: sparsity -->` and `<!-- end -->` of a new run."""
+    before, start, rest = text.partition("<!-- made: sparsity -->\n")
+    _, end, after = rest.partition("<!-- end -->")
+    if not end:
+        raise SystemExit("validation.md: no place for the section on sparsity")
+    return f"{before}{start}\n{sparsity_section(content)}\n{end}{after}"
+
+
+def sparsity_section(content: dict[str, Any]) -> str:
+    """Return the answer on sparsity: a row per point and a column per rule, what each rule is, the trials."""
     cells = next(table["rows"] for table in content["tables"] if table["name"] == "rates")
     points, rules = (list(dict.fromkeys(row[i] for row in cells)) for i in (0, 1))
     facts = dict(content["facts"])
@@ -102,19 +113,18 @@ def sparsity_page(content: dict[str, Any]) -> str:
     lines += [[point, *(isolated[point, rule] for rule in rules)] for point in points]
 
     def shown(title: str, picture: str, drawing: dict[str, Any]) -> list[str]:
-        return [f"## {title}", f"![{title}]({PICTURES.name}/{picture}.png)", drawing["caption"]]
+        return [f"### {title}", f"![{title}]({PICTURES.name}/{picture}.png)", drawing["caption"]]
 
     said = [f"- **{name}**: {facts[name]}." for name in rules]
     settings = [f"- {name}: {text}." for name, text in facts.items() if name not in (*rules, "Points")]
     parts = [
-        f"# {content['title']}",
         content["verdict"],
         *shown("Isolated [%], 95 % Wilson intervals", "sparsity", content["drawings"][0]),
         "\n".join("| " + " | ".join(line) + " |" for line in lines),
         *shown("Processor time [ms], median", "sparsity_time", content["drawings"][1]),
-        "## The rules",
+        "### The rules",
         "\n".join(said),
-        "## The trials",
+        "### The trials",
         "\n".join(settings),
         *content["notes"],
         "Made by `python docs/pictures.py sparsity` from `bfi reproduce sparsity`.",

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pytest
+import yaml
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -126,6 +127,34 @@ def test_the_index_names_every_page_and_example() -> None:
     text = (DOCS / "index.md").read_text("utf-8")
     wanted = [*(page.name for page in DOCS.glob("*.md") if page.stem != "index"), *(path.name for path in EXAMPLES)]
     assert [name for name in wanted if f"{name})" not in text] == []
+
+
+def test_the_site_names_every_page_once() -> None:
+    """Read without the tags of Python that mkdocs.yml has, so that nothing but YAML is needed."""
+
+    def leaves(part: object) -> list[str]:
+        if isinstance(part, str):
+            return [part]
+        return [page for below in (part.values() if isinstance(part, dict) else part) for page in leaves(below)]
+
+    text = re.sub(r"!!python/\S+", "", (ROOT / "mkdocs.yml").read_text("utf-8"))
+    named = leaves(yaml.safe_load(text)["nav"])
+    assert sorted(named) == sorted(page.name for page in DOCS.glob("*.md"))
+
+
+@pytest.mark.slow
+def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    for module in ("mkdocs", "pymdownx"):
+        pytest.importorskip(module, reason="mkdocs builds the site; it comes with the extra dev")
+    built = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", tmp_path / "site"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert built.returncode == 0, built.stderr
+    assert {page.stem for page in DOCS.glob("*.md")} <= {page.stem for page in (tmp_path / "site").glob("*.html")}
 
 
 @pytest.mark.slow

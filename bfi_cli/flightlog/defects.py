@@ -19,10 +19,10 @@ from ..faults.filters import response_of
 from ..kernels.normal import MAD
 from ..kernels.quantisation import find_quantum, quantum_of_plateaus
 from ..kernels.running import interpolation_error, running_median, travel
-from ..kernels.runs import BoolArray, bridged, repeats, within
+from ..kernels.runs import BoolArray, bridged, repeats, runs, within
 from ..quantities.channels import INDEPENDENT
 from ..quantities.text import instant
-from .phases import HOVER, TRANSITION, phases_of
+from .phases import HOVER, TRANSITION, Phase, phases_of
 from .quality import hold_of
 from .rates import AS_FAST
 from .raw import ANGLES
@@ -87,9 +87,13 @@ FASTEST_MOTION: Mapping[str, float] = {"roll": np.radians(420.0)}
 SPIKE_S, SPIKE_SAMPLES = 0.4, 3.0
 # A dropout is off by the first share of the reading, rests within the second share of that, and lasts so long, s.
 DROPS, RESTS, DROPOUT_S = 0.5, 0.05, 0.5
+# Quantiles of a dropout between which it rests: means and interpolated samples at its edges hold both sides.
+MIDDLE = (0.2, 0.8)
 FEWEST_RESTING = 3
 # Shares of the reading up to which a reading is zero, through a recorder's low-pass and without one.
 ZERO, ZERO_SHARP = 0.1, 0.01
+# s within which a reading is lost, or back, that no flight loses: 10 m/s of airspeed would take 10 g.
+AT_ONCE_S = 0.1
 # Width of an unknown recorder's response at half of its height, s: that of 0.75 Hz.
 UNKNOWN_WIDTH_S = 0.6
 
@@ -235,8 +239,7 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
         ]
         flaws[name] += _against(tracks[name], predictions, width_s, reach_s)
         flaws[name] += _rests(tracks[name], predictions, width_s, reach_s)
-    phases = phases_of(with_bridges(log, _defects(flaws, tracks)))
-    unwatched = [(phase.from_s - BESIDE_S, phase.to_s + BESIDE_S) for phase in phases if phase.phase in UNWATCHED]
+    unwatched = unwatched_in(phases_of(with_bridges(log, _defects(flaws, tracks))))
     for name, every in flaws.items():
         is_out = within(np.array([flaw.time_s for flaw in every]), unwatched)
         moved = FASTEST_MOTION.get(name, 0.0) * tracks[name].step_s
@@ -246,6 +249,11 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
             if not out and not (flaw.shape == "spikes" and abs(flaw.height) <= moved)
         ]
     return _defects(flaws, tracks)
+
+
+def unwatched_in(phases: Sequence[Phase]) -> list[tuple[float, float]]:
+    """Return the stretches, s, in which airspeeds come and go without a defect."""
+    return [(phase.from_s - BESIDE_S, phase.to_s + BESIDE_S) for phase in phases if phase.phase in UNWATCHED]
 
 
 def with_bridges(log: FlightLog, defects: Sequence[Defect]) -> FlightLog:
@@ -393,9 +401,12 @@ def _excursions(
                 largest = (ratio / others)[: n_blocks * block].reshape(n_blocks, block).max(axis=1)
                 middle, high = np.quantile(largest, (0.5, 0.75))
                 level[half] = max(LEAST, float(high * min(high / max(middle, TINY), STEEPEST) ** BEYOND))
-        lost = np.abs(track.values) < ZERO * running_median(np.abs(track.values), track.size(1.0), 61)
+        usual = running_median(np.abs(track.values), track.size(1.0), 61)
+        lost = np.abs(track.values) < ZERO * usual
+        at_once = _lost_at_once(track, usual) if is_positive else np.zeros(len(lost))
         stands_out = {
-            half: ((ratio / others > level[half]) | (is_positive & lost & (ratio > LEAST))) & ~refused
+            half: ((ratio / others > level[half]) | (is_positive & lost & (ratio > LEAST)) | (at_once >= 1.0))
+            & ~refused
             for half, (_, ratio) in errors.items()
         }
         size = np.max([np.where(mask, np.abs(errors[half][0]), 0.0) for half, mask in stands_out.items()], axis=0)
@@ -405,7 +416,7 @@ def _excursions(
         while size.any():
             k = int(np.argmax(size))
             ratios = {half: ratio[k] / others[k] / level[half] for half, (_, ratio) in errors.items()}
-            share = float(max(ratio for half, ratio in ratios.items() if stands_out[half][k]))
+            share = float(max(at_once[k], *(ratio for half, ratio in ratios.items() if stands_out[half][k])))
             drafts = (_described(track, k, half, width_s, 0.5 * float(size[k]), share) for half in errors)
             flaw = next(filter(None, drafts), None)
             if flaw is None:
@@ -417,6 +428,23 @@ def _excursions(
             _take_out(track, flaws[-1].hidden)
             size[max(0, k - widest) : k + widest + 1] = 0.0
     return flaws
+
+
+def _lost_at_once(track: _Track, usual: FloatArray) -> FloatArray:
+    """Return (n,) at the middle of each reading of 0 by how much of what is usual it falls or comes back at once.
+
+    In units of `DROPS`, from 1 on faster than any flight; 0 elsewhere.
+
+    Parameters
+    ----------
+    usual : (n,) size of the reading in the minute about it.
+    """
+    reach = round(AT_ONCE_S / track.step_s)
+    size, shares = np.abs(track.values), np.zeros(len(track.values))
+    for first, end in runs(size <= ZERO_SHARP * usual) if reach else ():
+        before, after = max(0, first - reach), min(end - 1 + reach, len(size) - 1)
+        shares[(first + end) // 2] = max(size[before], size[after]) / max(DROPS * usual[first], TINY)
+    return shares
 
 
 def _described(track: _Track, k: int, half: int, width_s: float, least: float, share: float) -> _Flaw | None:
@@ -449,7 +477,7 @@ def _described(track: _Track, k: int, half: int, width_s: float, least: float, s
     level = float(np.median(core))
     is_sharp = width_s < step_s
     is_zero = abs(level) <= (ZERO_SHARP if is_sharp else ZERO) * abs(reading) and sign != np.sign(reading)
-    rests = float(np.ptp(core)) <= max(RESTS * abs(height), STILL_QUANTUM * track.quantum)
+    rests = float(np.ptp(np.quantile(core, MIDDLE))) <= max(RESTS * abs(height), STILL_QUANTUM * track.quantum)
     to_s = float(track.time_s[low + 1 + upper[1] - 1]) + 0.5 * step_s
     from_s = float(track.time_s[low + 1 + upper[0]]) - 0.5 * step_s
     middle_s = 0.5 * (from_s + to_s)

@@ -113,6 +113,18 @@ def test_all_airspeeds_that_read_zero_at_once_drop_out():
     assert {(one.channel, one.shape, one.count) for one in found} == {(name, "dropout", 1) for name in names}
 
 
+@pytest.mark.parametrize(("within_s", "count"), [(0.0, 1), (2.0, 0)])
+def test_a_reading_that_is_lost_at_once_drops_out_however_wild_the_flight(within_s: float, count: int):
+    log, rng = replace(made_flight(seconds=300.0, noise_pa=2.0), filters=()), np.random.default_rng(3)
+    # Turns that change the airspeed by a third within seconds: an error of 5 usual ones.
+    wild = np.convolve(rng.standard_normal(log.n_samples), np.hanning(40), mode="same")
+    tas = log.channels["tas"].values * (1.0 + 0.15 * wild / wild.std())
+    tas *= np.interp(log.time_s, (150.0 - within_s, 150.0, 153.0, 153.0 + within_s), (1.0, 0.0, 0.0, 1.0))
+    channels = {**log.channels, "tas": replace(log.channels["tas"], values=frozen_array(tas))}
+    dropouts = [defect for defect in find_defects(replace(log, channels=channels)) if defect.shape == "dropout"]
+    assert sum(defect.count for defect in dropouts) == count
+
+
 def test_a_channel_that_is_renewed_seldom_does_not_stay_still():
     """Values held for a second, and steps of a knot: nothing between two of them is a defect."""
     log = flight(recorded=False)

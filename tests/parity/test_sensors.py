@@ -242,6 +242,19 @@ def test_any_sensor_that_holds_its_reading_while_others_move_is_frozen(name: str
     assert (found.offset_s is None) == np.isinf(until_s)
 
 
+@pytest.mark.parametrize(("lasts_s", "is_frozen"), [(6.0, True), (4.0, False)])
+def test_a_sensor_whose_samples_else_differ_is_frozen_after_twenty(lasts_s: float, is_frozen: bool):
+    log = held(lively(), "tas", until_s=ONSET_S + lasts_s)
+    assert [finding.fault for finding in frozen_sensors(log, record_of(log), FLIGHT)] == ["tas"] * is_frozen
+
+
+def test_a_short_rest_of_a_coarse_sensor_is_not_frozen():
+    log = lively()
+    coarse = np.repeat(log.channels["tas"].values[::6], 6)[: log.n_samples]
+    log = held(with_values(log, "tas", coarse), "tas", until_s=ONSET_S + 10.0)
+    assert frozen_sensors(log, record_of(log), FLIGHT) == ()
+
+
 @pytest.mark.parametrize(
     "names",
     [

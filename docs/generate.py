@@ -224,62 +224,28 @@ def option_row(option: Any) -> tuple[str, str, str]:
 
 
 def api_page() -> str:
-    """Return the page of the public names: those of `bfi_cli` and of each of its packages."""
+    """Return the page of the public names: those of `bfi_cli` itself."""
     import griffe
 
     package = griffe.load("bfi_cli", search_paths=[str(ROOT)], docstring_parser="numpy")
     lines = [
         "# Public names",
         "",
-        "Made by `docs/generate.py` from the source. What is not here may change without notice. Parameters with"
-        " shapes, units, errors and sources are in the docstring of each name (`help(NAME)`), conventions in the"
-        " package's:",
+        "Made by `docs/generate.py` from the source. These are the names of `bfi_cli`; what is not here may change"
+        " without notice. `help(NAME)` says the same.",
         "",
         "```text",
         package.docstring.value.strip(),
         "```",
     ]
-    known: set[str] = set()
-    for module in [package, *sorted(packages_below(package), key=lambda one: one.path)]:
-        names = [name for name in public_names(module) if not name.startswith("__")]
-        targets = [(name, resolved(module, name)) for name in names]
-        fresh = [(name, target) for name, target in targets if target is not None and target.path not in known]
-        if not fresh:
-            continue
-        known |= {target.path for _, target in fresh}
-        lines += ["", f"## {module.path}", ""]
-        if module is not package and module.docstring:
-            lines += [module.docstring.value.strip().split("\n\n")[0], ""]
-        for name, target in sorted(fresh, key=lambda pair: (pair[1].kind.value, pair[0])):
-            lines += [f"### {module.path}.{name}", "", *described(name, target), ""]
+    targets = {str(name): package.members[str(name)].final_target for name in package.exports if name != "__version__"}
+    for name, target in sorted(targets.items(), key=lambda pair: (pair[1].kind.value, pair[0])):
+        lines += ["", f"## {name}", "", *described(name, target), ""]
     return re.sub(r"\n{3,}", "\n\n", "\n".join(lines).rstrip()) + "\n"
 
 
-def packages_below(package: Any) -> Iterator[Any]:
-    """Walk the packages whose `__init__` states what is public, but for the command line."""
-    for module in package.modules.values():
-        if module.is_init_module and module.name != "commands":
-            if public_names(module):
-                yield module
-            yield from packages_below(module)
-
-
-def public_names(module: Any) -> list[str]:
-    """Return `__all__` of a module, [] where it has none."""
-    return [str(name) for name in module.exports or ()]
-
-
-def resolved(module: Any, name: str) -> Any:
-    """Return what a public name stands for, None where it is a module."""
-    target = module.members.get(name)
-    if target is None:  # imported when it is first used: the type checker's import says from where
-        return None
-    target = target.final_target if target.is_alias else target
-    return None if target.is_module else target
-
-
 def described(name: str, target: Any) -> Iterator[str]:
-    """Yield signature and first paragraph of a public object, with the public methods of a class."""
+    """Yield signature and docstring of a public object, with the public methods of a class."""
     if target.is_function:
         yield from ("```python", signature(name, target), "```")
     elif target.is_class:
@@ -298,7 +264,8 @@ def described(name: str, target: Any) -> Iterator[str]:
     else:
         value = str(target.value)
         yield from ("```python", f"{name} = {value if len(value) < 100 else '...'}", "```")
-    yield from ("", summary(target), "")
+    yield ""
+    yield from docstring(target)
     if target.is_class:
         for member in target.members.values():
             if not member.name.startswith("_") and (member.is_function or "property" in member.labels):
@@ -324,10 +291,24 @@ def signature(name: str, function: Any) -> str:
     return line if len(line) <= 100 else f"def {name}(\n    " + ",\n    ".join(words) + f",\n){answer}"
 
 
-def summary(target: Any) -> str:
-    """Return the first paragraph of a docstring, on one line."""
-    text = target.docstring.value.strip() if target.docstring else ""
-    return " ".join(text.split("\n\n")[0].split())
+def docstring(target: Any) -> Iterator[str]:
+    """Yield a numpydoc docstring: its text, and a list for each of its sections."""
+    for section in target.docstring.parsed if target.docstring else ():
+        kind = section.kind.value
+        if kind == "text":
+            yield from (section.value, "")
+        elif kind in ("parameters", "attributes", "returns", "raises", "yields"):
+            yield from (f"**{kind.capitalize()}**", "")
+            for item in section.value:
+                # Shapes, units and reasons stand where numpydoc has a type; errors have no name but that.
+                named, _, text = (
+                    str(item.annotation or "").partition(" : ")
+                    if kind == "raises"
+                    else (getattr(item, "name", ""), "", str(item.annotation or ""))
+                )
+                text = "; ".join(part for part in (text, " ".join(item.description.split())) if part)
+                yield f"- `{named}`" + (f": {text}" if text else "")
+            yield ""
 
 
 # Outputs of the guide's commands

@@ -14,6 +14,8 @@ from types import ModuleType
 import pytest
 import yaml
 
+import bfi_cli
+
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 PAGES = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md", *DOCS.glob("*.md")])
@@ -57,6 +59,11 @@ def anchors(page: Path) -> set[str]:
 def test_generated_pages_are_up_to_date(generate: ModuleType) -> None:
     stale = [path.name for path, text in generate.pages().items() if path.read_text("utf-8") != text]
     assert stale == [], "run python docs/generate.py"
+
+
+def test_the_page_of_public_names_has_those_of_the_package() -> None:
+    named = re.findall(r"^## (\w+)$", (DOCS / "api.md").read_text("utf-8"), re.MULTILINE)
+    assert sorted(named) == sorted(set(bfi_cli.__all__) - {"__version__"})
 
 
 @pytest.mark.slow

@@ -391,7 +391,7 @@ def _jointly(
     """Return the identification of a model with all declared faults, None where the dictionary's has them already."""
     if all(fault.source == "dictionary" for fault in faults):
         return None
-    # Of what holds a reading the log has no signal.
+    # The log has no signal of what holds a reading.
     with_signal = [estimate for estimate in faults if SHAPES[estimate.fault.shape].acts_on != "held"]
     if config.method != "ml" or not with_signal:
         return None

@@ -29,7 +29,7 @@ MAX_VALUES = 100_000
 MAX_BYTES = 4_000_000
 # A seed of 128 bits has 39; Python itself refuses to read and show numbers of more than 4300 digits.
 MAX_DIGITS = 50
-# Of what a complaint of PyYAML quotes: an alias, a tag, a token.
+# PROBLEM_LETTERS: letters of an alias, a tag or a token that a complaint of PyYAML quotes.
 PROBLEM_LETTERS = 160
 
 

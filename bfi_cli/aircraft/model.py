@@ -84,7 +84,7 @@ class ModelDocument(Rules):
     outputs: Names | None = None
     """Default the states."""
     units: Mapping[str, Text] = {}
-    """Of names that are no standard channels; the standard channels are in their SI unit."""
+    """Units of names that are no standard channels; the standard channels are in their SI unit."""
     trim: Mapping[str, Number] = {}
     """Value of a state, input or output in the trimmed flight; 0 where it is not given."""
     A: Matrix

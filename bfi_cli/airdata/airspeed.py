@@ -22,9 +22,9 @@ GAMMA = 1.4  # of air, as ICAO Doc 7488 has it
 HALF = 0.5 * (GAMMA - 1.0)  # (gamma - 1) / 2 = 0.2
 POWER = GAMMA / (GAMMA - 1.0)  # 3.5
 SEA_LEVEL_SPEED_OF_SOUND = float(np.sqrt(GAMMA * GAS_CONSTANT * SEA_LEVEL_TEMPERATURE))
-# Of Mach 1, beyond which a shock stands before the probe and another equation (Rayleigh's) holds.
+# SONIC_RATIO: impact over static pressure at Mach 1; beyond, a shock stands before the probe (Rayleigh's equation).
 SONIC_RATIO = float(np.expm1(POWER * np.log1p(HALF)))
-# Of the speed of sound at the total temperature, which is what Mach 1 is there.
+# SONIC_SHARE: Mach 1 over the speed of sound at the total temperature.
 SONIC_SHARE = (1.0 + HALF) ** -0.5
 SUBSONIC = "the equations hold below Mach 1"
 # Relative; what an exact Mach 1 may differ by after a conversion and back.

@@ -433,7 +433,7 @@ class Config(Rules):
 
     @property
     def sha256(self) -> str | None:
-        """Of the file, None for the defaults."""
+        """Digest of the file, None for the defaults."""
         return self._sha256
 
     def place(self, key: str) -> str:

@@ -34,7 +34,7 @@ TAIL = 0.85
 # A window stands far out where its statistic exceeds so many times the threshold of one false alarm in a thousand.
 # Chosen without a tuning record; only a note on the table depends on it.
 FAR_OUT, RARE = 2.0, 0.001
-# Of the largest of ten independent chi-square variables of one degree of freedom, half lie below 3.3; windows have many
+# Half of the largest of ten independent chi-square variables of one degree of freedom lie below 3.3; windows have many
 # more onsets than that, but scans of other analyses subtract what they cost. Numbers all equal to rounding are none.
 LEAST_STATISTIC, SAME = 0.1, 1e-9
 # Relative: rates differ by a clock's error, windows by what the filter drops at their ends, edges by how well jumps

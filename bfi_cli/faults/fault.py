@@ -30,11 +30,11 @@ Decision = Literal["fault", "no_fault", "inconclusive"]
 
 COMMON_KEYS = ("shape", "name", "channel", "magnitude", "onset_s", "offset_s")
 TEXT_KEYS = ("shape", "name", "channel", *(key for key, rule in KEY_RULES.items() if rule in ("reference", "file")))
-# Of a sample: what an onset computed from a sample's number and the rate may differ from that sample's time.
+# ONSET_TOLERANCE_SAMPLES [samples]: what an onset computed from a sample's number and rate may differ from its time.
 ONSET_TOLERANCE_SAMPLES = 1e-6
 # Samples whose steps tell that of a log, here where a millionth of it counts.
 STEPS_SEEN = 1001
-# Of a value that a message quotes: with where and what to do it fills three rows of a terminal of 80 columns.
+# SHOWN_LETTERS: letters of a value that a message quotes; with where and what to do it fills three rows of 80 columns.
 SHOWN_LETTERS = 120
 _ABRIDGED = reprlib.Repr()
 _ABRIDGED.maxstring = _ABRIDGED.maxother = 100

@@ -16,7 +16,7 @@ from .model import FlightModel
 from .tables import STATES
 
 CHECK_S = 50  # seconds between the states of the flight that are kept
-# Of a jump: seconds beside its place at which the state is free, so that it may take half a minute. A jump at every
+# JUMP_S [s]: times beside a jump at which the state is free, so that it may take half a minute. A jump at every
 # second would cost the likelihood more than most of them are worth.
 JUMP_S = (-12, -5, -1, 0, 1, 5, 12)
 SET_S, SET_M = range(-2, 6), 100.0  # about a recorded click of the altimeter's knob, and the height of a few

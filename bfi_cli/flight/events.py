@@ -21,7 +21,7 @@ BEFORE_S = 15.0
 # Relative, of the frequency of an oscillation where it begins and where it ends.
 # The peak of a window of 120 s is as wide at 0.17 Hz.
 FREQUENCY_TOLERANCE = 0.05
-# Of what a fault has grown to, by which a step back may miss where it came from: so much where the intervals say
+# Share of what a fault has grown to by which a step back may miss where it came from: so much where the intervals say
 # nothing, standard deviations of both where they do, and never more than that share, which would be a part of a return.
 # Chosen by hand, not tuned.
 STEP_BACK, SURE, MOST_LEFT = 0.1, 3.0, 0.5
@@ -188,7 +188,7 @@ def is_return(finding: Finding, earlier: Finding) -> bool:
         return False
     grown = float(course(np.array([since_s]))[0])
     size, step = sign_of_failure * earlier.magnitude * grown, sign * finding.magnitude
-    # Of an impact pressure both are shares, the second of what the first has left.
+    # Both are shares of an impact pressure, the second of what the first has left.
     left = (1.0 + size) * (1.0 + step) - 1.0 if sensor == "q_impact" else size + step
     sd = float(np.hypot(finding.sd or 0.0, grown * (earlier.sd or 0.0)))
     return size * step < 0.0 and abs(left) <= min(max(STEP_BACK * abs(size), SURE * sd), MOST_LEFT * abs(size))

@@ -44,7 +44,7 @@ SOURCE = "physics"
 # Beside the window: what tells the angle of zero lift (five minutes of clean flight), how far calm air moves a pressure
 # line, and whether this flight is rougher than those of the tables (ten windows of two minutes).
 BESIDE_S = 600.0
-# Of the rate of false alarms of a window, what physics has: the other half is that of the window's own model.
+# SHARE: physics' share of a window's rate of false alarms; the other half is that of the window's own model.
 SHARE = 0.5
 # K, and K per m of altitude, by which air departs from the standard atmosphere within minutes: a front of 3 K, and an
 # inversion of 3.5 K in 1000 m where that cools by 6.5. A probe that drifts by more shows it.

@@ -28,10 +28,10 @@ PITOT_LINE = "pitot_icing"
 # Limits are compared over stretches of this length, by which the onsets that windows of 60 s cover (40 s each, every
 # 30 s) overlap, so that each lies within those of one window.
 BIN_S = 10.0
-# Of the flight time that is watched, in which the second limit of each fault holds: what a reader can rely on, as
+# MOSTLY: share of the watched flight time in which the second limit of each fault holds: a reader can rely on it, as
 # the worst stretch of an hour tells of itself only.
 MOSTLY = 0.95
-# Of hypotheses that are no channels.
+# Units of hypotheses that are no channels.
 UNITS = {"q_impact": "1", "ground_speed": "m/s", STATIC_LEAK: "Pa"}
 # Standard deviations by which a slope exceeds its estimate in 5 % of windows at most: 1.645 of a normal distribution
 # times 1.2. By fault and length, the quantiles of 90 % of healthy windows of two recorded flights are 0.8 to 1.3 times

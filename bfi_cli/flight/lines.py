@@ -63,7 +63,7 @@ LAWS = (
 PASSES = 3  # in which the course of a line is made from the filter's answer
 COURSE_S = 11  # over which a course is smoothed
 MOST_HEIGHT = 8000.0  # m between an aircraft and its cabin: a differential pressure of 0.6 bar
-# Of the course of a line that loses: the logarithm of what is left, a share, m.
+# LIMITS: bounds of the course of a line that loses: the logarithm of what is left, a share, m.
 LIMITS = {PITOT_LEAK: (-3.0, 0.3), PITOT_ICING: (-0.95, 0.3), STATIC_LEAK: (-MOST_HEIGHT, MOST_HEIGHT)}
 LEAST_LOSS = 0.01  # a smaller one is none of a line that iced up or leaks
 PREDICTED_PA = (
@@ -318,7 +318,7 @@ def _static_error(place: Place, corrected: FlightModel, rows: _Rows, course: Flo
     for name, j in _airspeed_rows(model):
         reading, true = _speeds(model, place, j), _speeds(corrected, place, j)
         share = c.cas_share[place.part] if name == "cas" else np.ones(place.n)
-        # Of impact pressure by g rho of a metre; of the true airspeed by the static pressure in it besides.
+        # Weight of impact pressure by g rho of a metre, of the true airspeed by the static pressure in it besides.
         load = G * share**2 / reading
         ratio = np.clip(true / reading, 0.3, 3.0)
         readings, trues = model.y[place.part, j], corrected.y[place.part, j]

@@ -231,7 +231,7 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
             continue
         part = flight.record.between(*window)
         amount = sign * finding.magnitude * course(part.time_s - finding.onset_s)
-        # Of a size that no subsonic flight leaves, the fault cannot have lasted until here: nothing is known then.
+        # A fault of a size that no subsonic flight leaves cannot have lasted until here: nothing is known then.
         part = without_lasting(part, fault, np.maximum(amount, MOST_LOST) if fault == "q_impact" else amount)
         scan = scan_window(part, zero_lift=flight.zero_lift, only=look.residuals)
         if scan is None or scan.statistic < threshold.level or explained == MOST_EXPLAINED:

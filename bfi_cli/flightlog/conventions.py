@@ -25,7 +25,7 @@ LEVEL = 0.35
 LEAST_SHARE, FEWEST = 0.02, 20
 # Median of a load factor in level flight, with the error of a sensor and of LEVEL.
 ONE = (0.8, 1.25)
-# Of a stored channel so many blocks of so many samples are read, evenly over the log.
+# BLOCKS, BLOCK: blocks read of a stored channel, evenly over the log, and samples of each.
 BLOCKS, BLOCK = 100, 1000
 
 

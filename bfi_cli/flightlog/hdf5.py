@@ -38,7 +38,7 @@ MOST_LINKS = 100  # followed for one name; a log needs one or two, a loop never 
 MOST_PACKED = 1032  # deflate, the tightest of HDF5's usual filters, packs at most as many bytes into one
 LARGEST_ATTRIBUTE = 2**24  # bytes; a unit takes ten, a list of a thousand segments 100 000
 DAMAGED = ("HDF5 file", "copy or export it again")
-# Of the library's errors where a file is locked by the program that writes it, or marked as open (superblock 3, SWMR).
+# WRITTEN: the library's errors where a file's writer has locked it or marked it open (superblock 3, SWMR).
 WRITTEN = ("unable to lock file", "file is already open for write")
 # Attributes of a parameter of FlightDataAccessor, and its name of the calibrated airspeed.
 FREQUENCY, OFFSET, COMPUTED = "frequency", "supf_offset", "Airspeed"

@@ -32,7 +32,7 @@ from .record import FlightLog, FloatArray, Truth, frozen_array
 ROUNDING = 1e-12  # of a pressure: a fault that moves it by less, a line trapped in still air, moves nothing
 # The share of a pressure by which a derivative is taken: its square is far below, and round-off far above, what counts.
 SMALL = 1e-4
-# Of a line's pressure: with less of it left the airspeed is mostly the noise of what is left. A line that has lost as
+# LEAST_LEFT: share of a line's pressure; with less left the airspeed is mostly noise. A line that has lost as
 # much is what the stage of holds calls leaking (`bfi_cli.flight.parity.holds`).
 LEAST_LEFT = 0.15
 RATES = ("altitude_rate", "tas_rate")  # of channels that follow from a pressure; they change with its rate as well

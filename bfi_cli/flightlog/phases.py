@@ -77,7 +77,7 @@ GENTLE, NEARLY_ONE = np.radians(15.0), 0.3
 # A stall: wings of aeroplanes stall at 12 to 18 degrees of incidence; and then the nose falls, by this much within so
 # many V / g. Held at such an angle without that, an aircraft is in slow flight.
 STALLING, NOSE_DROP, WITHIN = np.radians(12.0), np.radians(5.0), 2.0
-# Of the cruising speed: faster than this, or weighing less than this share of its weight, an aircraft does not stall.
+# STALL_SPEED, LOADED: share of the cruising speed above which, and of the weight below which, no aircraft stalls.
 STALL_SPEED, LOADED = 0.85, 0.5
 # What an aircraft flies steadily in.
 STEADY_PARTS = ("climb", "cruise", "descent", "flight")

@@ -29,7 +29,7 @@ SETTINGS = (50_000.0, 108_000.0)
 TOGETHER_S, CLIMB_S, FEWEST_BESIDE = 5.0, 8.0, 4
 # Lengths of the fit on either side of a change in which others are made without one, and the fewest of these.
 NEAR, FEWEST_PLACES = 8, 10
-# Of a change, what the records of altitude and setting make of it where they are some tenths of a second apart.
+# APART: share of a change that records of altitude and setting differ by, some tenths of a second apart.
 APART = 0.15
 # Log-likelihood ratio, in nats, of an altitude that follows the setting over one that does not, from which it does: 1
 # in 150. A change speaks for no more than `MOST_NATS`, so that one jump of another cause does not decide alone against

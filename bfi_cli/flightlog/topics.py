@@ -88,7 +88,7 @@ class ChannelMap:
 
 
 # A line with the recorder, then lines of topic.field, channel, unit, and scale and offset if they are not 1 and 0.
-# Of several sources of a channel the first as fast as the log's time base is used, see `rates.one_base`.
+# The first source of a channel that is as fast as the log's time base is used, see `rates.one_base`.
 # PX4: message definitions of PX4-Autopilot (msg/*.msg), 1.9 to 1.15. Body axes are forward, right, down. The control of
 # pitch is positive nose up, an elevator positive trailing edge down.
 # ArduPilot: messages of ArduPlane 3.9 to 4.5 (LogStructure.h). Angles of ATT are degrees, their scale makes them rad.

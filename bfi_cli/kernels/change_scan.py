@@ -17,7 +17,7 @@ from .generalised_least_squares import regressions
 # Over a second: white noise, and time constants of 1.4, 4.5, 9.5, 20 and 50 s. A slower one is a change itself in a
 # record of two minutes.
 CORRELATIONS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98)
-# Of the squared length of a candidate, what has to be left of it beside the nuisances: less is known to rounding and to
+# LEAST_LEFT: share of a candidate's squared length left beside the nuisances: less is known to rounding and to
 # the nuisances' own errors only.
 LEAST_LEFT = 1e-4
 
@@ -88,7 +88,7 @@ def scan_changes(
     left = regressions(white[:, :, 0], white[:, :, courses], white[:, :, courses.stop :], prior_sd)
     known = left.power > LEAST_LEFT * np.sum(white[:, :, courses] ** 2, axis=1)
     power, squares = np.where(known, left.power, 0.0), left.squares[:, None]
-    # Of every correlation and candidate; the likeliest correlation is taken.
+    # Amplitudes of every correlation and candidate; the likeliest correlation is taken.
     amplitude = np.divide(left.shown, power, out=np.zeros(power.shape), where=known)
     with_change = np.maximum(squares - amplitude * left.shown, 0.0)
     likelihood = np.where(known, _log_likelihood(with_change, n, floor) - 0.5 * log_det, -np.inf)

@@ -33,7 +33,7 @@ from .variable_projection import Fit
 BLIND = 1e-10
 # Smallest singular value of the scaled regressors, relative to the largest, that is not round-off.
 RANK_TOLERANCE = 1e-12
-# Of the signatures that are evaluated at once, 8 MB: less than any window has that is not a flight of hours.
+# MOST_VALUES: values of the signatures evaluated at once, 8 MB: only windows of hours have more.
 MOST_VALUES = 10**6
 # Signals that are added to a fit of a long record at once: the columns of its factor beside its own.
 MOST_BESIDE = 256
@@ -386,7 +386,7 @@ def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:
     for lag in range(1, lags + 1):
         cross = scores[lag:].T @ scores[:-lag]
         meat += (1.0 - lag / (lags + 1.0)) * (cross + cross.T)
-    # Of the rows of other records the order in time is not known: their scores count as uncorrelated.
+    # The rows of other records have no known order in time: their scores count as uncorrelated.
     apart = others.T @ others
     return _sandwich(fit, unfolded, G.T @ G + apart, meat + apart, scale)
 

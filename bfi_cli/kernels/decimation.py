@@ -12,7 +12,7 @@ from . import FloatArray
 
 Kind = Literal["linear-phase", "causal"]
 
-# Of the window (Kaiser 1974): a stop band 63 dB down.
+# KAISER_BETA: shape of the window (Kaiser 1974), a stop band 63 dB down.
 KAISER_BETA = 6.0
 
 

@@ -127,7 +127,7 @@ def fit_mixed(
     def deviance(ratio: float) -> tuple[float, float]:
         gains = 1.0 + ratio * s**2
         misfit = float(np.sum(a**2 / gains)) + rest
-        # Of data that the model explains to round-off the noise is that round-off.
+        # The noise of data that the model explains to round-off is that round-off.
         variance = max(misfit / degrees, np.finfo(float).tiny) if noise_variance is None else noise_variance
         return float(np.sum(np.log(gains)) + degrees * np.log(variance) + misfit / variance), variance
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from . import FloatArray
 
-# Of the nuisances' largest singular value, columns of length 1, below which one is rounding.
+# RANK_TOLERANCE: share of the nuisances' largest singular value, columns of length 1, below which one is rounding.
 RANK_TOLERANCE = 1e-9
 
 

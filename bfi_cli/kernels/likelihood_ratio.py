@@ -93,7 +93,7 @@ class Residual:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LikelihoodRatio:
-    """Of one fault, by onset.
+    """The likelihood ratio of one fault, by onset.
 
     Attributes
     ----------

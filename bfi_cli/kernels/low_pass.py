@@ -21,7 +21,7 @@ RECORDERS: tuple[Kind, ...] = ("gaussian", "fir", "butterworth", "causal")
 GAUSSIAN_SD = float(np.sqrt(np.log(2.0) / 2.0) / np.pi)
 # Windowed sinc: half-length in periods of the edge, and the Kaiser window's beta, a stop band 50 dB down.
 FIR_PERIODS, FIR_BETA = 1.3, 5.0
-# Of the pair that runs forwards and backwards, and of the filter that delays.
+# ZERO_PHASE_ORDER, CAUSAL_ORDER: order of the pair that runs forwards and backwards, and of the filter that delays.
 ZERO_PHASE_ORDER, CAUSAL_ORDER = 4, 2
 # Gain 1/2 of a Butterworth filter of order 2 lies at 3^(1/4) of its -3 dB frequency.
 CAUSAL_EDGE = 3.0**0.25

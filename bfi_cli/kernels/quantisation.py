@@ -19,7 +19,7 @@ from .runs import runs
 PLATEAU_S = 0.9
 # Rest is a travel below this share of the median step between samples, and within the rounding of float32.
 REST, ROUNDING = 0.05, 4.0 * float(np.finfo(np.float32).eps)
-# Of jumps between neighbouring plateaus. On two recorded flights an altitude has 240 to 330 of them, a calibrated
+# FEWEST_JUMPS, MANY_JUMPS: jumps between neighbouring plateaus. Two recorded altitudes have 240 to 330, a calibrated
 # airspeed in cruise 40 to 75, a temperature about ten in two minutes. A few jumps tell a grid only where all lie on it.
 FEWEST_JUMPS, MANY_JUMPS = 6, 20
 # Jumps larger than this many median jumps say more of the rounding than of the grid.

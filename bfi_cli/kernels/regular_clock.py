@@ -39,7 +39,7 @@ WANDER = 2e-3
 # Rows per band, at least: a band that breaks more often belongs to a clock that is not regular. A quartz drifts by
 # 1e-6, so that rounding of a hundredth of a period lasts for 10 000 rows.
 ROWS_PER_BAND = 500
-# Of a clock that counts whole periods: the price of a missing row, and of a row written a period early or late.
+# MISSING, BESIDE: price of a missing row, and of a row written a period early or late, of a clock of whole periods.
 # Pairs of a repeated and a skipped second in a Garmin G1000 are up to 3 rows apart, its missing rows 20 and more.
 MISSING, BESIDE = 1.0, 0.12
 
@@ -230,7 +230,7 @@ def _on_bands(time_s: FloatArray, count: Counts, period: float, quantum: float) 
         before = gaps[(gaps > starts[-1]) & (gaps <= first_bad)]
         starts.append(int(before[-1]) if before.size and first_bad - before[-1] < ROWS_PER_BAND else first_bad)
     stops = [*starts[1:], time_s.size]
-    # Of rows that share a written time the first is at that time, else written times are beside by either sign.
+    # The first of the rows that share a written time is at that time, else written times are beside by either sign.
     low = 0.0 if quantum > period else 0.5
     level = [float(low * phase[a:b].min() + (1.0 - low) * phase[a:b].max()) for a, b in zip(starts, stops, strict=True)]
     at, of = list[float](), list[float]()

@@ -45,7 +45,7 @@ def claims_of_entries(
     """
     twins = _twins(window)
     known = {entry: _claim(window, regression, outcome, method, tolerances, n) for n, entry in enumerate(window.live)}
-    # Of all that an entry of unknown course may do, nothing is excluded.
+    # An entry of unknown course excludes nothing.
     for course in outcome.free:
         fault = window.faults[course.entry]
         known[course.entry] = candidate_of(

@@ -31,7 +31,7 @@ from .magnitudes import FreeOutcome, MethodResult
 from .preprocessing.regression import RegressionData
 from .preprocessing.window import DEPENDENT, PreparedWindow, regression_of
 
-# Of the walk: a second, in which the motion of an aircraft changes, is as short as a cell is made; and at most so many.
+# CELL_S [s], MOST_CELLS: shortest cell of the walk, in which an aircraft changes its motion, and their largest number.
 # With half a second courses on the nonlinear simulation were found as well, with two seconds less of a bump.
 CELL_S, MOST_CELLS = 1.0, 64
 # Samples per cell at least: with as many cells as samples a walk is the noise.

@@ -214,7 +214,7 @@ def identification(
             window, regression, outcome = with_likeliest_recorder(
                 log, dictionary, config, window, regression, outcome, progress
             )
-        # Of a long record the memory is needed for what follows.
+        # What follows needs the memory that a long record takes.
         regression = regression.without_record()
         if outcome.analysed is not None:
             outcome = replace(outcome, analysed=(outcome.analysed[0], outcome.analysed[1].without_record()))

@@ -203,7 +203,7 @@ def _tables(result: IdentifyResult, units: Units) -> Iterator[Table]:
                 "-" if fault.offset_s is None else f"{instant(fault.offset_s)} s",
                 fault.shape if fault.frequency_hz is None else f"{fault.shape}, {fault.frequency_hz:.4g} Hz",
                 quantity(sd, shown.unit),
-                # Of a slope that the dictionary states, else the magnitude itself.
+                # Multiplier of the slope that the dictionary states, else the magnitude itself.
                 "-" if fault.slope is None else f"{multiplier} x slope {fault.slope:g}/s",
             )
         )

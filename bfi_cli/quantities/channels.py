@@ -193,7 +193,7 @@ def quantity_of(name: str) -> str:
 _PREFIX = re.compile(
     r"^(?:(?P<air>dadc|adc|adiru|adahrs|fms|arsp)|(?P<motion>gps|gnss|ahrs|irs|iru|ins|imu|att))\d*_(?:b_|body_)?"
 )
-# Of an instrument that measures motion and no pressure, what its altitude and its rate of climb are; what only air
+# Altitude and rate of climb of an instrument that measures motion and no pressure; what only air
 # tells is no channel of it.
 _OF_MOTION = {"altitude": "gps_altitude", "altitude_rate": "gps_altitude_rate"}
 _OF_AIR = frozenset(("tas", "tas_rate", "cas", "ias", "mach", "p_static", "p_total", "q_impact", "tat", "sat"))

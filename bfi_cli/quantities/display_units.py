@@ -160,7 +160,7 @@ AVIATION = Units(
     },
     climb="ft/min",
 )
-# Of CSV files: as stored, angles in radians.
+# Units of CSV files: as stored, angles in radians.
 IN_FILES = Units(name="si", names={})
 UNITS: Mapping[str, Units] = {units.name: units for units in (SI, AVIATION)}
 assert tuple(UNITS) == get_args(UnitsName)

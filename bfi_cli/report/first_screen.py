@@ -251,7 +251,7 @@ class OfWindow(Protocol):
 
     @property
     def decision(self) -> Decision:
-        """Of the kinds of fault that are required."""
+        """Limits of the kinds of fault that are required."""
 
     @property
     def faults(self) -> tuple[FaultEstimate, ...]:

@@ -37,7 +37,7 @@ SHADES = {
 }
 
 PNG_DPI = 150  # legible on a screen, and a picture of 100 kB
-# Of matplotlib; sizes of letters and lines in points.
+# Settings of matplotlib; sizes of letters and lines in points.
 SETTINGS = {
     "font.size": 8.0,
     "axes.labelsize": 8.0,

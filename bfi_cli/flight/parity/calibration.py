@@ -39,7 +39,7 @@ CLOSEST_S = 5.0
 # rad; cambered wings and their incidence on the fuselage make a few degrees.
 MOST_ZERO_LIFT = 0.35
 SHIPPED = Path(__file__).parent / "shipped.json"
-# Of a table's length, by which a window may differ. With twice the length the statistics of the shipped tables grow by
+# LENGTH_TOLERANCE: share of a table's length by which a window may differ. With twice the length the statistics grow by
 # 1.7 in their upper tenth, with a tenth more by 8 %.
 LENGTH_TOLERANCE = 0.1
 

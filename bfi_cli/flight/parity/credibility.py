@@ -33,9 +33,9 @@ FloatArray = NDArray[np.float64]
 PIECE, SHORTEST_PIECE_S, LONGEST_PIECE_S = 12.0, 30.0, 120.0
 SMOOTHED_S = 5  # gusts and what one sensor shows some tenths of a second later than another
 FEWEST_KNOWN = 0.7  # of the seconds of a piece
-# Of the mean lift per impact pressure, which a degree of a typical six above the angle of zero lift makes.
+# LEAST_LIFT: share of the mean lift per impact pressure: one degree of a typical six above the angle of zero lift.
 LEAST_LIFT = 0.15
-# Of the squared correlation a quarter: with less in common a channel says next to nothing of the others. Pieces of the
+# LEAST_CORRELATION: a quarter of it squared; with less, a channel says next to nothing of the others. Pieces of the
 # two recorded Citations in which the channel should move by its tolerance have less in at most a seventh of the cases.
 LEAST_CORRELATION = 0.5
 # A scale that is off by more than this makes an error of half of what the channel shows. Those of both Citations lie
@@ -44,7 +44,7 @@ LARGEST_SCALE = 1.5
 # A channel fails in every third of the flight, in so many of its pieces, of at least so many altogether: of the pieces
 # of both Citations at most a fifth are wrong.
 THIRDS, FAILING, FEWEST_PIECES = 3, 2.0 / 3.0, 5
-# Of its tolerance, by which a channel should move in a piece that tells something.
+# MOVES: share of its tolerance by which a channel should move in a piece that tells something.
 MOVES = 0.5
 # m/s, of the vertical gusts of moderate turbulence (MIL-F-8785C: a tenth of a wind of 30 kt at 20 ft): a vane shows
 # them, and pitch minus flight path does not.
@@ -206,7 +206,7 @@ class Agreement:
 
     @property
     def correlation(self) -> float:
-        """Of all pieces."""
+        """Correlation over all pieces."""
         return float(_correlation(self.moments.sum(axis=0)))
 
     @property
@@ -216,7 +216,7 @@ class Agreement:
 
     @property
     def scale_sd(self) -> float:
-        """Of the slope, by leaving out one piece at a time."""
+        """Standard deviation of the slope, by leaving out one piece at a time."""
         n = len(self.moments)
         slopes = _slope(self.moments.sum(axis=0) - self.moments)
         return float(np.sqrt((n - 1) / n * np.sum((slopes - slopes.mean()) ** 2)))

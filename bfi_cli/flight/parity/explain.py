@@ -22,10 +22,10 @@ CLOSE, CLOSE_SHARE = 5.0, 0.03
 FITTED_WITHIN = 5.0  # times that, by a linear look at every course, of the best: what is fitted again
 LEAST_SHARE = 0.5  # of the best, below which nothing explains a window
 REFINED = 0.25  # of the window, to both sides of the onset that a linear look finds, in steps of a second
-# Of Gauss-Newton, which end where one moves the magnitude by less than this part of its standard deviation: a loss of a
+# STEPS, CONVERGED: Gauss-Newton steps, and the share of its sd by which the last may move the magnitude: a loss of a
 # tenth of the impact pressure takes three, one of six tenths six.
 STEPS, CONVERGED = 12, 0.02
-# Of faults that explain a window as well, the commoner comes first, by odds of ten to one a step: what probes and lines
+# The commoner of faults that explain a window as well comes first, by odds of ten to one a step: what probes and lines
 # lose to ice, water and leaks, which grows; then a vane that drifts, for vanes stick or bend at once, a line that gains
 # pressure, and a static line that leaks; then an inertial sensor or the satellite receiver. A commoner fault that is
 # near with these odds only is the last of the set: of 15 drifts of an only airspeed an accelerometer explained 3 better
@@ -35,7 +35,7 @@ RARER = 4.6  # 2 ln 10
 # What another course than a ramp must gain: it was chosen from several (2 ln 4.5; chosen by hand, not tuned). Of these
 # so many are fitted, the best by a linear look.
 PRICE, TRIED = 3.0, 3
-# Of the standard deviations of magnitude and onset: 95 % of the magnitudes of twelve trials on those flights lie within
+# TAILS: factor on the sd of magnitude and onset: 95 % of the magnitudes of twelve trials on those flights lie within
 # 1.9 to 3.2 of them, in the median 2.6, where a normal distribution has 1.96.
 TAILS = 1.3
 
@@ -63,7 +63,7 @@ COURSES: tuple[tuple[str, float | None], ...] = (
     *(("lagged_bias", seconds) for seconds in (3.0, 6.0, 12.0, 24.0)),
     *(("ramp_hold", seconds) for seconds in (10.0, 20.0, 40.0, 80.0, 160.0)),
 )
-# Of a constant, from one that is tried to the next while that explains the window better.
+# FINER: ratios of a constant from one that is tried to the next, while that explains the window better.
 FINER = (1.2, 1.05)
 
 
@@ -114,7 +114,7 @@ class Fit:
 
     @property
     def sd(self) -> float:
-        """Of the magnitude, over the onsets and constants that may be true, each by its likelihood."""
+        """Standard deviation of the magnitude over the onsets and constants that may be true, by likelihood."""
         _, ratios, magnitudes, sds = self.alike.T
         if not ratios.size:
             return np.inf

@@ -43,7 +43,7 @@ STILL, HIDDEN, MOTIONLESS = 1.0 / 3.0, 0.5, 0.1
 # Steps of the static pressure, m of altitude, above which level flight may stay within one: with 0.30 m no stretch of
 # three recorded flights (two Citations, a Cessna 172) is still, with 0.5 m one in a hundred, with 6 m every second.
 COARSE_M = 0.35
-# Of the total pressure by the steps of airspeed and temperature, Pa, above which calm flight may stay within one: 1.0
+# COARSE_PA [Pa]: step of the total pressure (airspeed, temperature) within which calm flight may stay: 1.0
 # Pa with the 0.032 m/s of a recorded Citation, of which no stretch is still; from 0.05 m/s on some are.
 COARSE_PA = 1.5
 LANDED, STEADY = "the aircraft has landed", "a steady climb or descent is a line too"

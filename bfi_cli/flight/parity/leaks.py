@@ -45,7 +45,7 @@ FALL, LEVEL, LEAST_LEVEL_S = -float(np.log(LEFT)), 0.5, 15.0
 # The fall is fitted down to this share of that, as an exponential, from so many blocks; its misfit in ln q: a tenth of
 # a speed that changes meanwhile.
 FITTED_TO, FEWEST_OF_FALL, MISFIT_OF_LOG = 0.2, 12, 0.2
-# Of the median impact pressure in flight, above which no landing roll begins: a touch-down has 0.36.
+# NO_ROLL: share of the median impact pressure in flight above which no landing roll begins: a touch-down has 0.36.
 NO_ROLL = 0.5
 # s before the onset, whose median is the level.
 LEVEL_S = 5.0

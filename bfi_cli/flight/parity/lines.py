@@ -32,7 +32,7 @@ FEWEST_POINTS = 5  # of a stretch; with fewer a line passes through anything
 LARGEST = 1.25
 # Noise is that of the calmest twentieth of pieces of 5 s.
 PIECE_S, CALMEST = 5.0, 0.05
-# Of the pressure; what float32 keeps of an altitude or an airspeed is better.
+# ROUNDING: share of the pressure; what float32 keeps of an altitude or an airspeed is better.
 ROUNDING = 1e-7
 # m of altitude for a share of the static pressure, to a tenth: gas constant of air times a typical temperature over g.
 METRES = 287.05 * 265.0 / G
@@ -40,7 +40,7 @@ METRES = 287.05 * 265.0 / G
 RENEWED_S = 1.25
 # Times the noise of a sample beside the line, within which a line still holds.
 BAND = 4.0
-# Of the median impact pressure in flight, from which on the aircraft may fly.
+# BORNE: share of the median impact pressure in flight from which on the aircraft may fly.
 BORNE = 0.3
 # m/s. A climb faster than this that ends within a block is no levelling off, which takes a second per m/s^2 of lift.
 STOPPED_AT = 4.0

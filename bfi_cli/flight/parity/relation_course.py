@@ -21,7 +21,7 @@ from .static_relations import AVERAGED, BLOCK_S, MARGIN_S, RelationSeries
 
 Candidate = tuple[str, float | None, float]  # shape; duration, time constant, or what draws a step out; onset; in s
 
-# Of a second, at which a course is averaged over it.
+# PARTS [s]: times within a second at which a course is averaged over it.
 PARTS = (np.arange(10) + 0.5) / 10.0 - 0.5
 # s, standard deviations of the low-pass of a recorder, which draws a step out: a Gaussian of 0.25 s is that of the
 # recorded Citation, one of 0.5 s twice as slow.

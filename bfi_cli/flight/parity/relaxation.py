@@ -24,9 +24,9 @@ STEPS = np.geomspace(0.5, 30.0, 44)
 FITTED, LEAST_FITTED_S = 4.0, 5.0
 # s after the onset, in which a recorder's low-pass rounds it.
 ROUNDED_S = 1.0
-# Of the usual step, beyond which two blocks have a gap between them; blocks that a fit needs.
+# GAP, FEWEST: factor on the usual step beyond which two blocks have a gap between them; blocks that a fit needs.
 GAP, FEWEST = 1.75, 5
-# Of the change of pressure, by which the course may stray from the fit.
+# MISFIT_OF_CHANGE: share of the change of pressure by which the course may stray from the fit.
 MISFIT_OF_CHANGE = 0.03
 # Times the rate before the onset, by which the rate changes at least.
 MORE_THAN_STOPPED = 3.0
@@ -60,7 +60,7 @@ class Relaxation:
 
     @property
     def jump(self) -> float:
-        """Of the rate, Pa/s; of a shorter time constant than the rate can be told in, the change over that time."""
+        """Change of the rate, Pa/s; with a time constant too short for a rate, the change over `AROUND_S`."""
         return self.change / max(self.time_constant_s, AROUND_S)
 
 
@@ -123,7 +123,7 @@ def _fitted(time_s: FloatArray, pressure: FloatArray, onset: int, before: int) -
     since_s, steps_s = time_s - time_s[onset], np.diff(time_s)
     line = np.column_stack([np.ones(before + 1), since_s[earlier]])
     start, rate = np.linalg.lstsq(line, pressure[earlier], rcond=None)[0].tolist()
-    # Of every exponential the last block, the first of those before which a block is missing left out.
+    # Last block of every exponential, without the blocks after a missing one.
     last = np.searchsorted(time_s, time_s[onset] + np.maximum(FITTED * STEPS, LEAST_FITTED_S))
     missing = np.isnan(pressure[onset - before + 1 :]) | (steps_s[onset - before :] > GAP * float(np.median(steps_s)))
     last = last[last <= onset - before + (int(np.argmax(missing)) if missing.any() else len(missing))]

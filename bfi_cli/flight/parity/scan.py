@@ -23,9 +23,9 @@ LARGE = 300.0
 # After the window's start and before its end: a slope after the onset takes longer to tell from the slow noise than the
 # level before it. Chosen by hand; the shipped tables hold for these.
 FIRST_ONSET_S, LAST_ONSET_S = 10.0, 20.0
-# Of a deflection in rad, and of a gear that is down at 1: more is no play of a sensor. Chosen by hand, not tuned.
+# MOVED [rad, 1]: deflection of flaps, and of a gear that is down at 1: more is no play of a sensor. Chosen by hand.
 MOVED = {"flaps": 0.02, "gear": 0.2}
-# Of the seconds of a window that the log samples, in which a residual must be known. Chosen by hand, not tuned.
+# FEWEST: share of a window's sampled seconds in which a residual must be known. Chosen by hand.
 FEWEST = 0.7
 
 

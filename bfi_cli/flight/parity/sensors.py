@@ -216,7 +216,7 @@ def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[st
     heat = next((name for name in ("tat", "sat") if name in recorded), None)
     if heat is None or "altitude" not in channels:
         return ()
-    # Of a probe without a speed what it shows is taken for the air's: the speed's own steps then hide some.
+    # What a probe without a speed shows is taken for the air's: the speed's own steps then hide some.
     sat = channels["sat"] if "sat" in channels else channels["tat"]
     if "sat" not in channels and "mach" in channels:
         sat = air_data_of({name: channels[name] for name in ("altitude", "mach", "tat")}).sat

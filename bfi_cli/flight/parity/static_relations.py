@@ -50,12 +50,12 @@ THRESHOLD = 25.0
 # A change is declared where the largest error that it makes is this many times the least noise: a quantity that rests
 # at the edge between two steps of a quantisation changes by a whole one, 12^0.5 standard deviations.
 LEAST_STEPS = 3.5
-# Of a step, by which a channel that rests within one moves from block to block at most, and of the blocks that do. Set
+# RESTS, RESTING [quanta, 1]: largest move between blocks of a channel at rest, share of blocks at rest. Set
 # on two recorded flights with altitudes in steps of 25 ft, which then make no change (docs/theory.md, 15.5).
 RESTS, RESTING = 0.01, 0.25
 # Twice the loss in log-likelihood up to which another channel explains the relations as well: ten to one.
 AS_GOOD = 4.6
-# Of a step of one quantisation, in a comparison of channels: a change lies between two means, which average most of it.
+# AVERAGED [quanta]: rounding that a comparison of channels keeps: a change lies between two means, which average most.
 # With 1 in place of 0.5 a tenth of the errors of tas of 0.1 m/s was named with tat, with 0.5 a hundredth, none wrong.
 AVERAGED = 0.5
 # Pieces of this length about a line show the noise of a relation that no recorded step explains.
@@ -72,7 +72,7 @@ FOLLOWS = (0.05, 2e-4, 0.1, 0.02)
 # impact pressure and coefficient of lift goes with V0^2 / V, V0 its median. Of that coefficient, to 1: in handbooks of
 # light aircraft the difference from the calibrated airspeed changes by 0.1 to 0.4 m/s per m/s.
 POSITION_ERROR = 0.1
-# Of V0, below which an aircraft does not fly.
+# SLOWEST [V0]: speed below which an aircraft does not fly.
 SLOWEST = 0.3
 # `FOLLOWS` in units of other relations, about what 1 m/s of airspeed is worth.
 WORTH = {"m/s": 1.0, "K": 1.0, "m": 10.0, "Pa": 100.0, "rad": 0.02, "1": 0.003}
@@ -708,7 +708,7 @@ def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onset
         rest -= parts * (parts @ rest) / power
         return float(rest @ rest)
 
-    # Of two sensors of one quantity the losses are equal but for rounding: the first is named with its sign.
+    # Losses of two sensors of one quantity are equal but for rounding: the first is named with its sign.
     ranked = sorted((float(f"{misfit(channel):.9g}"), i, channel) for i, channel in enumerate(effects))
     among = tuple(channel for loss, _, channel in ranked if loss <= ranked[0][0] + AS_GOOD)
     fault = among[0]
@@ -752,7 +752,7 @@ def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray) -> tu
             if not np.isfinite(sizes[:counted]).all():
                 continue
             for channel, effect in relation.effects.items():
-                # Of a drift that begins later a window holds too little.
+                # A window holds too little of a drift that begins later.
                 last = n if shape == "bias" else max(half, int(np.searchsorted(onsets_s, onsets_s[-1] - LATE_S)) + 1)
                 limit = Limit(
                     fault=channel,

@@ -12,7 +12,7 @@ import numpy as np
 from ...airdata import IMPACT_SOURCES, SEA_LEVEL_PRESSURE, SONIC_RATIO, STATIC_SOURCES, air_data_of, channels_of
 from ...kernels import BoolArray, FloatArray
 
-# Of the static pressure that a port holds, from the reading and itself: each leaves q/p of the error, 0.35 at Mach 0.7.
+# ROUNDS: iterations for the static pressure that a port holds: each leaves q/p of the error, 0.35 at Mach 0.7.
 ROUNDS = 8
 
 

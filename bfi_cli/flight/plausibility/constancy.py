@@ -17,11 +17,11 @@ from ...kernels.change_scan import steps_and_ramps, whitened
 # Samples on which the rivals are compared, onsets that are tried, evenly between the ends, and durations of ramps as
 # parts of the record: how finely a course is known, which the likelihood of one that is near hardly asks.
 MOST_COMPARED, ONSETS, DURATIONS = 400, 48, (1.0 / 2.0, 1.0 / 4.0, 1.0 / 8.0, 1.0 / 16.0, 1.0 / 32.0)
-# Of the tolerance of a relation, the least standard deviation of the noise.
+# LEAST_NOISE: least standard deviation of the noise, as a share of the relation's tolerance.
 LEAST_NOISE = 0.02
-# Of the squared length of a course, what has to be left of it beside a constant: it is rounding else.
+# LEAST_LEFT: share of a course's squared length that is left beside a constant: it is rounding else.
 LEAST_LEFT = 1e-6
-# Of the samples before a change, in which an error is beyond the tolerance that is there from the first sample on; or,
+# THROUGHOUT, MOSTLY: share of the samples before a change in which a constant error is beyond the tolerance; or,
 # where these are few and the air is rough, of its whole size.
 THROUGHOUT, MOSTLY = 0.9, 0.5
 

@@ -50,7 +50,7 @@ FASTEST, LARGEST_IMPACT, SUBSONIC = 340.0, 90_000.0, 0.89
 # CS/FAR 25.1323(b), m/s: 5 kt of an indicated airspeed, of which a tenth in slow flight with flaps.
 INDICATED = (2.6, 0.1)
 DEGREE = np.pi / 180.0
-# Of the vertical, below which the load along body z says nothing of the climb: 70 degrees of bank.
+# LEAST_UPRIGHT: cosine of the bank, 70 degrees, below which the load along body z says nothing of the climb.
 LEAST_UPRIGHT = 0.3
 # rad, above that of zero lift: in cruise, of the six degrees that `parity.credibility` takes for typical.
 TYPICAL_ANGLE = 0.1

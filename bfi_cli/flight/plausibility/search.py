@@ -18,16 +18,16 @@ from .relations import Relation, State
 PIECES, LONG_PIECES, LEAST_PER_PIECE = 8, 4, 3
 FEWEST_TOLD = 2  # longer pieces that tell of the motion: in one alone it may be gusts
 SIMPLER = float(np.log(2.0))  # of the cost, that a scale must be better by: its misfit in one relation half as large
-# Of the pieces, in which a relation holds that holds.
+# HOLDING: share of the pieces in which a relation that holds does hold.
 HOLDING = 0.75
 # As in `bfi_cli.flight.parity.credibility`, which has the recorded flights: with less in common two signals say next to
 # nothing of each other, and a scale that is off by more makes an error of half of what the channel shows.
 LEAST_CORRELATION, LARGEST_SCALE = 0.5, 1.5
-# Of a tolerance, from which what is expected shows a factor; how much better a unit fits than what it is said to be.
+# LARGE, BETTER [tolerances, 1]: what is expected shows a factor from here on; how much better another unit has to fit.
 LARGE, BETTER = 2.0, 3.0
 # So alike they tell a scale, however little what is expected moves.
 ALIKE = 0.9
-# Of the size of a relation's residual, what its solution leaves; iterations of the secant to there.
+# SOLVED, MOST_STEPS: share of a relation's residual that its solution leaves; iterations of the secant to there.
 SOLVED, MOST_STEPS = 1e-3, 6
 MOST_FINDINGS = 3
 FEWEST_CLOCKED = 2  # relations that tell the time, of which one alone may have a wrong channel

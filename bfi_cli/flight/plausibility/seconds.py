@@ -32,7 +32,7 @@ def seconds_of(log: FlightLog, names: Collection[str]) -> State | None:
     middle = max(0, (log.n_samples - LOOKED_AT) // 2)
     rows = slice(middle, middle + LOOKED_AT)
     time_s = log.time_s[rows]
-    # Of a short log, which may be one whose clock runs too slowly, parts of a second.
+    # A short log, whose clock may run too slowly, is cut into parts of a second.
     width_s = float(np.clip((time_s[-1] - time_s[0]) / FEWEST, (time_s[-1] - time_s[0]) / time_s.size, 1.0))
     bins = np.floor((time_s - time_s[0]) / width_s + 1e-6)
     first = np.flatnonzero(np.diff(bins, prepend=-1.0))

@@ -33,7 +33,7 @@ FINAL_PEAKS = 3
 HALVINGS = (2, 9)
 # Onsets screened per period, so that the nearest is at most a twelfth of a period away.
 ONSETS_PER_PERIOD = 6
-# Of pairs, per frequency of the grid: ends tried, pairs ranked, and branches that sweeps start from.
+# Pairs per frequency of the grid: ends tried, pairs ranked, and branches that sweeps start from.
 ENDS = 10
 RANKED = 64
 BRANCHES = 3

@@ -162,7 +162,7 @@ def _none_one_or_several(value: object) -> str:
     return "<none>" if value is None else "<list>" if isinstance(value, list | tuple) else "<fault>"
 
 
-# Of a trial: none, one, or several at once.
+# Faults of a trial: none, one, or several at once.
 InjectedFaults = Annotated[
     Annotated[InjectedFault, Tag("<fault>")]
     | Annotated[tuple[InjectedFault, ...], Field(min_length=1), Tag("<list>")]
@@ -188,7 +188,7 @@ class ComparedRules(Rules):
     programs: Mapping[Text, Annotated[Text, AfterValidator(_beside_sweep)]] = Field(default_factory=dict)
     """Name: executable of a method of your own, relative to this file (docs/benchmark.md)."""
     timeout_s: Positive = 60.0
-    """Of a program."""
+    """Seconds after which a program of a trial is stopped."""
     false_alarm: Annotated[Number, Field(gt=0, lt=1)] = 0.05
     """Share of the trials without a fault at which the scores of all methods are compared."""
 

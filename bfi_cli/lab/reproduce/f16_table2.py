@@ -68,13 +68,13 @@ class F16Options(Rules):
     reference: Literal["kde", "gaussian"] = "kde"
     """Density of the fault-free residual: by kernels, or a Gaussian fit, as the paper's conclusion says."""
     reference_window: Literal["whole", "same"] = "whole"
-    """Of the fault-free residual: the whole flight, or the window of the faulty one."""
+    """Span of the fault-free residual: the whole flight, or the window of the faulty one."""
     reference_aircraft: Literal["varied", "nominal"] = "varied"
-    """That flies without a fault: with the aerodynamic variation, or without."""
+    """Aircraft that flies without a fault: with the aerodynamic variation, or without."""
     exponent: NotNegative | None = 0.5
     """a of eq. 22, 0 for one bandwidth everywhere, none for the most likely."""
     log_base: Literal["2", "e"] = "2"
-    """Of eq. 15."""
+    """Base of the logarithm in eq. 15."""
     halves: bool = True
     """The factors 1/2 of eq. 15, which eq. 17 leaves out."""
     noise_deg_s: NotNegative = 0.05
@@ -82,9 +82,9 @@ class F16Options(Rules):
     variation: tuple[Number, Number, Number] = (0.10, 0.25, 0.20)
     """Relative changes of Cl, Cm, Cn, eq. 8."""
     observer_gain: tuple[Positive, Positive, Positive] = (9.0, 6.0, 8.0)
-    """Of p, q, r, 1/s."""
+    """Gains of the observer for p, q, r, 1/s."""
     observer_rates: Literal["measured", "estimated"] = "measured"
-    """At which the observer takes the nominal moments: f2(y) or f2(x-hat)."""
+    """Rates at which the observer takes the nominal moments: f2(y) or f2(x-hat)."""
     aoa_command: tuple[tuple[Number, Number], ...] = AOA_COMMAND
     """Corners of the commanded angle of attack: seconds, degrees."""
     roll_deg: Number = 25.0
@@ -94,7 +94,7 @@ class F16Options(Rules):
     nozzle_deg: Annotated[Number, Field(ge=0, le=45)] = 15.0
     """Largest deflection of the thrust-vectoring nozzle."""
     step_s: Annotated[Number, Field(gt=0, le=0.1)] = 0.02
-    """Of the Runge-Kutta integration; the record's step is 0.1 s."""
+    """Step of the Runge-Kutta integration; the record's step is 0.1 s."""
 
     @model_validator(mode="after")
     def _has_a_density(self) -> F16Options:

@@ -46,7 +46,7 @@ LEAST_CUT_S = 1.0
 # Each has a trim of its own; take-off and landing are too short to hold a dictionary.
 TRIMS = ("climb", "cruise", "descent", "approach")
 
-# Of the trusted inputs those that shorten the tail of healthy windows most, wherever they are recorded.
+# FIRST: inputs that shorten the tail of healthy windows most, wherever they are recorded.
 FIRST = ("pitch", "longitudinal_acc")
 
 

@@ -37,7 +37,7 @@ RATE_WEIGHT = 0.5  # of the squared change between two rates, half is the varian
 # three that wander (docs/theory.md, 5.2; Perron 1989 for records whose trend breaks). Half of them exceed 4 to 7: the
 # logarithm of the number of rows, the price of a parameter in BIC, would rule a root out that is there.
 UNIT_ROOT = 16.0
-# Of an exponential that double precision holds: evidence may be asked for that no fault can show.
+# LARGEST_EXPONENT: largest that double precision holds; evidence may be asked for that no fault can show.
 LARGEST_EXPONENT = 500.0
 # Factors on a minimal detectable magnitude at which the profile is asked, until it would be declared; and for how many
 # entries that is done at most, since it takes some fits for each.
@@ -47,7 +47,7 @@ MOST_PROFILED = 40
 # last tenth are left out, where a fault acts on the lags alone or on too few samples.
 N_ONSETS = 33
 INSIDE = (0.1, 0.9)
-# Of the signals that are added at once, where they are not in stretches, for memory.
+# MOST_VALUES: values of the signals that are added at once, where they are not in stretches, for memory.
 MOST_VALUES = 10**6
 # Entries for which it is asked what the factor would be, were they declared: it takes a fit for each.
 MOST_DECLARED = 40

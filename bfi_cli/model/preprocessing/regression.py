@@ -104,7 +104,7 @@ class RegressionData:
 
     @property
     def scaling(self) -> dict[int, tuple[int, float]]:
-        """Of the atoms whose signal is the output itself, see `ProjectedRegression.scaling`."""
+        """Rows of the atoms whose signal is the output itself, see `ProjectedRegression.scaling`."""
         atoms = [j for j, entry in enumerate(self.atoms) if entry in self.signals.scaling]
         rows = self.layout.theta.of(atoms).active_rows(self.layout.first)
         return {j: (n, float(self.magnitude_unit[j])) for j, n in zip(atoms, rows, strict=True)}
@@ -117,7 +117,7 @@ class RegressionData:
 
     @property
     def slopes(self) -> tuple[dict[int, FloatArray], FloatArray] | None:
-        """Of the atoms whose signal changes with the outputs, where one is not an output itself; else None."""
+        """Slopes of the atoms whose signal changes with the outputs, where one is no output itself; else None."""
         if not {*self.atoms} & self.signals.slopes.keys():
             return None
         theta, first = np.asarray(self.layout.theta), self.layout.first

@@ -75,7 +75,7 @@ def tolerance_of(log: FlightLog, window: FlightLog, channel: str) -> float:
         speed = _cruising_speed(window, known[0]) if known else 0.0
         return max(ALTITUDE_PER_SPEED * speed, ALTITUDE_LEAST)
     outside = (log.time_s < window.time_s[0]) | (log.time_s > window.time_s[-1])
-    # Of the window itself where it is the whole log, the channel is derived from others within it, or rests elsewhere.
+    # Travels of the window alone where it is the whole log, the channel is derived within it, or rests elsewhere.
     elsewhere = [log.channel(name).values[outside]] if name in log.channels else []
     travels = (_travel(values) for values in (*elsewhere, window.channel(name).values))
     return OTHER_SHARE * next((travel for travel in travels if travel > 0.0), 0.0)

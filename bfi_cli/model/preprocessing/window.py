@@ -106,7 +106,7 @@ class PreparedWindow:
 
     @property
     def response(self) -> Response:
-        """Of all filters that the log went through, at the rate of `native`."""
+        """Response of all filters that the log went through, at the rate of `native`."""
         return self.native.response
 
     @property

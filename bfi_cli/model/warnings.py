@@ -20,6 +20,9 @@ from .result import OutputSeries, ResidualSummary
 WHITE_P = 1e-3
 # Regressors this dependent leave eight digits of the sixteen of double precision to their coefficients.
 ILL_CONDITIONED = 1e8
+# DEPENDENT [1]: condition number from which a regressor follows from others to the rounding of a log, as states of a
+# simulation do: the space they span, which alone bears on a fault's size, loses nothing by it.
+DEPENDENT = 1e12
 MOST_NAMED = 5  # entries in a sentence
 # A fault that must be this many times the output's whole movement to be seen cannot be excluded by the log.
 BLIND = 3.0
@@ -94,7 +97,14 @@ def warnings_of(
     ends["outputs"] = window.outputs
     limits += dead_sentences([window.faults[j] for j in sorted(window.reasons)], **ends)
     limits += [reason for j, reason in sorted(window.reasons.items()) if dead_reason(window.faults[j], **ends) is None]
-    if outcome.condition_number > ILL_CONDITIONED:
+    if outcome.condition_number > DEPENDENT:
+        notes.append(
+            Note.method(
+                f"regressors follow from others to round-off (condition number {outcome.condition_number:.1e}), as in "
+                "simulations: coefficients of the model mean nothing, sizes of faults do not depend on them"
+            )
+        )
+    elif outcome.condition_number > ILL_CONDITIONED:
         limits.append(
             f"the regressors are nearly dependent (condition number {outcome.condition_number:.1e}): the inputs hardly "
             "move, or the rate is far above the dynamics"

@@ -177,3 +177,18 @@ def test_a_window_keeps_the_fault_that_lies_in_it(flight, thesis, faulty):
     assert result.truth.isolated, texts(result.notes)
     assert 4.0 <= result.log.start_s < result.log.stop_s < 28.0
     assert result.faults[0].fault.onset_s == 13.8
+
+
+def test_an_input_that_follows_from_another_changes_no_size(flight, thesis, faulty):
+    """The space of the regressors is the same; only their coefficients are not determined, which a note says."""
+    log = faulty(flight(4), thesis, {"bias_13.8": 2.0})
+    elevator = log.channel("elevator")
+    twice = replace(elevator, name="elevator_copy", values=1.0 - 2.0 * elevator.values)
+    both = replace(log, channels={**log.channels, "elevator_copy": twice})
+    alone, beside = (
+        identify_faults(each, thesis, Config.model_validate({**SETTINGS, "inputs": inputs}))
+        for each, inputs in ((log, ["elevator"]), (both, ["elevator", "elevator_copy"]))
+    )
+    assert by_name(beside)["bias_13.8"].magnitude == pytest.approx(by_name(alone)["bias_13.8"].magnitude, rel=1e-3)
+    assert any("follow from others to round-off" in text for text in texts(beside.notes))
+    assert not any("nearly dependent" in text for text in texts(beside.notes))

@@ -96,7 +96,7 @@ class Flight:
     unused : sentences on channels that are not what their names say, or do not follow the flight, and were left out.
     resting : sensors that are frozen.
     not_credible : channels that do not follow the flight; unusable : residuals that are not used.
-    stepped : steps of a temperature probe or an accelerometer.
+    stepped : steps of an airspeed, a temperature probe, an altimeter or an accelerometer.
     defects : dropouts, spikes and readings that stay still; `log` has no values there.
     lasting : faults found so far, which later windows are not to find again.
     """
@@ -248,7 +248,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         unused=(*frozen, *([coarse] if coarse else ()), *unlike, *credible.sentences),
         resting=resting,
         not_credible=credible.findings,
-        stepped=sensor_steps(record, phases, log.channels.keys(), without=held_stretches(held.findings)),
+        stepped=sensor_steps(log, record, phases, without=held_stretches(held.findings)),
         unusable=credible.unusable,
         defects=defects,
     )

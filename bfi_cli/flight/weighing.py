@@ -21,6 +21,7 @@ from .judge import ALIKE, FROZEN, Judgement, explains, is_on_ground, is_set, jud
 from .model import flight_model
 from .naming import channels_of, repeat_advice
 from .parity.finding import Stage
+from .parity.sensors import AT_ONCE_EVIDENCE
 from .parity.windows import flight_stretches
 from .result import Event, OrdinaryEvent
 from .seconds import seconds_of
@@ -217,8 +218,11 @@ def _weighed(
 def _knows_more(bench: Bench, event: Event) -> bool:
     """Return whether a finder knows what the model does not.
 
-    Accelerations at the log's rate; and without a ground velocity a lost airspeed is as well a change of speed.
+    Accelerations at the log's rate, an airspeed that changes faster than any flight; and without a ground velocity a
+    lost airspeed is as well a change of speed.
     """
+    if AT_ONCE_EVIDENCE in event.evidence:
+        return True
     by_lift = event.fault in (*LOSSES, *AIRSPEEDS) and not {"velocity_north", "ground_speed"} & {*bench.model.rows}
     inertial = event.evidence.get(INERTIAL, 0.0) > DECLARED
     return (by_lift or inertial) and not set(event.stages) <= SEES_NO_MORE

@@ -13,6 +13,7 @@ from bfi_cli.airdata import G, isa_temperature, speed_of_sound, static_temperatu
 from bfi_cli.flight.parity import Record, record_of
 from bfi_cli.flight.parity.sensors import (
     accelerometer_steps,
+    airspeed_steps,
     altimeter_steps,
     altitude_step_within,
     frozen_sensors,
@@ -21,6 +22,7 @@ from bfi_cli.flight.parity.sensors import (
 )
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.phases import Phase
+from bfi_cli.flightlog.record import frozen_array
 
 N, RATE_HZ, ONSET_S = 1000, 4.0, 400.0
 FLIGHT = [Phase(phase="cruise", from_s=0.0, to_s=float(N))]
@@ -83,6 +85,61 @@ def test_a_vane_that_rests_where_nothing_moves_is_not_frozen():
         values[still] = 0.02 if name in ("aoa", "pitch") else 0.0
         log = with_values(log, name, values)
     assert frozen_sensors(log, record_of(log), FLIGHT) == ()
+
+
+def with_airspeeds(sizes: dict[str, float], *, within_s: float = 0.0, until_s: float = np.inf) -> FlightLog:
+    """Return the log of 100 m/s by airspeeds that change by some m/s from `ONSET_S` on."""
+    log = attitudes()
+    grown = np.clip((log.time_s - ONSET_S + 0.5 / RATE_HZ) / max(within_s, 1e-6), 0.0, 1.0)
+    shift = np.where(log.time_s < until_s, grown, 0.0)
+    channels = {
+        name: replace(log.channels["tas"], name=name, values=frozen_array(100.0 + size * shift))
+        for name, size in sizes.items()
+    }
+    return replace(log, channels={**log.channels, **channels})
+
+
+@pytest.mark.parametrize(
+    ("sizes", "fault", "among"),
+    [
+        ({"tas": -40.0}, "tas", ("tas", "pitot_icing")),
+        ({"tas": 40.0}, "tas", ("tas",)),
+        ({"tas": -40.0, "cas": 0.0}, "tas", ("tas",)),
+        ({"tas": 0.0, "cas": 40.0}, "cas", ("cas",)),
+        ({"tas": -40.0, "cas": -40.0}, "pitot_icing", ("pitot_icing",)),
+        ({"tas": 40.0, "cas": 40.0}, "q_impact", ("q_impact",)),
+    ],
+)
+def test_an_airspeed_that_steps_faster_than_any_flight_is_named(
+    sizes: dict[str, float], fault: str, among: tuple[str, ...]
+):
+    (finding,) = airspeed_steps(with_airspeeds(sizes), FLIGHT)
+    assert (finding.fault, finding.among, finding.shape) == (fault, among, "bias")
+    assert finding.onset_ci95[0] <= ONSET_S <= finding.onset_ci95[1]
+    assert finding.effect == {name: pytest.approx(size, abs=0.1) for name, size in sizes.items() if size}
+    size = max(sizes.values(), key=abs)
+    share = (1.0 + size / 100.0) ** 2 - 1.0
+    assert finding.magnitude == pytest.approx(
+        {"pitot_icing": -share, "q_impact": share}.get(fault, size), abs=1e-2 * abs(size)
+    )
+
+
+@pytest.mark.parametrize(
+    "log",
+    [
+        with_airspeeds({"tas": -28.0}),  # a gust and a deceleration
+        with_airspeeds({"tas": -80.0}, within_s=4.0),
+        with_airspeeds({"tas": -80.0}, until_s=ONSET_S + 1.0),  # a spike
+    ],
+)
+def test_what_a_flight_may_do_and_what_lasts_a_second_is_no_step_of_an_airspeed(log: FlightLog):
+    assert airspeed_steps(log, FLIGHT) == ()
+
+
+def test_an_airspeed_that_comes_back_steps_twice():
+    lost, back = airspeed_steps(with_airspeeds({"tas": -60.0}, until_s=ONSET_S + 30.0), FLIGHT)
+    assert lost.magnitude == -back.magnitude == pytest.approx(-60.0)
+    assert back.onset_s == pytest.approx(ONSET_S + 30.0, abs=1.0 / RATE_HZ)
 
 
 def warmer(step_k: float, *, seconds: float = np.inf) -> Record:

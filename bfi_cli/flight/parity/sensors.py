@@ -1,4 +1,4 @@
-"""Sensors that fail by themselves: any that holds its reading; a probe, an altimeter, a normal accelerometer that step.
+"""Sensors that fail by themselves: any that holds its reading; airspeed, probe, altimeter and accelerometer that step.
 
 What is computed from a temperature follows a probe that is wrong, so that no relation between these channels breaks;
 but no air changes by some kelvin within seconds at one altitude. The mean of a normal acceleration over two minutes is
@@ -8,12 +8,12 @@ that of gravity, bank and little else, since the climb is no other afterwards th
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...airdata import air_data_of, climb_angle
+from ...airdata import G, air_data_of, climb_angle
 from ...flightlog import FlightLog
 from ...flightlog.defects import FEWEST_REPEATS, WATCHED, unwatched_in
 from ...flightlog.phases import Phase
@@ -48,6 +48,11 @@ VANE_NEEDS = frozenset({"aoa", "tas", "altitude_rate", "pitch", "roll"})
 VANE_RESTS_S = 30.0
 # rad, by which attitude and climb say that it should move meanwhile: half a degree, and so many of its own steps.
 SHOULD_MOVE, STEPS = np.radians(0.5), 2.0
+# Mean acceleration along the path over a second that no flight has, m/s^2: thrust, drag and slope of 1 g together with
+# the largest design gust, 20 m/s (66 ft/s, 14 CFR 23.333). 14 healthy flights of seven aircraft have at most 6.7.
+FASTEST, SECOND_S = 3.0 * G, 1.0
+BESIDE_S = 5.0  # of the medians before and after such a step, and between two
+AT_ONCE_EVIDENCE = "airspeed at once"
 # s of the means before and after a step of the temperature, and between them, which a probe and a recorder take to
 # follow.
 PROBE_MEAN_S, PROBE_GAP_S = 4, 2
@@ -194,20 +199,91 @@ def _usual(seconds: FloatArray, flown_s: float) -> float:
 
 
 def sensor_steps(
-    record: Record, phases: Sequence[Phase], recorded: Collection[str], *, without: Sequence[Window]
+    log: FlightLog, record: Record, phases: Sequence[Phase], *, without: Sequence[Window]
 ) -> tuple[Finding, ...]:
-    """Return the steps of a temperature probe, of an altimeter and of a normal accelerometer.
+    """Return the steps of an airspeed, of a temperature probe, of an altimeter and of a normal accelerometer.
 
     Parameters
     ----------
-    recorded : the channels that the log has by itself.
     without : stretches in which the static line is held or leaks.
     """
     return (
-        *probe_steps(record, phases, recorded),
+        *airspeed_steps(log, phases),
+        *probe_steps(record, phases, log.channels.keys()),
         *altimeter_steps(record, phases, without),
         *accelerometer_steps(record, phases),
     )
+
+
+def airspeed_steps(log: FlightLog, phases: Sequence[Phase]) -> tuple[Finding, ...]:
+    """Return the steps of airspeeds that are faster than any flight; what several do at once, the pitot line does."""
+    names = [name for name in ("tas", "cas", "ias") if name in log.channels]
+    flown = within(log.time_s, flight_stretches(phases))
+    steps = {name: _airspeed_steps(log, log.channels[name].values, flown) for name in names}
+    findings = []
+    for name in names:
+        for step in steps[name]:
+            alike = {
+                other: twin for other in names for twin in steps[other] if abs(twin.onset_s - step.onset_s) < SECOND_S
+            }
+            if name != next(iter(alike)):
+                continue
+            is_shared = len(names) > 1 and len(alike) == len(names)
+            lost = step.after < step.before
+            share = (step.after / step.before) ** 2 - 1.0  # of the impact pressure
+            line = "pitot_icing" if lost else "q_impact"
+            finding = _step(
+                line if is_shared else name,
+                abs(share) if is_shared and lost else share if is_shared else step.size,
+                sd=step.sd * (2.0 * step.after / step.before**2 if is_shared else 1.0),
+                unit="1" if is_shared else "m/s",
+                onsets_s=(step.onset_s, step.onset_s - 1.0 / log.rate_hz, step.onset_s + 1.0 / log.rate_hz),
+                statistic=step.statistic,
+                words=AT_ONCE_EVIDENCE,
+            )
+            among = (finding.fault, "pitot_icing") if len(names) == 1 and lost else (finding.fault,)
+            effect = {other: twin.size for other, twin in alike.items()}
+            findings.append(replace(finding, among=among, channels=tuple(alike), effect=effect))
+    return tuple(findings)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _AirspeedStep:
+    """A step of an airspeed: m/s before and after it and the error of their difference, the onset, s."""
+
+    onset_s: float
+    before: float
+    after: float
+    sd: float
+
+    @property
+    def size(self) -> float:
+        return self.after - self.before
+
+    @property
+    def statistic(self) -> float:
+        return abs(self.size) / (FASTEST * SECOND_S)
+
+
+def _airspeed_steps(log: FlightLog, values: FloatArray, flown: BoolArray) -> list[_AirspeedStep]:
+    """Return the steps of an airspeed (n,) that it keeps for seconds, in or out of flight."""
+    lag, beside = (max(1, round(seconds * log.rate_hz)) for seconds in (SECOND_S, BESIDE_S))
+    if len(values) <= lag:
+        return []
+    change = np.where(flown[lag:] | flown[:-lag], np.abs(values[lag:] - values[:-lag]), np.nan)
+    steps = []
+    for k in _peaks(change / (FASTEST * SECOND_S), beside):
+        onset = k + 1 + int(np.nanargmax(np.abs(np.diff(values[k : k + lag + 1]))))
+        sides = values[max(0, onset - beside) : onset], values[onset + lag - 1 : onset + lag - 1 + beside]
+        before, after = (side[np.isfinite(side)] for side in sides)
+        if min(before.size, after.size) < FEWEST * beside:
+            continue
+        spreads = [float(np.ptp(np.quantile(side, (0.16, 0.84)))) / 2.0 for side in (before, after)]
+        level, left = float(np.median(before)), float(np.median(after))
+        sd = max(float(np.linalg.norm(spreads)) / float(np.sqrt(BESIDE_S)), 1e-3 * abs(left - level))
+        step = _AirspeedStep(onset_s=float(log.time_s[onset]), before=level, after=left, sd=sd)
+        steps += [step] if step.statistic > 1.0 else []
+    return steps
 
 
 def probe_steps(record: Record, phases: Sequence[Phase], recorded: Collection[str]) -> tuple[Finding, ...]:

@@ -306,7 +306,7 @@ def docstring(target: Any) -> Iterator[str]:
                     if kind == "raises"
                     else (getattr(item, "name", ""), "", str(item.annotation or ""))
                 )
-                text = "; ".join(part for part in (text, " ".join(item.description.split())) if part)
+                text = " ".join(part for part in (text, " ".join(item.description.split())) if part)
                 yield f"- `{named}`" + (f": {text}" if text else "")
             yield ""
 

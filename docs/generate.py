@@ -12,6 +12,8 @@ it to the digits shown.
 from __future__ import annotations
 
 import argparse
+import importlib
+import inspect
 import json
 import os
 import pty
@@ -90,7 +92,24 @@ def tables() -> dict[str, dict[str, str]]:
             "config": config_table("config"),
             "montecarlo": config_table("montecarlo"),
         },
+        "documents.md": {
+            "candidate": attributes_table("bfi_cli.decision", "Candidate"),
+            "fault": attributes_table("bfi_cli.faults", "FaultEstimate"),
+            "contradiction": attributes_table("bfi_cli.decision.implausible", "Implausible"),
+            "event": attributes_table("bfi_cli.flight.result", "Event"),
+        },
     }
+
+
+def attributes_table(module: str, name: str) -> str:
+    """Return the attributes of a class that is a part of documents, as its docstring has them."""
+    text = inspect.getdoc(getattr(importlib.import_module(module), name)) or ""
+    lines = text.partition("Attributes\n----------\n")[2]
+    items = re.split(r"\n(?=\S)|;\s+(?=\w+(?:, \w+)* : )", lines.strip())  # two on a line stand behind a semicolon
+    rows = []
+    for keys, _, meaning in (item.partition(" : ") for item in items):
+        rows.append((", ".join(f"`{key}`" for key in keys.split(", ")), " ".join(meaning.split()).rstrip(".")))
+    return table(("key", "holds"), rows).replace("None", "null")
 
 
 def schema(name: str) -> dict[str, Any]:

@@ -326,7 +326,12 @@ def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> lis
     ----------
     suspects : see `find_phases`.
     """
-    return _stretches(phases_of(log, suspects=suspects), (*STEADY_PARTS, "approach"))
+    return airborne_phases(phases_of(log, suspects=suspects))
+
+
+def airborne_phases(phases: Sequence[Phase]) -> list[tuple[float, float]]:
+    """Return (from_s, to_s) of the stretches of a flight from take-off to landing."""
+    return _stretches(phases, (*STEADY_PARTS, "approach"))
 
 
 def airborne(log: FlightLog, time_s: FloatArray) -> BoolArray:

@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 
 from ..airdata import SEA_LEVEL_PRESSURE, isa_temperature, pressure_at
+from ..kernels.running import median_of_neighbours
 from ..kernels.runs import BoolArray, FloatArray, Run, bridged, runs
 from .record import LARGEST_VALUE, FlightLog
 
@@ -96,15 +97,13 @@ def speed_values(log: FlightLog, name: str) -> FloatArray | None:
 
 def smoothed_speed(values: FloatArray, rate_hz: float) -> FloatArray:
     """Return the median of a speed over five seconds, NaN where it is not known."""
-    from scipy.ndimage import median_filter
-
     known = np.isfinite(values)
     if not known.any():
         return values
     n = min(round(SMOOTHING_S * rate_hz), values.size)
     # A long window is thinned: the median of 25 samples of five seconds says the same at any rate.
     step = max(1, n // 25)
-    smooth = np.repeat(median_filter(bridged(values)[::step], max(1, n if step == 1 else 25), mode="nearest"), step)
+    smooth = np.repeat(median_of_neighbours(bridged(values)[::step], max(1, n if step == 1 else 25)), step)
     return np.where(known, np.abs(smooth[: values.size]), np.nan)
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import FloatArray
+from .running import travel
 from .runs import runs
 
 # s; a signal that rests this long has left a recorder's low-pass of 0.4 Hz and more behind it.
@@ -49,8 +50,6 @@ def quantum_of_plateaus(x: FloatArray, rate_hz: float) -> float | None:
     x : (n_samples,), samples that are not finite are left out.
     rate_hz : of the samples.
     """
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
-
     x = x[np.isfinite(x)]
     size = max(2, round(PLATEAU_S * rate_hz))
     moves = np.abs(np.diff(x))
@@ -58,7 +57,8 @@ def quantum_of_plateaus(x: FloatArray, rate_hz: float) -> float | None:
     if x.size < 4 * size or not moves.size:
         return None
     rest = max(REST * float(np.median(moves)), ROUNDING * float(np.abs(x).max()))
-    rests = maximum_filter1d(x, size) - minimum_filter1d(x, size) <= rest
+    # About every sample, the record mirrored at its ends.
+    rests = travel(np.pad(x, (size // 2, (size - 1) // 2), mode="symmetric"), size) <= rest
     levels = x[[(first + end) // 2 for first, end in runs(rests)]]
     jumps = np.abs(np.diff(levels))
     jumps = jumps[jumps > 4.0 * rest]

@@ -14,7 +14,7 @@ import numpy as np
 
 from . import FloatArray
 from .low_pass import HIGHEST_EDGE, RECORDERS, Kind, low_pass
-from .running import travel
+from .running import mean_of_stretches, travel
 
 # Levels must be flat to this share of the jump for this long on both sides of the transition.
 FLAT, PLATEAU_S = 0.02, 0.8
@@ -79,14 +79,12 @@ def recorder_from_jumps(channels: Iterable[FloatArray], rate_hz: float) -> Recor
 
 def _jumps(values: FloatArray, rate_hz: float, width_s: float) -> tuple[FloatArray, FloatArray, int] | None:
     """Return time after the half crossing, in samples, and level from 0 to 1, of all samples around all jumps."""
-    from scipy.ndimage import uniform_filter1d
-
     plateau, half = max(2, round(PLATEAU_S * rate_hz)), round((width_s + PLATEAU_S) * rate_hz)
     n = 2 * half + 2 - plateau  # from the start of one plateau to that of the other
     if half == 0 or len(values) < n + plateau or not np.abs(values).max() < LARGEST:
         return None
     moved = travel(values, plateau)
-    mean = uniform_filter1d(values, plateau)[plateau // 2 :][: len(moved)]
+    mean = mean_of_stretches(values, plateau)
     before, jump = mean[:-n], mean[n:] - mean[:-n]
     isolated = np.maximum(moved[:-n], moved[n:]) < FLAT * np.abs(jump)
     middle, last, first = before + 0.5 * jump, values[half:][: len(before)], values[half + 1 :][: len(before)]

@@ -104,6 +104,21 @@ def running_median(x: FloatArray, block: int, n_blocks: int) -> FloatArray:
     return np.asarray(smooth[np.minimum(np.arange(len(x)) // block, n - 1)])
 
 
+def median_of_neighbours(x: FloatArray, size: int) -> FloatArray:
+    """Return the median of the `size` samples about every sample, the ends of the record repeated beyond it.
+
+    Of an even number it is the greater of the two in the middle, and the stretch begins half of it before the sample.
+
+    Parameters
+    ----------
+    x : (n_samples,); size : for the long stretches of a long record the running medians of scipy are faster.
+    """
+    padded, middle = np.pad(x, (size // 2, (size - 1) // 2), mode="edge"), size // 2
+    stretches = np.lib.stride_tricks.sliding_window_view(padded, size)
+    blocks = [stretches[start : start + BLOCK] for start in range(0, len(x), BLOCK)]
+    return np.concatenate([np.partition(block, middle, axis=1)[:, middle] for block in blocks] or [x])
+
+
 def travel(x: FloatArray, size: int) -> FloatArray:
     """Return the greatest less the least value of every stretch of `size` samples.
 
@@ -115,11 +130,33 @@ def travel(x: FloatArray, size: int) -> FloatArray:
     -------
     FloatArray : (n_samples - size + 1,) by the first sample of the stretch; empty for a shorter record.
     """
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+    travels = np.zeros(max(0, len(x) - size + 1))
+    for start in range(0, len(travels), BLOCK):
+        greatest = least = x[start : start + BLOCK + size - 1]
+        width = 1
+        while 2 * width <= size:  # from stretches of `width` samples to those of twice as many
+            greatest = np.maximum(greatest[:-width], greatest[width:])
+            least = np.minimum(least[:-width], least[width:])
+            width *= 2
+        n, later = len(travels[start : start + BLOCK]), size - width
+        travels[start : start + n] = np.maximum(greatest[:n], greatest[later:]) - np.minimum(least[:n], least[later:])
+    return travels
 
-    # The filters centre a stretch of an even number of samples on the sample after its middle.
-    stretches = slice(size // 2, size // 2 + max(0, len(x) - size + 1))
-    return np.asarray(maximum_filter1d(x, size)[stretches] - minimum_filter1d(x, size)[stretches])
+
+def mean_of_stretches(x: FloatArray, size: int) -> FloatArray:
+    """Return the mean of every stretch of `size` samples.
+
+    Parameters
+    ----------
+    x : (n_samples,) finite values, n_samples >= size.
+
+    Returns
+    -------
+    FloatArray : (n_samples - size + 1,) by the first sample of the stretch.
+    """
+    level = x.mean()  # off which sums keep the digits of a pressure of 100 000 Pa
+    total = np.concatenate([[0.0], np.cumsum(x - level)])
+    return np.asarray(level + (total[size:] - total[:-size]) / size)
 
 
 def running_weights(error: FloatArray, half_width: int) -> FloatArray:

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy import ndimage
 
 from bfi_cli.kernels import running as module
 from bfi_cli.kernels.running import (
     interpolation_error,
+    mean_of_stretches,
+    median_of_neighbours,
     noise_of_second_differences,
     running_median,
     running_weights,
@@ -121,3 +124,19 @@ def test_windows_that_move_along_are_those_at_once(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(module, "MOST_VALUES", values)
     monkeypatch.setattr(module, "BLOCK", 30)
     np.testing.assert_allclose(running_weights(error, half), whole, rtol=1e-12)
+
+
+@pytest.mark.parametrize(("n", "size"), [(100, 7), (100, 8), (33, 33), (50, 2), (20, 1), (70_000, 25)])
+def test_medians_and_means_of_stretches_are_those_of_the_filters_of_scipy(n: int, size: int):
+    x = np.random.default_rng(n + size).normal(size=n) + 1e5
+    np.testing.assert_array_equal(median_of_neighbours(x, size), ndimage.median_filter(x, size, mode="nearest"))
+    means = ndimage.uniform_filter1d(x, size)[size // 2 :][: n - size + 1]
+    np.testing.assert_allclose(mean_of_stretches(x, size), means, rtol=1e-13)
+
+
+def test_travel_of_a_record_longer_than_a_block_is_that_of_its_stretches(monkeypatch: pytest.MonkeyPatch):
+    x = np.random.default_rng(0).normal(size=300)
+    whole = travel(x, 24)
+    monkeypatch.setattr(module, "BLOCK", 7)
+    np.testing.assert_array_equal(travel(x, 24), whole)
+    np.testing.assert_array_equal(travel(x, 24), np.ptp(np.lib.stride_tricks.sliding_window_view(x, 24), axis=1))

@@ -53,7 +53,7 @@ def without_a_past(log: FlightLog) -> FlightLog:
 
 
 def test_own_windows_fly_apart_from_the_analysed_one(log: FlightLog):
-    windows = own_windows(log, CONFIG, LENGTH_S)
+    (windows,) = own_windows(log, CONFIG, [LENGTH_S])
     assert len(windows) >= FEWEST_WINDOWS
     for from_s, to_s in windows:
         assert to_s - from_s == pytest.approx(LENGTH_S)
@@ -65,14 +65,14 @@ def test_own_windows_fly_apart_from_the_analysed_one(log: FlightLog):
 
 def test_where_the_past_is_long_enough_nothing_later_is_used(log: FlightLog):
     late = merge(CONFIG, {"window": {"from_s": 400.0, "to_s": 410.0}})
-    windows = own_windows(log, late, 10.0)
+    (windows,) = own_windows(log, late, [10.0])
     assert len(windows) >= FEWEST_WINDOWS
     assert max(to_s for _, to_s in windows) <= 400.0 + 1e-9
 
 
 def test_many_windows_are_spread(log: FlightLog):
     late = merge(CONFIG, {"window": {"from_s": 400.0, "to_s": 405.0}})
-    windows = own_windows(log, late, 5.0)
+    (windows,) = own_windows(log, late, [5.0])
     assert len(windows) == MOST_WINDOWS
     assert windows[0][0] < 100.0 < 380.0 < windows[-1][1]
 
@@ -145,7 +145,7 @@ def test_the_ground_is_no_calibration(log: FlightLog):
     """At rest the statistic is another: two minutes of it among the windows would move the threshold."""
     ground = log.window(0.0, GROUND_S)
     still = Channel(name="tas", values=frozen_array(np.zeros(ground.n_samples)), unit="m/s", source="tas")
-    assert own_windows(replace(ground, channels={**ground.channels, "tas": still}), Config(), 5.0) == []
+    assert list(own_windows(replace(ground, channels={**ground.channels, "tas": still}), Config(), [5.0])) == [[]]
 
 
 def test_a_calibration_counts_what_flies_of_whole_flights(log: FlightLog):

@@ -14,10 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Literal
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg import lapack, qr
 
 from .. import ComplexArray, FloatArray, IntArray
@@ -78,7 +78,7 @@ class Scan:
             if name == "weights":
                 assert self.weights is not None
                 rows = self.weights[None] ** 2
-            self._spectra[name] = rfft(rows, next_fast_len(2 * self.n_samples, real=True), axis=1)
+            self._spectra[name] = np.fft.rfft(rows, padded_length(self.n_samples), axis=1)
         return self._spectra[name]
 
     def impulses(self) -> FloatArray:
@@ -240,13 +240,22 @@ def tabulate(scan: Scan, h: FloatArray) -> ShapeTables:
     return ShapeTables(P=P, G=G)
 
 
+@cache
+def padded_length(n: int) -> int:
+    """Return the least product of twos, threes and fives that is 2 n or more: a transform of that length is fast."""
+    powers = range(2 * n.bit_length())
+    return int(min(odd << ((2 * n - 1) // odd).bit_length() for i in powers for j in powers if (odd := 3**i * 5**j)))
+
+
 def _summed(scan: Scan, products: FloatArray) -> FloatArray:
     """Return the sums (n_products, n) over k of the squared weights[k] times products[:, k - start] for all starts."""
     n = scan.n_samples
     if scan.weights is None:
         return np.ascontiguousarray(np.cumsum(products, axis=1)[:, ::-1])
-    size = next_fast_len(2 * n, real=True)
-    sums = np.asarray(irfft(scan.spectrum("weights") * np.conj(rfft(products, size, axis=1)), size, axis=1)[:, :n])
+    size = padded_length(n)
+    sums = np.asarray(
+        np.fft.irfft(scan.spectrum("weights") * np.conj(np.fft.rfft(products, size, axis=1)), size, axis=1)[:, :n]
+    )
     for k in np.flatnonzero(np.count_nonzero(products, axis=1) <= SPARSE):
         sums[k] = _correlated(scan, "weights", products[k])[0]
     return sums
@@ -274,9 +283,9 @@ def _correlated(scan: Scan, name: Literal["Q", "weights"], h: FloatArray) -> Flo
         for k in at:
             total[:, : n - k] += h[k] * rows[:, k:]
         return total
-    size = next_fast_len(2 * n, real=True)
-    spectrum = scan.spectrum(name) * np.conj(rfft(h, size))
-    return np.asarray(irfft(spectrum, size, axis=1)[:, :n])
+    size = padded_length(n)
+    spectrum = scan.spectrum(name) * np.conj(np.fft.rfft(h, size))
+    return np.asarray(np.fft.irfft(spectrum, size, axis=1)[:, :n])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

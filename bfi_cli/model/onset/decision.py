@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from importlib import resources
@@ -257,13 +257,13 @@ def own_table(
     """
     from_s, to_s = _analysed(log, config)
     length_s, why = to_s - from_s, ""
-    windows = own_windows(log, config, length_s)
+    by_length = own_windows(log, config, (length_s, *(length_s * share for share in SHORTER)))
+    windows = next(by_length)
     if len(windows) < FEWEST_WINDOWS:
         airborne = "" if airborne_stretches(log) else ", in which no airspeed tells when it flies,"
         needed = f"{FEWEST_WINDOWS} further windows of {length_s:.4g} s in flight are needed"
         why = f"{needed}, this log{airborne} has {len(windows) or 'none'}"
-        lengths = (own_windows(log, config, length_s * share) for share in SHORTER)
-        windows = next((shorter for shorter in lengths if len(shorter) >= FEWEST_WINDOWS), [])
+        windows = next((shorter for shorter in by_length if len(shorter) >= FEWEST_WINDOWS), [])
         if not windows or (windows[0][1] - windows[0][0]) * record.settings.rate_hz < FEWEST_SAMPLES:
             return None, why
     pieces, rate_hz = [(log, window) for window in windows], config.conditioning.rate_hz
@@ -357,20 +357,22 @@ def _flown(log: FlightLog, config: Config) -> Windows:
     return [(start_s, stop_s) for start_s, stop_s in within if start_s < stop_s] or [(from_s, to_s)]
 
 
-def own_windows(log: FlightLog, config: Config, length_s: float) -> Windows:
-    """Return half overlapping windows of a length, in flight and outside the analysed window.
+def own_windows(log: FlightLog, config: Config, lengths_s: Iterable[float]) -> Iterator[Windows]:
+    """Yield, for each length, half overlapping windows of it, in flight and outside the analysed window.
 
     Those before the analysed window where they are enough, since a fault in it may last beyond it; else those on both
     sides. Where there are many, `MOST_WINDOWS` spread over them.
     """
     from_s, to_s = _analysed(log, config)
-    before, after = [], []
-    for start_s, stop_s in modelled_stretches(log, config.outputs):
-        before += _tiles(start_s, min(stop_s, from_s), length_s, length_s / OVERLAPPING["auto"])
-        after += _tiles(max(start_s, to_s), stop_s, length_s, length_s / OVERLAPPING["auto"])
-    windows = before if len(before) >= FEWEST_WINDOWS else before + after
-    spread = np.unique(np.linspace(0, len(windows) - 1, min(len(windows), MOST_WINDOWS)).round().astype(int))
-    return [windows[i] for i in spread]
+    stretches = modelled_stretches(log, config.outputs)
+    for length_s in lengths_s:
+        before, after = [], []
+        for start_s, stop_s in stretches:
+            before += _tiles(start_s, min(stop_s, from_s), length_s, length_s / OVERLAPPING["auto"])
+            after += _tiles(max(start_s, to_s), stop_s, length_s, length_s / OVERLAPPING["auto"])
+        windows = before if len(before) >= FEWEST_WINDOWS else before + after
+        spread = np.unique(np.linspace(0, len(windows) - 1, min(len(windows), MOST_WINDOWS)).round().astype(int))
+        yield [windows[i] for i in spread]
 
 
 def earlier_windows(log: FlightLog, config: Config) -> Windows:

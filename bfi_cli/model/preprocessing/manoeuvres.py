@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 
 from ...decision import Evidence, Manoeuvre
 from ...flightlog import FlightLog
-from ...flightlog.phases import RECOVERY_S, airborne_stretches, phases_of
+from ...flightlog.phases import RECOVERY_S, Phase, airborne_phases, phases_of
 from ...kernels.runs import left_of
 
 NAMES = ("stall", "parabola")
@@ -19,16 +19,18 @@ def manoeuvres_of(log: FlightLog, suspects: Collection[str]) -> Evidence:
     ----------
     suspects : channels that may be faulty, which do not say how the aircraft flies where others do.
     """
-    phases = [phase for phase in phases_of(log, suspects=suspects) if phase.phase in NAMES]
-    return Evidence(
-        source="phases",
-        manoeuvres=tuple(
-            Manoeuvre(name=phase.phase, from_s=phase.from_s, to_s=phase.to_s, beside_s=RECOVERY_S) for phase in phases
-        ),
-    )
+    return Evidence(source="phases", manoeuvres=_manoeuvres(phases_of(log, suspects=suspects)))
 
 
 def modelled_stretches(log: FlightLog, suspects: Collection[str]) -> list[tuple[float, float]]:
     """Return (from_s, to_s) of the stretches of flight that a linear model may follow: without stalls and parabolas."""
-    disturbed = [manoeuvre.reach_s for manoeuvre in manoeuvres_of(log, suspects).manoeuvres]
-    return left_of(airborne_stretches(log, suspects=suspects), disturbed)
+    phases = phases_of(log, suspects=suspects)
+    return left_of(airborne_phases(phases), [manoeuvre.reach_s for manoeuvre in _manoeuvres(phases)])
+
+
+def _manoeuvres(phases: Sequence[Phase]) -> tuple[Manoeuvre, ...]:
+    return tuple(
+        Manoeuvre(name=phase.phase, from_s=phase.from_s, to_s=phase.to_s, beside_s=RECOVERY_S)
+        for phase in phases
+        if phase.phase in NAMES
+    )

@@ -7,12 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from plain_onset import STEP_S, dense_minimum, plain_rss, random_record, record, rss_at, signal, waveforms
+from scipy.fft import next_fast_len
 from trials import sized
 
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.kernels.onset import waveform as shapes
 from bfi_cli.kernels.onset.profile import eliminate, minimise, profile_polynomial, solve_last, solved_norm
-from bfi_cli.kernels.onset.scan import default_onsets, prepare_scan, scan_shape, stack_onsets, tabulate
+from bfi_cli.kernels.onset.scan import default_onsets, padded_length, prepare_scan, scan_shape, stack_onsets, tabulate
 
 N = 400
 MAGNITUDES = (-50.0, -1.0, 0.01, 3.0, 50.0)
@@ -325,3 +326,8 @@ def test_what_cannot_be_scanned_is_refused():
         scan_shape(scan, shapes.bias(7))
     with pytest.raises(ValueError, match=r"onsets must lie in 4\.\.395, got 0\.\.9"):
         scan_shape(scan, shapes.bias(N), np.arange(10))
+
+
+@pytest.mark.parametrize("n", [1, 2, 317, 640, 2048, 9601])
+def test_records_are_padded_to_a_length_whose_transform_is_fast(n: int):
+    assert padded_length(n) == next_fast_len(2 * n, real=True)

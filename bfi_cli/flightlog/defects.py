@@ -116,6 +116,9 @@ STILLER = 400.0
 RARELY, KNOWN_S = 0.005, 300.0
 # A channel is predicted in blocks of this length from so many samples within the second time on either side.
 BLOCK_S, OUTSIDE_S, MOST_ROWS = 10.0, 30.0, 300
+# Largest slope of a prediction, in that of the physics of one line, and the height in which a pressure falls to 1/e, m
+# (at 273 K; at 220 and 310 K 6400 and 9100). Beyond, an error of the channel is fitted as motion of the other.
+MOST_SLOPE, SCALE_HEIGHT_M = 1.3, 8000.0
 NOISE_S = 11  # s of the running median of the prediction's noise
 # Least scatter of a prediction over the quantum of the other channel.
 COARSE = 0.7
@@ -238,7 +241,13 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
             if relative in tracks
         ]
         flaws[name] += _against(tracks[name], predictions, width_s, reach_s)
-        flaws[name] += _rests(tracks[name], predictions, width_s, reach_s)
+        sides = [
+            _expected(tracks[name], tracks[relative], calm[relative], before=before, after=not before)
+            for relative in RELATIVES.get(name, ())
+            if relative in tracks
+            for before in (True, False)
+        ]
+        flaws[name] += _rests(tracks[name], predictions, sides, width_s, reach_s)
     unwatched = unwatched_in(phases_of(with_bridges(log, _defects(flaws, tracks))))
     for name, every in flaws.items():
         is_out = within(np.array([flaw.time_s for flaw in every]), unwatched)
@@ -540,10 +549,17 @@ def _against(track: _Track, predictions: Sequence[_Expected], width_s: float, re
     return spikes
 
 
-def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_s: float) -> list[_Flaw]:
+def _rests(
+    track: _Track, relatives: Sequence[_Expected], sides: Sequence[_Expected], width_s: float, reach_s: float
+) -> list[_Flaw]:
     """Return where a channel is frozen though others predict that it moves, or though it moves before and after.
 
     Of stretches that overlap the longest counts, grown over the samples that stay as still.
+
+    Parameters
+    ----------
+    relatives : predictions by other channels; sides : those from before and from after a stretch alone, of which
+        all have to move: an error that begins beside a stretch is in one of them only.
     """
     apart = track.size(reach_s) if reach_s else 0
     moves = travel(track.values, max(2, track.size(1.0)))
@@ -561,7 +577,9 @@ def _rests(track: _Track, relatives: Sequence[_Expected], width_s: float, reach_
         here, should = travel(track.values, size), np.zeros(len(track.values) - size + 1)
         if relatives:
             middle = slice(size // 2, size // 2 + len(here))
-            should = np.min([travel(course, size) * _all_of(known, size) for course, _, known in relatives], axis=0)
+            should = np.min(
+                [travel(course, size) * _all_of(known, size) for course, _, known in (*relatives, *sides)], axis=0
+            )
             scatter = np.max([spread[middle] for _, spread, _ in relatives], axis=0)
             sure = MOVED if len(relatives) < FEWEST_WITNESSES else MOVED_BY_TWO
             needed = sure * np.maximum(scatter, floor) + track.quantum
@@ -638,7 +656,9 @@ def _all_of(marked: BoolArray, size: int) -> BoolArray:
     return np.asarray(count[size:] - count[:-size] == size)
 
 
-def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
+def _expected(
+    track: _Track, other: _Track, is_calm: BoolArray, *, before: bool = True, after: bool = True
+) -> _Expected:
     """Return the prediction of a channel from another, (n,), its scatter with noise, (n,), and where it is known, (n,).
 
     In blocks of `BLOCK_S`, by least squares with a trend over the block and `OUTSIDE_S` on either side.
@@ -646,14 +666,15 @@ def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
     Parameters
     ----------
     is_calm : (n_other,) where the other channel has no large error.
+    before, after : whether what lies before and after a block is used.
     """
     other_values = np.interp(track.time_s, other.time_s, other.values)
     known = np.interp(track.time_s, other.time_s, (other.known & is_calm).astype(np.float64)) > 0.99
     n, block, outside = len(other_values), track.size(BLOCK_S), track.size(OUTSIDE_S)
     course, spread = np.full(n, np.nan), np.full(n, np.inf)
     for first in range(0, n, block):
-        low = max(0, first - outside)
-        wide = slice(low, first + block + outside)
+        low = max(0, first - before * outside)
+        wide = slice(low, first + block + after * outside)
         rows = low + np.flatnonzero(known[wide] & track.known[wide])
         if len(rows) < FEWEST_TICKS:
             continue
@@ -665,6 +686,12 @@ def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
         error = np.abs(track.values[rows] - columns @ factors)
         usual = error <= max(OUTLYING * _median(error), track.quantum)
         factors = np.linalg.lstsq(columns[usual], track.values[rows[usual]], rcond=None)[0]
+        slope = _slope(track, other, float(np.median(track.values[rows])), level)
+        least, most = sorted((0.0, MOST_SLOPE * slope))
+        bounded = min(max(float(factors[2]), least), most)
+        if bounded != factors[2]:  # an error of the channel is taken for motion of the other
+            left = track.values[rows[usual]] - bounded * columns[usual, 2]
+            factors = np.append(np.linalg.lstsq(columns[usual, :2], left, rcond=None)[0], bounded)
         scatter = MAD * _median(np.abs(track.values[rows] - columns @ factors))
         spread[at] = max(scatter, COARSE * abs(float(factors[2])) * other.quantum)
         course[at] = wanted @ factors
@@ -674,6 +701,17 @@ def _expected(track: _Track, other: _Track, is_calm: BoolArray) -> _Expected:
     second = np.abs(np.diff(course, 2, prepend=course[:1], append=course[-1:]))
     noise = MAD / np.sqrt(6.0) * running_median(second, track.size(1.0), NOISE_S)
     return course, spread + noise, known
+
+
+def _slope(track: _Track, other: _Track, value: float, other_value: float) -> float:
+    """Return by how much a channel changes with another, at values of both: an airspeed, or a height."""
+    name, relative = track.channel.name, other.channel.name
+    if name in _AIRSPEEDS:
+        power = {"q_impact": 2.0}
+        share = power.get(name, 1.0) / power.get(relative, 1.0)
+        return share * max(abs(value), TINY) / max(abs(other_value), TINY)
+    slopes = {"p_static": -max(abs(value if name == "p_static" else other_value), TINY) / SCALE_HEIGHT_M}
+    return slopes.get(name, 1.0) / slopes.get(relative, 1.0)
 
 
 def _columns(trend: NDArray[np.floating[Any]], course: FloatArray) -> FloatArray:

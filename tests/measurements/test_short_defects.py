@@ -15,11 +15,16 @@ import pytest
 from bars import FULL
 from trials import sized
 
+from bfi_cli.faults import Fault
 from bfi_cli.faults.filters import response_of
-from bfi_cli.flightlog import FlightLog, read_log
-from bfi_cli.flightlog.defects import Defect, find_defects
+from bfi_cli.flight.parity.record import record_of
+from bfi_cli.flight.parity.sensors import frozen_sensors
+from bfi_cli.flight.parity.windows import flight_stretches
+from bfi_cli.flightlog import FlightLog, inject, read_log
+from bfi_cli.flightlog.defects import Defect, find_defects, with_bridges, without_defects
 from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.flightlog.recorder import with_seen_recorder
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
@@ -30,6 +35,8 @@ SHAPES = {"dropout": 5, "frozen": 1, "spikes": 8}
 # 43 of 48 were named when the levels were set; at that share 18 and more of 24 are in 98 % of all draws.
 LEAST_NAMED = {"dropout": 21 / 24, "frozen": 18 / 24, "spikes": 21 / 24}
 MOST_FALSE_PER_HOUR = 0.3
+# Errors that last, by shape with the key of their time; and the length of what is cut from a flight, s.
+STEPS, CUT_S = {"bias": "", "lagged_bias": "time_constant_s", "ramp_hold": "duration_s"}, 600.0
 
 
 def spoilt(log: FlightLog, shape: str, rng: np.random.Generator) -> np.ndarray:
@@ -103,3 +110,32 @@ def test_short_defects_are_named(logs: list[FlightLog], shape: str, recorded: bo
     print(f"false findings {false} in {hours:.1f} h")
     assert named >= np.floor(LEAST_NAMED[shape] * trials)
     assert false <= max(1.0, MOST_FALSE_PER_HOUR * hours)
+
+
+def test_an_airspeed_that_steps_does_not_stay_still(flights: Path):
+    """Errors of 4 to 15 m/s in cuts of 600 s, of a flight with two airspeeds from the recorder: none freezes beside."""
+    rng, alarms, n = np.random.default_rng(7), [], 0
+    names = [path.name for path in sorted(flights.glob("*.h5")) if path.name.startswith(("citation", "sr22t"))]
+    for name in names:
+        log = read_log(flights / name)
+        stretches = [stretch for stretch in flight_stretches(phases_of(log)) if stretch[1] - stretch[0] > CUT_S]
+        for k in range(12):
+            first_s, last_s = stretches[int(rng.integers(len(stretches)))]
+            from_s = rng.uniform(first_s, last_s - CUT_S)
+            shape = tuple(STEPS)[k % len(STEPS)]
+            keys = {STEPS[shape]: float(rng.uniform(2.0, 30.0))} if STEPS[shape] else {}
+            fault = Fault(
+                shape=shape,
+                channel="tas",
+                magnitude=rng.uniform(4.0, 15.0) * rng.choice([-1.0, 1.0]),
+                onset_s=from_s + rng.uniform(120.0, 450.0),
+                **keys,
+            )
+            cut = with_seen_recorder(inject(log.window(from_s, from_s + CUT_S), [fault]))
+            defects = find_defects(cut)
+            left = without_defects(cut, defects)
+            resting = frozen_sensors(left, record_of(left), phases_of(with_bridges(cut, defects)))
+            n += 1
+            alarms += [(name, fault)] if resting or any(defect.shape == "frozen" for defect in defects) else []
+    print(f"\n{len(alarms)} of {n} stay still beside their error")
+    assert alarms == []

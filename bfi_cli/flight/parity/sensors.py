@@ -34,10 +34,10 @@ FloatArray = NDArray[np.float64]
 # sensors rest in calm air. Of 50 sensors of six recorders the longest rest of a healthy one is 21 s, of one that rests
 # for up to 13 s beside.
 RESTS_S, RESTS, USUAL = 20.0, 5.0, 0.99
-# s of a rest in flight of a sensor of which elsewhere fewer samples in a row are alike: of such sensors of 14 flights
-# of seven aircraft none rests longer than 1.1 s, 11 samples (a Mach number at 10 Hz). A reading of 0 is the end of a
-# scale.
-SHORT_REST_S, FEW_ALIKE = 2.0, 5
+# s, and samples, of a rest in flight of a sensor of which elsewhere fewer than the last of these in a row are alike. Of
+# the sensors of 14 flights of seven aircraft that rest for at most 0.7 s beside, none rests for more than 2.9 s, 29
+# samples (a calibrated airspeed at 10 Hz). A reading of 0 is the end of a scale.
+SHORT_REST_S, SHORT_REPEATS, FEW_ALIKE = 2.0, 100, 5
 # Those that hardly rest, s, of which most must move meanwhile: a recorder that hangs holds all of them.
 LIVELY_S, MOST = 2.5, 0.75
 MOVING = frozenset(WATCHED) - {"tat", "sat"}  # which level flight holds
@@ -106,7 +106,7 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
         seconds = float(airborne[stretch[1]] - airborne[stretch[0]]) if values[stretch[0]] != 0.0 else 0.0
         if longest_s * rate_hz >= FEW_ALIKE or airborne[-1] - seconds < RESTS_S:
             return seconds, np.inf
-        return seconds, max(SHORT_REST_S, samples_s, RESTS * longest_s)
+        return seconds, max(SHORT_REST_S, SHORT_REPEATS / rate_hz, RESTS * longest_s)
 
     reference = still_air_angle(record) if record.channels.keys() >= VANE_NEEDS else None
     findings = []

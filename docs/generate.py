@@ -15,6 +15,7 @@ import argparse
 import importlib
 import inspect
 import json
+import math
 import os
 import pty
 import re
@@ -69,6 +70,7 @@ def with_tables(page: str, text: str, made: dict[str, str]) -> str:
 
 def tables() -> dict[str, dict[str, str]]:
     """Return the tables of the pages that are written by hand, by page and name."""
+    from bfi_cli.flight.tables import ORDINARY
     from bfi_cli.quantities.channels import STANDARD
     from bfi_cli.quantities.units import CASE_MATTERS, CONVERSIONS
 
@@ -97,7 +99,10 @@ def tables() -> dict[str, dict[str, str]]:
             "fault": attributes_table("bfi_cli.faults", "FaultEstimate"),
             "contradiction": attributes_table("bfi_cli.decision.implausible", "Implausible"),
             "event": attributes_table("bfi_cli.flight.result", "Event"),
+            "ordinary": table(("cause", "in words"), [(f"`{name}`", cause.text) for name, cause in ORDINARY.items()]),
         },
+        "fleet.md": {"tables": fleet_table()},
+        "theory.md": {"relations": relations_table()},
     }
 
 
@@ -110,6 +115,46 @@ def attributes_table(module: str, name: str) -> str:
     for keys, _, meaning in (item.partition(" : ") for item in items):
         rows.append((", ".join(f"`{key}`" for key in keys.split(", ")), " ".join(meaning.split()).rstrip(".")))
     return table(("key", "holds"), rows).replace("None", "null")
+
+
+def fleet_table() -> str:
+    """Return the tables of many logs with their columns."""
+    from bfi_cli.fleet.tables import CONSTANTS, FLIGHTS, LOG_COLUMNS, SECOND, TRENDS
+
+    whole: dict[str, dict[str, list[str]]] = {}  # by table and by command, its columns
+    for command, columns in FLIGHTS.items():
+        whole.setdefault("flights", {})[command] = [*LOG_COLUMNS, "sha256", "error", *columns]
+        name, further = SECOND[command]
+        whole.setdefault(name, {})[command] = [*LOG_COLUMNS, *further]
+    whole["constants"] = {"diagnose": [*LOG_COLUMNS, *CONSTANTS]}
+    whole["trends"] = {"diagnose --by aircraft": list(TRENDS)}
+    rows = [
+        (f"`{name}`", f"`{command}`", ", ".join(f"`{column}`" for column in columns))
+        for name, commands in whole.items()
+        for command, columns in commands.items()
+    ]
+    return table(("table", "of", "columns"), rows)
+
+
+def relations_table() -> str:
+    """Return what is held against what over a whole log: a row for each reading and tolerance."""
+    from bfi_cli.flight.plausibility.relations import RELATIONS
+    from bfi_cli.quantities.channels import STANDARD
+
+    rows: dict[tuple[str, str, str], list[str]] = {}
+    for relation in RELATIONS:
+        reading, *others = relation.needs
+        unit = STANDARD[reading].unit
+        scale, unit = (180.0 / math.pi, unit.replace("rad", "deg")) if unit.startswith("rad") else (1.0, unit)
+        level = "" if relation.tolerance is None else f"{scale * relation.tolerance:.3g} {unit}"
+        level += f" + {100.0 * relation.share:g} %" if relation.share else ""
+        moves = "" if relation.least is None else f"{scale * relation.least:.3g} {unit}"
+        beside = [f"({name})" for name in relation.beside]
+        rows.setdefault((reading, level, moves), []).append(", ".join([*others, *beside]))
+    return table(
+        ("reading", "implied by (where known)", "medians may differ by", "motion counts from"),
+        [(f"`{reading}`", "; ".join(sets), level, moves) for (reading, level, moves), sets in rows.items()],
+    )
 
 
 def schema(name: str) -> dict[str, Any]:

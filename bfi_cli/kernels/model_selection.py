@@ -22,6 +22,8 @@ BACKWARD_LIMIT = 24
 PATIENCE = 2
 # Additions to a support that are fitted, those that gain the most to first order, which may rank two alike wrongly.
 ADDITIONS = 3
+# Atoms whose removal is fitted: those that cost the least to first order.
+REMOVALS = 3
 # log det by which a relaxed fit must be worse than the best addition before no further one is tried: round-off.
 MARGIN = 1e-9
 
@@ -283,10 +285,10 @@ class _Visits:
     def search_beside(self, fit: Fit, candidates: Sequence[int], *, exchanging: bool) -> None:
         """Visit the most promising supports with one atom more, and with one atom exchanged for another.
 
-        For an exchange, the supports without one atom have been visited.
+        For an exchange, the supports without one atom are visited first.
         """
         for leaving in (None, *fit.atoms) if exchanging else (None,):
-            base = fit if leaving is None else self.scored[tuple(atom for atom in fit.atoms if atom != leaving)].fit
+            base = fit if leaving is None else self.without(fit, fit.atoms.index(leaving)).fit
             others = [atom for atom in candidates if atom != leaving and atom not in base.atoms]
             if not others or len(base.atoms) >= self.limit:
                 continue
@@ -297,14 +299,21 @@ class _Visits:
                 if atoms not in self.scored:
                     self.visit(atoms, [[together[atom] for atom in atoms]])
 
+    def without(self, fit: Fit, j: int) -> ScoredFit:
+        """Visit the support of a fit less its j-th atom, if it is new, from what the others are to first order."""
+        atoms, covariance = fit.atoms[:j] + fit.atoms[j + 1 :], fit.covariance
+        if atoms not in self.scored:
+            share = fit.z[j] / covariance[j, j] if covariance[j, j] > 0.0 else 0.0
+            self.visit(atoms, [np.delete(fit.z - share * covariance[:, j], j)])
+        return self.scored[atoms]
+
     def search_backward(self, start: ScoredFit) -> None:
         """Drop the least atom again and again."""
         current, since, best = start, 0, start.criterion
         while current.fit.atoms and (since < PATIENCE or len(current.fit.atoms) > self.limit):
-            atoms, z = current.fit.atoms, current.fit.z
-            current = least_criterion(
-                self.visit(atoms[:j] + atoms[j + 1 :], [np.delete(z, j)]) for j in range(len(atoms))
-            )
+            fit, variance = current.fit, np.diag(current.fit.covariance)
+            costs = np.divide(fit.z**2, variance, out=np.zeros(len(fit.z)), where=variance > 0.0)
+            current = least_criterion(self.without(fit, j) for j in np.argsort(costs)[:REMOVALS].tolist())
             since = 0 if current.criterion < best else since + 1
             best = min(best, current.criterion) if len(current.fit.atoms) <= self.limit else current.criterion
 

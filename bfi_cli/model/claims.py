@@ -16,7 +16,7 @@ from ..decision import Candidate, candidate_of, finite, untested
 from ..kernels.lagged import constants_and_signals
 from ..kernels.normal import ONE_SIDED_95
 from ..kernels.onset.scan import ENDING, STARTING
-from ..kernels.variable_projection import fit_magnitudes, log_dets_beside
+from ..kernels.variable_projection import Fit, fit_magnitudes, log_dets_beside
 from ..methods import METHODS
 from .magnitudes import MethodResult
 from .preprocessing.regression import RegressionData
@@ -43,8 +43,14 @@ def claims_of_entries(
     regression : of the window; outcome : of the method on it.
     tolerances : by output.
     """
-    twins = _twins(window)
-    known = {entry: _claim(window, regression, outcome, method, tolerances, n) for n, entry in enumerate(window.live)}
+    twins, fit = _twins(window), None
+    if outcome.needed is not None:
+        atoms = list(outcome.atoms)
+        start = outcome.magnitudes.value[atoms] / regression.magnitude_unit[atoms]
+        fit = fit_magnitudes(regression.problem(outcome.order), outcome.atoms, start)
+    known = {
+        entry: _claim(window, regression, outcome, fit, method, tolerances, n) for n, entry in enumerate(window.live)
+    }
     # An entry of unknown course excludes nothing.
     for course in outcome.free:
         fault = window.faults[course.entry]
@@ -72,11 +78,12 @@ def _claim(
     window: PreparedWindow,
     regression: RegressionData,
     outcome: MethodResult,
+    fit: Fit | None,
     method: str,
     tolerances: Mapping[str, float],
     n: int,
 ) -> Candidate:
-    """Return the candidate of the n-th live entry."""
+    """Return the candidate of the n-th live entry; `fit` is that of what is declared."""
     entry, magnitudes, seen = window.live[n], outcome.magnitudes, outcome.converged
     fault, declared, suspected = window.faults[entry], n in outcome.atoms, n in outcome.declined
     channel = window.log.channel(fault.channel)
@@ -84,7 +91,7 @@ def _claim(
     detectable = float(magnitudes.minimal_detectable[n]) if seen else np.nan
     limit = effect = note = None
     if not declared and METHODS[method].intervals and seen:
-        limit = _limit(regression, outcome, n, max(detectable, abs(z) + ONE_SIDED_95 * sd))
+        limit = _limit(regression, outcome, fit, n, max(detectable, abs(z) + ONE_SIDED_95 * sd))
         if limit is None:
             note = "the inputs and lags of the model can explain a fault of any size"
         else:
@@ -112,21 +119,18 @@ def _claim(
     return claim if tested or not (METHODS[method].intervals and seen) else untested(claim)
 
 
-def _limit(regression: RegressionData, outcome: MethodResult, n: int, limit: float) -> float | None:
+def _limit(regression: RegressionData, outcome: MethodResult, fit: Fit | None, n: int, limit: float) -> float | None:
     """Return the first multiple of a limit, SI, that the likelihood profile excludes; None where it excludes none.
 
     A fault of this size, added to the record, must reach the statistic that the rule asks for (in the mean of both
     signs), and explain the record worse than no fault with either.
     """
-    if not np.isfinite(limit) or outcome.needed is None:
+    if not np.isfinite(limit) or outcome.needed is None or fit is None:
         return None
-    problem, rows = regression.problem(outcome.order), regression.n_rows
-    atoms = outcome.atoms
-    start = outcome.magnitudes.value[list(atoms)] / regression.magnitude_unit[list(atoms)]
-    without = fit_magnitudes(problem, atoms, start).log_det
+    problem, rows = regression.problem(fit.order), regression.n_rows
     for multiple in MULTIPLES:
         u = multiple * limit / float(regression.magnitude_unit[n])
-        both = [rows * (log_det - without) for log_det in log_dets_beside(problem, n, u, atoms, start)]
+        both = [rows * (log_det - fit.log_det) for log_det in log_dets_beside(problem, n, u, fit)]
         if 0.5 * sum(both) >= outcome.needed[n] and min(both) >= 0.0:
             return multiple * limit
     return None

@@ -29,7 +29,7 @@ from .preprocessing.manoeuvres import manoeuvres_of
 from .preprocessing.regression import RegressionData
 from .preprocessing.summary import ModelSummary, noise_of
 from .preprocessing.tolerance import tolerances_of
-from .preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
+from .preprocessing.window import PreparedWindow, prepare_window, regression_of, selects_support, with_inputs_of
 from .reconstruction import against_truth, output_series, residual_summaries, true_faults, with_heads
 from .recorder import with_likeliest_recorder
 from .result import AgainstTruth, IdentifyResult, OutputSeries, ResidualSummary, ScanSummary
@@ -176,7 +176,12 @@ def identification(
     config = with_inputs_of(log, config)
     with threadpool_limits(1):
         window = prepare_window(
-            log, dictionary, config, partial(progress, "the window and the dictionary"), courses=True
+            log,
+            dictionary,
+            config,
+            partial(progress, "the window and the dictionary"),
+            courses=True,
+            selects=not given and selects_support(config),
         )
         if len(config.outputs) > 1 and not method.several_outputs:
             raise ConfigError(

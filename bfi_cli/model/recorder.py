@@ -20,7 +20,7 @@ from ..notes import Note
 from .magnitudes import MethodResult
 from .maximum_likelihood import identify_by_likelihood
 from .preprocessing.regression import RegressionData
-from .preprocessing.window import PreparedWindow, prepare_window, regression_of
+from .preprocessing.window import PreparedWindow, prepare_window, regression_of, selects_support
 
 
 def with_likeliest_recorder(
@@ -52,7 +52,7 @@ def with_likeliest_recorder(
         recorder = recorder_low_passes(chain)[0]
         stated = merge(alike, {"recorder.edge_hz": recorder.edge_hz, "recorder.kind": recorder.kind})
         try:
-            other = prepare_window(log, dictionary, stated)
+            other = prepare_window(log, dictionary, stated, selects=selects_support(stated))
             factorised = regression_of(other, stated)
             identified = identify_by_likelihood(other, factorised, stated, exclusive=True)
         except (DictionaryError, LogError):

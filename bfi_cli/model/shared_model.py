@@ -20,7 +20,7 @@ from ..methods import METHODS
 from ..notes import Note
 from .maximum_likelihood import identify_by_likelihood
 from .preprocessing.regression import RegressionData, build_regression
-from .preprocessing.window import PreparedWindow, prepare_window, regression_of
+from .preprocessing.window import PreparedWindow, prepare_window, regression_of, selects_support
 
 
 def with_those_that_share(
@@ -46,7 +46,7 @@ def with_those_that_share(
     with threadpool_limits(1):
         likeliest = merge(config, {"method": "ml"})
         log = replace(log, earlier_weights=_weights(log, dictionary, likeliest))
-        window = prepare_window(log, dictionary, likeliest)
+        window = prepare_window(log, dictionary, likeliest, selects=selects_support(likeliest))
         regression = regression_of(window, likeliest)
         atoms = identify_by_likelihood(window, regression, likeliest, progress).atoms
         shares = [_shares(window, regression, atoms, k, likeliest) for k in range(len(log.earlier))]
@@ -77,7 +77,7 @@ def _weights(log: FlightLog, dictionary: Dictionary, config: Config) -> tuple[fl
 
     Each is predicted by a model of its own, of the order that suits the log with the faults that are likeliest in it.
     """
-    window = prepare_window(replace(log, earlier_weights=()), dictionary, config)
+    window = prepare_window(replace(log, earlier_weights=()), dictionary, config, selects=selects_support(config))
     signals = replace(window.signals, earlier=())
     regression = build_regression(signals, window.live, config, orders=window.orders)
     outcome = identify_by_likelihood(window, regression, config)

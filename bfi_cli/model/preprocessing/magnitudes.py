@@ -232,8 +232,7 @@ def profiled_limits(
     if len(limits) > MOST_PROFILED:
         return limits
     problem = regression.problem(fit.order)
-    start = fit.z
-    without = fit_magnitudes(problem, fit.atoms, start).log_det
+    fit = fit_magnitudes(problem, fit.atoms, fit.z)
     correlated = np.sqrt(penalty.n_rows / penalty.n_effective)
     roots = np.sqrt(statistic_needed(penalty, overdispersion)) + ONE_SIDED_90 * correlated * np.sqrt(overdispersion)
     for n in np.flatnonzero(np.isfinite(limits)):
@@ -242,8 +241,8 @@ def profiled_limits(
         below = (0.0, 0.0)  # multiple and root of the statistic: nearly a line between two of them
         for multiple in MULTIPLES:
             z = multiple * limits[n] / float(regression.magnitude_unit[n])
-            less, more = log_dets_beside(problem, int(n), z, fit.atoms, start)
-            root = float(np.sqrt(max(0.5 * rows * ((less - without) + (more - without)), 0.0)))
+            less, more = log_dets_beside(problem, int(n), z, fit)
+            root = float(np.sqrt(max(0.5 * rows * ((less - fit.log_det) + (more - fit.log_det)), 0.0)))
             if root >= roots[n]:
                 step = (roots[n] - below[1]) / (root - below[1])
                 limits[n] *= max(1.0, below[0] + step * (multiple - below[0]))

@@ -144,9 +144,12 @@ def candidate_orders(
 def is_exact(signals: Signals) -> bool:
     """Say whether a low-order VARX with free fault terms leaves nothing but round-off at the log's own rate."""
     part = slice(0, EXACT_SAMPLES)
-    y, u, theta = signals.y[part], signals.u[part], np.asarray(signals.theta)[part]
+    y, u = signals.y[part], signals.u[part]
     if len(y) < 20 * EXACT_ORDER or np.any(np.ptp(y, axis=0) == 0.0):
         return False
+    if len(y) <= (EXACT_ORDER + 1) * len(signals.theta.acting()):  # so many terms fit any rows
+        return False
+    theta = np.asarray(signals.theta)[part]
     scale = np.ptp(y, axis=0)
     moving = np.ptp(u, axis=0) > 0.0
     data = compress(

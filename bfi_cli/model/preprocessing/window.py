@@ -144,6 +144,7 @@ def prepare_window(
     *,
     purpose: Purpose = "estimate",
     courses: bool = False,
+    selects: bool = False,
 ) -> PreparedWindow:
     """Cut, check, filter and decimate a log, and the signals of a dictionary with it; `report` receives the progress.
 
@@ -151,6 +152,7 @@ def prepare_window(
     ----------
     purpose : of the analysis, for which its rate is chosen.
     courses : it estimates entries of unknown course, which else are left out.
+    selects : it estimates a few entries that it selects; else all at once, and combinations of others are left out.
 
     Raises
     ------
@@ -192,7 +194,7 @@ def prepare_window(
         require_one_model(log.path, span[1] - span[0], native.rate_hz / rate.factor)
     decimated, largest = decimate_native(native, rate.factor, lowpass)
     names = tuple(fault.called for fault in faults)
-    reasons |= unusable_atoms(decimated.theta, names, native.seen, report)
+    reasons |= unusable_atoms(decimated.theta, names, native.seen, report, selects=selects)
     live = tuple(j for j in native.seen if j not in reasons)
     if not live and not free:
         first = reasons[min(reasons)] if reasons else "it has no entry; add one"
@@ -519,8 +521,18 @@ def _require_movement(log: FlightLog, config: Config) -> None:
     require_outputs_move(log, config.outputs)
 
 
+def selects_support(config: Config) -> bool:
+    """Say whether the method selects a few entries of a dictionary, which need not be told apart from all others."""
+    return config.method == "ml" and config.selection.threshold is None
+
+
 def unusable_atoms(
-    theta: AtomSignals, names: Sequence[str], indices: Sequence[int], report: Report = silent
+    theta: AtomSignals,
+    names: Sequence[str],
+    indices: Sequence[int],
+    report: Report = silent,
+    *,
+    selects: bool = False,
 ) -> dict[int, str]:
     """Return why an atom cannot be identified, by index: it is zero, a constant, or a combination of earlier atoms.
 
@@ -529,6 +541,7 @@ def unusable_atoms(
     theta : (n_samples, n_outputs, n_atoms) signals of all dictionary entries; names : of all of them.
     indices : the entries to look at; earlier ones are kept.
     report : receives the progress.
+    selects : a few atoms are estimated together, so that one may be a combination of others, but not the same as one.
     """
     reasons: dict[int, str] = {}
     constants, flat = constants_and_signals(theta)
@@ -549,9 +562,14 @@ def unusable_atoms(
             )
             continue
         basis = bases[:, : first + len(kept)]
-        rest = signal - basis @ (basis.T @ signal)
-        rest -= basis @ (basis.T @ rest)
-        if np.linalg.norm(rest) > DEPENDENT * size:
+        if selects:
+            rest = signal
+            is_kept = np.abs(basis[:, first:].T @ signal).max(initial=0.0) < (1.0 - DEPENDENT) * size
+        else:
+            rest = signal - basis @ (basis.T @ signal)
+            rest -= basis @ (basis.T @ rest)
+            is_kept = bool(np.linalg.norm(rest) > DEPENDENT * size)
+        if is_kept:
             bases[:, first + len(kept)] = rest / np.linalg.norm(rest)
             kept.append(j)
             continue

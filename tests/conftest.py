@@ -9,11 +9,18 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from threadpoolctl import threadpool_limits
 
 from bfi_cli.commands import run_command
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+# Tests of the laboratory, which no analysis of a log needs.
+LABORATORY = ("tests/lab/", "tests/aircraft/test_f16")
 
 threadpool_limits(1)
 # Answers are as wide as in a pipe, whatever terminal the tests are started from.
@@ -57,9 +64,11 @@ def pytest_collection(session: pytest.Session) -> None:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: Sequence[pytest.Item]) -> None:
-    """Mark the rows of a test as slow that come after those it names as its first ones."""
+    """Mark as slow the rows of a test after those it names as its first ones, and what is the laboratory's."""
     seen: Counter[str] = Counter()
     for item in items:
+        if item.nodeid.startswith(LABORATORY):
+            item.add_marker("lab")
         if (first := item.get_closest_marker("first_rows")) is not None:
             test = item.nodeid.partition("[")[0]
             seen[test] += 1
@@ -100,6 +109,18 @@ def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
         return figure
 
     monkeypatch.setattr("bfi_cli.report.figures.draw", blank)
+
+
+@pytest.fixture
+def vectors(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw figures as SVG alone, and labels where they fall."""
+
+    def unplaced(figure: Figure) -> Figure:
+        figure.set_layout_engine("none")
+        return figure
+
+    monkeypatch.setattr("bfi_cli.report.figures.fix_places", unplaced)
+    monkeypatch.setattr("bfi_cli.report.style.to_png", lambda figure: b"")
 
 
 @pytest.fixture(scope="session")

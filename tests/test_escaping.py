@@ -14,7 +14,6 @@ from xml.etree import ElementTree
 import h5py
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 
 from bfi_cli.aircraft import MODELS, manoeuvre, simulate, time_axis
 from bfi_cli.flightlog import read_log
@@ -77,18 +76,6 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
         json.dumps({**sweep, "noise": noise, "identify": {**settings, "model": {"order": 2}}})
     )
     return folder
-
-
-@pytest.fixture
-def vectors(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Draw figures as SVG alone, and labels where they fall."""
-
-    def unplaced(figure: Figure) -> Figure:
-        figure.set_layout_engine("none")
-        return figure
-
-    monkeypatch.setattr("bfi_cli.report.figures.fix_places", unplaced)
-    monkeypatch.setattr("bfi_cli.report.style.to_png", lambda figure: b"")
 
 
 @pytest.fixture(params=["--json", "table", pytest.param("drawn", marks=pytest.mark.slow)])

@@ -26,7 +26,8 @@ from bfi_cli.serialization import to_json
 
 DATA = Path(__file__).parents[1] / "data"
 THESIS = Path(__file__).parents[1] / "configs" / "thesis_dictionary.yaml"
-QUICK = {"conditioning.rate_hz": 10.0, "model.order": 4}
+QUICK = {"conditioning.rate_hz": 4.0, "model.order": 2}
+QUICKLY = ("--rate", "4", "--order", "2")
 DOCUMENTS: dict[str, Callable[..., Any]] = {
     "compare": compare_document,
     "detect": detect_document,
@@ -36,16 +37,14 @@ DOCUMENTS: dict[str, Callable[..., Any]] = {
 }
 BIAS, PEER = DATA / "citation_bias.csv", "arx-residual"
 ROADS = {
-    ("identify", BIAS, "-d", THESIS, "--rate", "10", "--order", "4"): partial(
+    ("identify", BIAS, "-d", THESIS, *QUICKLY): partial(
         bfi_cli.identify, dictionary=THESIS, config=merge(Config(), QUICK)
     ),
-    ("identify", DATA / "citation_clean.h5", "-d", "airdata", "--rate", "5"): partial(
-        bfi_cli.identify, dictionary="airdata", config=merge(Config(), {"conditioning.rate_hz": 5.0})
+    ("identify", DATA / "citation_clean.h5", "-d", "airdata", *QUICKLY): partial(
+        bfi_cli.identify, dictionary="airdata", config=merge(Config(), QUICK)
     ),
-    ("identify", DATA / "citation_two_faults.h5", "--rate", "5"): partial(
-        bfi_cli.identify, config=merge(Config(), {"conditioning.rate_hz": 5.0})
-    ),
-    ("start-time", BIAS, "--rate", "10", "--order", "4"): partial(bfi_cli.start_time, config=merge(Config(), QUICK)),
+    ("identify", DATA / "citation_two_faults.h5", *QUICKLY): partial(bfi_cli.identify, config=merge(Config(), QUICK)),
+    ("start-time", BIAS, *QUICKLY): partial(bfi_cli.start_time, config=merge(Config(), QUICK)),
     ("diagnose", BIAS, "--workers", "1"): bfi_cli.diagnose,
     ("diagnose", DATA / "px4_bias.ulg", "--workers", "1"): bfi_cli.diagnose,
     ("detect", BIAS): bfi_cli.detect,

@@ -121,7 +121,7 @@ def test_workers_end_with_their_parent(number: int, started: list, tmp_path: Pat
     wait_for(lambda: not others & {*processes()}, "the end of its workers")
 
 
-@pytest.mark.first_rows(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGTERM, signal.SIGKILL])
 def test_a_command_on_many_logs_leaves_no_worker(number: int, started: list, tmp_path: Path):
     for k in range(60):
@@ -138,7 +138,7 @@ def test_a_command_on_many_logs_leaves_no_worker(number: int, started: list, tmp
     wait_for(lambda: not others & {*processes()}, "the end of its workers")
 
 
-@pytest.mark.first_rows(2)
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("number", [signal.SIGKILL, None, signal.SIGHUP, signal.SIGTERM, signal.SIGINT])
 def test_programs_of_others_end_with_all_that_they_started(number: int | None, started: list, tmp_path: Path):
     """None is the end of the time that they have."""
@@ -162,6 +162,7 @@ def test_programs_of_others_end_with_all_that_they_started(number: int | None, s
     wait_for(lambda: not sleepers(), "the end of the program and all that it started")
 
 
+@pytest.mark.slow
 def test_what_nohup_ignores_stays_ignored(started: list, tmp_path: Path):
     for k in range(6):
         (tmp_path / f"{k}.h5").symlink_to(LOG)

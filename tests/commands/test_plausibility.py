@@ -29,7 +29,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     The knots are not stated; in a further log they are said to be m/s.
     """
-    folder, journey = tmp_path_factory.mktemp("logs"), made_journey()
+    folder, journey = tmp_path_factory.mktemp("logs"), made_journey(rate_hz=2.0)
     for name, change in LOGS.items():
         tas = replace(journey.channels["tas"], values=frozen_array(change(journey.channels["tas"].values)))
         write_log(replace(journey, channels={**journey.channels, "tas": tas}), folder / f"{name}.h5")

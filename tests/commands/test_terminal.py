@@ -212,7 +212,7 @@ def test_names_that_are_no_text(tmp_path: Path):
     assert r"fl\xffight.h5" in (stored / "report.html").read_text("utf-8")
 
 
-@pytest.mark.first_rows(2)
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize(
     ("streams", "code", "line"),
     [

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import json
-import os
-import pty
 import re
 import shutil
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -22,6 +18,8 @@ from bfi_cli.serialization import without_series
 
 ROOT = Path(__file__).resolve().parents[2]
 HERE = ("--workers", 1)
+# The figures of a report are those of one log, and looked at there.
+pytestmark = pytest.mark.usefixtures("undrawn")
 
 
 def without_origin(document: dict) -> dict:
@@ -220,29 +218,22 @@ def test_no_log_is_written_into(bfi: Callable, tmp_path: Path):
     assert {path.name for path in tmp_path.iterdir()} == {"flight"}
 
 
-@pytest.mark.usefixtures("no_pyarrow")
+@pytest.mark.slow
 def test_two_workers_say_the_same(bfi: Callable, tmp_path: Path):
-    make_fleet(tmp_path / "logs", 3)
-    for workers in (1, 2):
-        assert bfi("info", tmp_path / "logs", "--workers", workers, "--out", tmp_path / str(workers)).code == 0
-    for name in ("flights.csv", "channels.csv"):
-        assert (tmp_path / "1" / name).read_bytes() == (tmp_path / "2" / name).read_bytes()
+    make_fleet(tmp_path, 2)
+    alone, together = (json.loads(bfi("info", tmp_path, "--workers", n, "--json").stdout) for n in (1, 2))
+    assert len(alone) == 3
+    assert list(map(without_origin, alone)) == list(map(without_origin, together))
 
 
-def test_on_a_terminal_a_log_has_one_line(tmp_path: Path):
+def test_on_a_terminal_a_log_has_one_line(bfi: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     logs = tmp_path / ("long_" * 12)
     make_fleet(logs, 2)
-    ours, theirs = pty.openpty()
-    words = [sys.executable, "-m", "bfi_cli", "info", str(logs), "--workers", "1"]
-    environment = {**os.environ, "COLUMNS": "70", "TERM": "xterm", "PYTHONPATH": str(ROOT)}
-    process = subprocess.Popen(words, stdout=theirs, stderr=subprocess.DEVNULL, env=environment)
-    os.close(theirs)
-    shown = b""
-    with contextlib.suppress(OSError):  # the last that could write has closed it
-        while piece := os.read(ours, 65536):
-            shown += piece
-    os.close(ours)
-    assert process.wait() == 0
-    lines = re.sub(r"\x1b\[[0-9;]*m", "", shown.decode()).splitlines()
+    monkeypatch.setenv("COLUMNS", "70")
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    outcome = bfi("info", logs, *HERE)
+    assert outcome.code == 0
+    lines = re.sub(r"\x1b\[[0-9;]*m", "", outcome.stdout).splitlines()
     assert len(lines) == 3
     assert all(len(line.rstrip()) <= 70 for line in lines)

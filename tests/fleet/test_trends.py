@@ -95,6 +95,7 @@ def test_the_aircraft_of_a_header(head: str, aircraft: str, tmp_path: Path):
     assert aircraft_in(str(tmp_path)) == aircraft_in(str(tmp_path / "absent.csv")) == ""
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_by_aircraft(bfi: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     n = 10

@@ -67,6 +67,7 @@ def test_values_far_off_take_little_of_the_power():
     assert found >= stats.binom.ppf(0.001, n, 0.9)
 
 
+@pytest.mark.slow
 def test_false_alarms_and_intervals_are_as_often_as_said():
     n, alarms, covered = 500, 0, 0
     for seed in range(n):

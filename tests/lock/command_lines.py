@@ -161,7 +161,6 @@ FAST = (
     "dictionary_alone",
     "identify_clean",
     "detect_bias",
-    "diagnose_drift",
     "no_channel",
     "no_key",
 )

@@ -99,6 +99,7 @@ def tables() -> dict[str, dict[str, str]]:
             "fault": attributes_table("bfi_cli.faults", "FaultEstimate"),
             "contradiction": attributes_table("bfi_cli.decision.implausible", "Implausible"),
             "event": attributes_table("bfi_cli.flight.result", "Event"),
+            "limit": attributes_table("bfi_cli.flight.result", "FlightLimit"),
             "ordinary": table(("cause", "in words"), [(f"`{name}`", cause.text) for name, cause in ORDINARY.items()]),
         },
         "fleet.md": {"tables": fleet_table()},

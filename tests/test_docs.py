@@ -130,6 +130,26 @@ def test_every_picture_is_made_shown_and_small() -> None:
     assert [name for name, path in pictures.items() if path.stat().st_size > LARGEST_PICTURE] == []
 
 
+def test_a_new_run_on_sparsity_replaces_its_section_of_the_page_alone() -> None:
+    page = (DOCS / "validation.md").read_text("utf-8")
+    start, end = "<!-- made: sparsity -->", "<!-- end -->"
+    content = {
+        "verdict": "It helps.",
+        "tables": [{"name": "rates", "rows": [["one point", "a rule", "98 %"], ["one point", "another", "3 %"]]}],
+        "facts": [["a rule", "the first"], ["another", "the second"], ["Trials", "100"]],
+        "drawings": [{"caption": "rates"}, {"caption": "times"}],
+        "notes": ["A note."],
+    }
+    made = script("pictures").with_sparsity(page, content)
+    assert made.partition(start)[0] == page.partition(start)[0]
+    assert made.partition(start)[2].partition(end)[2] == page.partition(start)[2].partition(end)[2]
+    section = made.partition(start)[2].partition(end)[0]
+    assert "| one point | 98 % | 3 % |" in section
+    assert re.findall(r"^### (.+)$", section, re.MULTILINE) == re.findall(
+        r"^### (.+)$", page.partition(start)[2].partition(end)[0], re.MULTILINE
+    )
+
+
 def test_the_index_names_every_page_and_example() -> None:
     text = (DOCS / "index.md").read_text("utf-8")
     wanted = [*(page.name for page in DOCS.glob("*.md") if page.stem != "index"), *(path.name for path in EXAMPLES)]

@@ -15,6 +15,7 @@ import pytest
 import yaml
 
 import bfi_cli
+from bfi_cli.serialization import OLDEST_READ, SCHEMA
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -148,6 +149,11 @@ def test_a_new_run_on_sparsity_replaces_its_section_of_the_page_alone() -> None:
     assert re.findall(r"^### (.+)$", section, re.MULTILINE) == re.findall(
         r"^### (.+)$", page.partition(start)[2].partition(end)[0], re.MULTILINE
     )
+
+
+def test_the_page_of_documents_names_the_schema() -> None:
+    text = (DOCS / "documents.md").read_text("utf-8")
+    assert f"`schema` ({SCHEMA}; `bfi report` reads analyses from {min(OLDEST_READ.values())} on)" in text
 
 
 def test_the_index_names_every_page_and_example() -> None:

@@ -25,7 +25,7 @@ from .dictionary import Dictionary, dead_reason_of_kind
 from .errors import ConfigError, DictionaryError, LogError
 from .faults import Fault, FaultEstimate
 from .faults.filters import alternatives, response_of
-from .faults.shapes import OF_LINES, SHAPES, Kind, Shape
+from .faults.shapes import LINE_SHAPES, SHAPES, Kind, Shape, scanned_shape
 from .faults.truth import Comparison, compare_by_onset
 from .flightlog import FlightLog, inject
 from .flightlog.defects import is_told_by_physics
@@ -35,7 +35,6 @@ from .kernels.progress import Progress, unseen
 from .methods import METHODS
 from .model.identify import Identification, conclusion_of, identification, result_of
 from .model.onset import OnsetResult, OnsetSearch, find_onset, search_onsets
-from .model.onset.shapes import scanned_shape
 from .model.preprocessing.defaults import require_one_trim
 from .model.preprocessing.sampling_rate import require_one_model, slowest_rate_hz
 from .model.preprocessing.window import must_resample, with_inputs_of
@@ -158,7 +157,7 @@ def _identify_kinds(
     """Identify kinds of fault whose onsets are not known: the search names them, and the model is that with them."""
     _require_one_model(part, config)
     physics, scanning = _physics(log, config, progress)
-    scanned = [kind for kind in kinds if scanned_shape(kind) is not None]
+    scanned = [kind for kind in kinds if scanned_shape(kind.shape) is not None]
     searched = search_onsets(log, merge(scanning, {"method": "ml"}), progress, kinds=scanned)
     evidence = searched.evidence
     if dictionary is not None:
@@ -200,7 +199,7 @@ def _left_out(dictionary: Dictionary | None, live: Sequence[Fault], physics: Evi
     """Return notes on kinds of a dictionary that cannot begin in the window, or that nothing in the log tells."""
     names = {kind.name for kind in live}
     late = [f"'{atom.name}'" for atom in (dictionary.searched.atoms if dictionary else ()) if atom.name not in names]
-    untold = [f"'{kind.name}'" for kind in live if scanned_shape(kind) is None]
+    untold = [f"'{kind.name}'" for kind in live if scanned_shape(kind.shape) is None]
     notes = [Note.limit(f"no onset of {', '.join(late)} is in the window: left out")] if late else []
     if untold and not physics.candidates and not physics.faults:
         notes.append(Note.limit(f"left out: no channel of the log tells {', '.join(untold)} from other slow faults"))
@@ -420,7 +419,7 @@ def _corrected(part: FlightLog, fit: Identification, config: Config) -> FlightLo
     response = response_of(recorder_filters(part, recorder.edge_hz, recorder.kind)[0], part.rate_hz)
     # A channel that is derived from others is made of them anew in the scan.
     known = [estimate for estimate in fit.faults if estimate.magnitude and estimate.fault.channel in part.channels]
-    line_faults = [estimate for estimate in known if estimate.fault.shape in OF_LINES]
+    line_faults = [estimate for estimate in known if estimate.fault.shape in LINE_SHAPES]
     faults = [
         replace(estimate.fault, magnitude=-estimate.magnitude) for estimate in known if estimate not in line_faults
     ]

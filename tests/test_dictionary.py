@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from bfi_cli.dictionary import MAX_ATOMS, dead_reason, dead_sentences, json_schema, load_dictionary, signals
 from bfi_cli.errors import DictionaryError
 from bfi_cli.faults import COMMON_KEYS, Fault, fault_from_dict, unit_signal
-from bfi_cli.faults.shapes import IN_DICTIONARY, KEY_RULES, OF_LINES, PARAMETERS, SEARCHED, SHAPES
+from bfi_cli.faults.shapes import IN_DICTIONARY, KEY_RULES, LINE_SHAPES, PARAMETERS, SEARCHED, SHAPES
 
 CONFIGS = Path(__file__).parent.parent / "configs"
 
@@ -57,7 +57,7 @@ def test_the_document_and_the_command_line_accept_the_same_faults(shape, keys):
     atom = {"shape": shape} | {key.name: atom[key.name] for key in SHAPES[shape].keys if key.name in atom} | keys
     atom = {"onset_s": 0.0} | {key: value for key, value in atom.items() if value is not None}
     # The channel of an entry of a pressure line is the output that it is looked for in; a fault of one has none.
-    output = {"channel": atom.pop("channel")} if shape in OF_LINES and atom.get("channel") in ("tas", "1") else {}
+    output = {"channel": atom.pop("channel")} if shape in LINE_SHAPES and atom.get("channel") in ("tas", "1") else {}
     try:
         one = fault_from_dict(atom)
     except DictionaryError:
@@ -66,7 +66,7 @@ def test_the_document_and_the_command_line_accept_the_same_faults(shape, keys):
         (other,) = load_dictionary({"atoms": [{**atom, **output}]}).atoms
     except DictionaryError:
         other = None
-    if shape in OF_LINES and other is not None:
+    if shape in LINE_SHAPES and other is not None:
         assert other.channel == output.get("channel", atom.get("channel", "tas"))
         if "channel" in atom:
             return

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from ..faults import Decision, FaultEstimate, build_up_s
-from ..faults.shapes import OF_LINES, SHAPES, Kind
+from ..faults.shapes import LINE_SHAPES, SHAPES, Kind
 from ..notes import Note
 from ..quantities.text import instant, quantity
 from .candidate import KINDS, Candidate, with_limit
@@ -224,7 +224,7 @@ def _is_lost(estimate: FaultEstimate) -> bool:
 
     What a model declares has a course, beside which others are seen.
     """
-    is_line = estimate.fault.shape in OF_LINES and not SHAPES[estimate.fault.shape].has_magnitude
+    is_line = estimate.fault.shape in LINE_SHAPES and not SHAPES[estimate.fault.shape].has_magnitude
     return _is_held(estimate) or (is_line and estimate.source not in MODELS)
 
 

@@ -18,7 +18,7 @@ from ..config import Config, merge
 from ..decision import Candidate, Evidence, estimate_of, state_of
 from ..errors import LogError
 from ..faults import Fault, FaultEstimate
-from ..faults.shapes import SHAPES
+from ..faults.shapes import CONSTANTS, SHAPES
 from ..flightlog import FlightLog
 from ..flightlog.defects import is_told_by_physics
 from ..flightlog.phases import phases_of
@@ -153,7 +153,7 @@ def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> F
     constant_s = event.constant_s or event.evidence.get("time_constant_s")
     is_line_fault = event.fault in SHAPES and (event.shape == "drift" or not SHAPES[event.fault].has_magnitude)
     shape = event.fault if is_line_fault else event.shape
-    if shape not in SHAPES or any(key.required and key.name not in _CONSTANTS for key in SHAPES[shape].keys):
+    if shape not in SHAPES or any(key.required and key.name not in CONSTANTS for key in SHAPES[shape].keys):
         return None
     fault = Fault(
         shape=shape,
@@ -188,9 +188,6 @@ def _estimate(event: Event, channel: str, flight: Flight, tolerance: float) -> F
     )
     is_own = is_line_fault or event.fault == channel
     return replace(estimate, unit=event.unit if is_own else estimate.physical_unit)
-
-
-_CONSTANTS = ("time_constant_s", "duration_s")
 
 
 def _keys(shape: str) -> set[str]:

@@ -23,8 +23,6 @@ from ..serialization import csv_lines, document_of, from_plain, mapping, member,
 from .first_screen import TEXT_OF_CAUSE, diagnose_screen, event_in_words, second
 from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse, OrdinaryEvent
 
-# Shapes that are named behind a channel; the others are faults by themselves.
-CHANNEL_SHAPES = ("bias", "drift", "sine", "offset", "frozen", "pitot_blocked", "static_blocked")
 # What a channel does that has short defects of a shape.
 SHORT = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}
 SERIES = ("time_s", "measured", "corrected", "units", "strips", "limit_courses", "courses")

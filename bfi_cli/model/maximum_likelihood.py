@@ -16,7 +16,7 @@ import numpy as np
 from ..config import STRONG_EVIDENCE, Config
 from ..config import Selection as Rules
 from ..errors import DictionaryError, LogError
-from ..faults.shapes import OF_LINES, SHAPES
+from ..faults.shapes import LINE_SHAPES, SHAPES
 from ..kernels import FloatArray
 from ..kernels.model_selection import (
     BACKWARD_LIMIT,
@@ -101,7 +101,7 @@ def identify_by_likelihood(
     while not is_stated and (failed := _not_whole(now)) is not None:
         now = _declining(now, failed, declined)
     about_signals: list[Note] = []
-    if any(now.window.faults[now.window.live[n]].shape in OF_LINES for n in now.selection.best.fit.atoms):
+    if any(now.window.faults[now.window.live[n]].shape in LINE_SHAPES for n in now.selection.best.fit.atoms):
         refit = partial(_by_threshold, selection=now.selection, threshold=threshold)
         now, about_signals = _with_secants(now, config, refit if is_stated else choose)
     # The errors, 70 MB for a day at 100 Hz, are made again for the answer.
@@ -170,7 +170,7 @@ def _tested(
 ) -> tuple[Selected, Estimated]:
     """Return a selection of which every atom passes all tests, with its magnitudes; the others enter `declined`."""
     coarse, dispersion, estimates = estimated
-    has_lines = any(now.window.faults[entry].shape in OF_LINES for entry in now.window.live)
+    has_lines = any(now.window.faults[entry].shape in LINE_SHAPES for entry in now.window.live)
     while True:
         failed = _failed_test(now, estimates, dispersion) or _not_whole(now)
         failed = failed or (_rival(now, config) if exclusive else None)
@@ -253,7 +253,7 @@ def _estimated(now: Selected, config: Config, progress: Progress) -> Estimated:
 def _is_sized(window: PreparedWindow, n: int) -> bool:
     """Say whether the n-th live entry is a fault of a pressure line whose course depends on its magnitude."""
     shape = window.faults[window.live[n]].shape
-    return shape in OF_LINES and SHAPES[shape].has_magnitude
+    return shape in LINE_SHAPES and SHAPES[shape].has_magnitude
 
 
 def _at_own_sizes(

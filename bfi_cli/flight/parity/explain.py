@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ...faults.shapes import SHAPES
 from ...kernels import FloatArray
 from ...kernels.likelihood_ratio import likelihood_ratio
 from ...kernels.normal import CHI_SQUARE_95
@@ -40,20 +41,11 @@ PRICE, TRIED = 3.0, 3
 TAILS = 1.3
 
 
-# By shape, of magnitude 1, of the seconds t since the onset and the shape's constant in s.
-OF_TIME: Mapping[str, Callable[[FloatArray, float], FloatArray]] = {
-    "drift": lambda t, _: np.maximum(t, 0.0),
-    "bias": lambda t, _: np.clip(t + 0.5, 0.0, 1.0),  # of a sample, the part after the onset
-    "lagged_bias": lambda t, seconds: -np.expm1(-np.maximum(t, 0.0) / seconds),
-    "ramp_hold": lambda t, seconds: np.clip(t / seconds, 0.0, 1.0),
-}
-
-
 def course_for(shape: str, constant_s: float | None) -> Course | None:
     """Return the course of magnitude 1 of a shape, of the seconds since the onset; None for one that is not fitted."""
-    if shape not in OF_TIME or (constant_s is None and shape in ("lagged_bias", "ramp_hold")):
-        return None
-    return lambda t: OF_TIME[shape](t, constant_s or 0.0)
+    entry = SHAPES.get(shape)
+    course = None if entry is None or (constant_s is None and entry.parameter is not None) else entry.course
+    return None if course is None else lambda t: course(t, constant_s or 0.0)
 
 
 # Shapes with their constants in s, where they have one, from which the best fit starts.

@@ -12,7 +12,7 @@ from ...aircraft import find_model, flight_of
 from ...errors import ConfigError, LogError
 from ...faults import Fault
 from ...faults.filters import recorded_signal, response_of
-from ...faults.shapes import OF_LINES, SHAPES
+from ...faults.shapes import LINE_SHAPES, SHAPES
 from ...flightlog import FlightLog, read_log
 from ...flightlog.injection import added_by
 from ...flightlog.record import frozen_array
@@ -185,7 +185,7 @@ def _changes(log: FlightLog, setting: Setting, fault: Fault) -> dict[str, FloatA
     """Return by channel, (n_samples,), what the log shows of a fault."""
     recorder = setting.config.recorder
     response = response_of(recorder_filters(log, recorder.edge_hz, recorder.kind)[0], log.rate_hz)
-    if fault.shape in OF_LINES:
+    if fault.shape in LINE_SHAPES:
         return dict(added_by(log, replace(fault, channel=""), response))
     channel = log.channel(fault.channel).name
     if SHAPES[fault.shape].acts_on in ("reading", "held"):

@@ -19,7 +19,7 @@ from ...analysis import identify
 from ...decision import KINDS, State, kind_of
 from ...errors import BfiError
 from ...faults import Decision, Fault, FaultEstimate
-from ...faults.shapes import ADDITIVE, OF_LINES, Kind
+from ...faults.shapes import ADDITIVE, LINE_SHAPES, Kind
 from ...faults.truth import compare_faults
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
@@ -244,7 +244,7 @@ def _compared(row: Row, trial: Trial, flown: Flown) -> Row:
     part = log.window(config.window.from_s, config.window.to_s)
     problem = Problem(log=log, part=part, dictionary=setting.dictionary, config=config, asked=setting.config)
     truth = dict(sorted(flown.added.items(), key=lambda item: item[1].onset_s))
-    line_faults = [fault for fault in truth.values() if fault.shape in OF_LINES]
+    line_faults = [fault for fault in truth.values() if fault.shape in LINE_SHAPES]
     hit = {channel for fault in line_faults for channel in largest_errors(flown.record, setting, fault)}
     outcome = outcome_of(name, peer, problem, list(truth.values()), tuple(hit))
     statement, score = outcome.statement, outcome.score

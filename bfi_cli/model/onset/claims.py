@@ -19,7 +19,7 @@ import numpy as np
 
 from ...decision import KINDS, UNTESTED, Candidate, ScanLimit, candidate_of, finite, kind_of, with_limit
 from ...faults import Fault
-from ...faults.shapes import SHAPES, Kind, Shape
+from ...faults.shapes import ADDITIVE, SHAPES, Kind, Shape, scanned_shape
 from ...kernels import BoolArray, FloatArray, IntArray
 from ...kernels.normal import ONE_SIDED_90, ONE_SIDED_95
 from ...kernels.onset.frequency import PEAKS, frequency_grid, screen_grid
@@ -53,15 +53,15 @@ SIZED = 25
 # Of more hypotheses than the first, one of so many onsets as the second is looked at, and all of them for as many that
 # hide most, and as many that are likeliest. Chosen without tuning.
 FULL, GLANCED = 2, 5
-# Lags and ramps that a claim about steps covers, with their time constants and durations: by their longest, since what
-# builds up faster stands out more. The same answers in 340 runs on two recorded flights with ramps of 5 s beside; with
-# 10 s alone a ramp over 12.3 s of 2.4 tolerances was excluded.
-BUILT_UP: Mapping[Shape, tuple[float, ...]] = {"lagged_bias": (5.0,), "ramp_hold": (10.0, 13.0)}
+# Lags and ramps that a claim about steps covers.
+BUILT_UP: tuple[Shape, ...] = tuple(name for name, shape in SHAPES.items() if shape.claimed_s)
 # Shapes that are excluded by the likelihood of the record, not by the size that they would have needed: at the worst of
 # many onsets and frequencies that is several times the tolerance, while the record as a whole leaves no doubt: the
 # claim that there is no oscillation can be made in all instead of half of the fault-free windows of two recorded
 # flights (docs/theory.md, 8.5).
-WEIGHED: tuple[Shape, ...] = ("bias", "sine", "cosine", *BUILT_UP)
+WEIGHED: tuple[Shape, ...] = tuple(
+    name for name in ADDITIVE if SHAPES[name].kind != "slow" and scanned_shape(name) is not None
+)
 # A size is excluded where the record is at most so many times as likely with such a fault as without, in the mean over
 # onsets and signs. Where one onset is known, a fault of z standard deviations is excluded with a probability of up to
 # Phi(-z / 2 - q^2 / 2 z), at most Phi(-q) = 5 %, which unknown onsets meet too (docs/theory.md, 8.5). A shape is
@@ -70,8 +70,6 @@ EXCLUDED, SUSPECTED = 0.5 * math.exp(-0.5 * ONE_SIDED_95**2), 1.0
 # Errors at which the likelihood is asked, in tolerances: limits from a tenth to a hundred of them.
 PER_DECADE = 6
 ERRORS = np.geomspace(0.1, 100.0, 3 * PER_DECADE + 1)
-# Scan shape that also covers this shape.
-LIKE = {"cosine": "sine"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -408,9 +406,9 @@ def limits_near_onsets(
     near_s = tolerance_s + 1.0 / record.settings.rate_hz
     limits: list[ScanLimit | None] = []
     for fault, _ in parts(report, faults):
-        shape = LIKE.get(fault.shape, fault.shape)
+        shape = scanned_shape(fault.shape) if fault.shape in ADDITIVE else None
         looked_for = shape in (*record.settings.shapes, *BUILT_UP)
-        if not looked_for or fault.channel not in record.settings.outputs:
+        if shape is None or not looked_for or fault.channel not in record.settings.outputs:
             limits.append(None)
             continue
         output = record.settings.outputs.index(fault.channel)
@@ -508,7 +506,7 @@ def standing_out_hz(
 def _built_up(record: ScanRecord, shape: Shape, output: int) -> list[ShapeHypothesis]:
     """Return the lags or ramps that a claim about steps covers."""
     longest_s = LARGEST_SHARE * record.settings.duration_s
-    lengths_s = sorted({min(seconds, longest_s) for seconds in BUILT_UP[shape]})
+    lengths_s = sorted({min(seconds, longest_s) for seconds in SHAPES[shape].claimed_s})
     return [ShapeHypothesis(shape=shape, output=output, parameter=seconds) for seconds in lengths_s]
 
 

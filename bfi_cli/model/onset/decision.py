@@ -24,6 +24,7 @@ from ...decision.calibration import (
     null_of,
 )
 from ...errors import ConfigError, LogError
+from ...faults.shapes import SCANNED_AS
 from ...flightlog import FlightLog
 from ...flightlog.phases import airborne_stretches
 from ...flightlog.record import frozen_array
@@ -34,7 +35,6 @@ from ...quantities.text import instant
 from ..preprocessing.manoeuvres import modelled_stretches
 from .scan import HypothesisScan, Peak, bic_change, scan_hypotheses
 from .scan_record import ScanRecord, prepare_record
-from .shapes import SCANNED_AS
 
 Windows = list[tuple[float, float]]
 

@@ -14,7 +14,7 @@ from ...decision import KINDS, Evidence, conclude
 from ...errors import ConfigError
 from ...faults import Fault, FaultEstimate
 from ...faults.filters import recorder_low_passes
-from ...faults.shapes import Kind
+from ...faults.shapes import SCANNED_AS, Kind
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
 from ...kernels.normal import TWO_SIDED_95
@@ -35,7 +35,6 @@ from .rivals import known_faults, rivals_of, scans_beside, with_rivals
 from .scan import HypothesisScan, Peak, bic_change, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import ScanRecord, prepare_record
 from .search import OnsetSearch, declared_faults, result_of
-from .shapes import SCANNED_AS
 from .thesis import search_as_published
 
 # A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).

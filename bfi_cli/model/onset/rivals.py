@@ -16,7 +16,7 @@ from itertools import combinations
 import numpy as np
 
 from ...faults import FaultEstimate
-from ...faults.shapes import SHAPES, Shape
+from ...faults.shapes import ADDITIVE, SCANNED, SCANNED_AS, SHAPES, Shape, scanned_shape
 from ...kernels import FloatArray
 from ...kernels.normal import ONE_SIDED_95
 from ...kernels.onset.scan import Scan, default_onsets, largest_statistic
@@ -24,10 +24,10 @@ from .claims import standing_out_hz
 from .estimate import Estimate, as_scanned, estimate, subtract_faults
 from .scan import lasting_peak, scan_of
 from .scan_record import ScanRecord
-from .shapes import SCANNED_AS, ShapeHypothesis, constants_s, signal, subsample_index, waveform
+from .shapes import ShapeHypothesis, constants_s, signal, subsample_index, waveform
 
 # Shapes, of kinds of their own, that may stand in place of a declared fault.
-RIVALS: tuple[Shape, ...] = ("bias", "drift", "sine", *SCANNED_AS)
+RIVALS: tuple[Shape, ...] = tuple(name for name in SCANNED if name != "samples")
 # One shape is told from another where the record is this many times as likely with it, for each of the onsets at which
 # it could have begun: where the other is true that happens in one record of so many.
 CERTAIN = 100.0
@@ -51,11 +51,12 @@ def known_faults(record: ScanRecord, faults: Sequence[FaultEstimate]) -> list[Es
     known = []
     for declared in faults:
         fault, start = declared.fault, record.native(declared.fault.onset_s)
-        if fault.channel not in outputs or not (SHAPES[fault.shape].is_scanned or fault.shape == "cosine") or start < 0:
+        shape = scanned_shape(fault.shape) if fault.shape in ADDITIVE else None
+        if fault.channel not in outputs or shape is None or start < 0:
             continue
         output = outputs.index(fault.channel)
         form = ShapeHypothesis(
-            shape="sine" if fault.shape == "cosine" else fault.shape,
+            shape=shape,
             output=output,
             parameter=fault.frequency_hz or fault.time_constant_s or fault.duration_s,
             file=fault.file,

@@ -15,7 +15,7 @@ import numpy as np
 from ...config import StartTime
 from ...decision import KINDS
 from ...faults import Fault, unit_signal
-from ...faults.shapes import SHAPES, Shape
+from ...faults.shapes import SCANNED_AS, SHAPES, Shape, scanned_shape
 from ...kernels import FloatArray
 from ...kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
 from ...kernels.low_pass import IDENTITY, Response
@@ -30,8 +30,6 @@ SubsampleIndex = tuple[int, int]
 # from the nearer. One longer than a quarter of the window cannot be told from a drift.
 CONSTANTS_S = (0.5, 1.0, 2.0, 4.0, 8.0)
 LARGEST_SHARE = 0.25  # of the window
-# A lag or a ramp stands out in the scan as the step that it becomes: it is detected as a step, and named afterwards.
-SCANNED_AS: Mapping[Shape, Shape] = {"lagged_bias": "bias", "ramp_hold": "bias"}
 # An oscillation of a stated frequency is sought this near to it: the search moves by less than a hundredth of it.
 SAME_FREQUENCY = (0.98, 1.02)
 
@@ -169,12 +167,6 @@ def every_kind(wanted: StartTime, n_outputs: int, duration_s: float) -> KindsOfF
     )
 
 
-def scanned_shape(entry: Fault) -> Shape | None:
-    """Return the shape for which a scan searches an entry of a dictionary, None where the scan has no such shape."""
-    shape: Shape = "sine" if entry.shape == "pitot_water" else entry.shape
-    return shape if SHAPES[shape].is_scanned else None
-
-
 def kinds_of_entries(entries: Sequence[Fault], outputs: Sequence[str], duration_s: float) -> KindsOfFault:
     """Return the kinds of the entries of a dictionary that state no onset and have a shape that is scanned.
 
@@ -189,7 +181,7 @@ def kinds_of_entries(entries: Sequence[Fault], outputs: Sequence[str], duration_
     names: dict[tuple[Shape, int], str] = {}
     bands: list[tuple[float, float] | None] = []
     for entry in entries:
-        shape = scanned_shape(entry)
+        shape = scanned_shape(entry.shape)
         if shape is None or entry.onset_range_s is None:
             continue
         key = (shape, outputs.index(entry.channel))
@@ -275,35 +267,26 @@ def signal(
 
 
 def _ideal(form: ShapeHypothesis, n: int, rate_hz: float) -> Waveform:
-    match form.shape:
-        case "bias":
-            return waveforms.bias(n)
-        case "drift":
-            return waveforms.drift(n, step_s=1.0 / rate_hz)
-        case "samples":
-            return waveforms.sampled(_sampled(form.file, n, rate_hz))
-    if form.parameter is None:
+    shape = SHAPES[form.shape]
+    if not shape.is_scanned:
+        raise ValueError(f"a {form.shape} is not scanned")
+    if shape.parameter is not None and form.parameter is None:
         raise ValueError(f"a {form.shape} needs its parameter")
-    match form.shape:
-        case "sine":
-            return waveforms.sine(n, angle=2.0 * np.pi * form.parameter / rate_hz, phase=form.phase_rad)
-        case "lagged_bias":
-            return waveforms.lagged_bias(n, constant=form.parameter * rate_hz)
-        case "ramp_hold":
-            return waveforms.ramp_hold(n, duration=form.parameter * rate_hz)
-    raise ValueError(f"a {form.shape} is not scanned")
+    if shape.waveform is None:
+        return waveforms.sampled(_sampled(form, n, rate_hz))
+    return shape.waveform(n, rate_hz, form.parameter or 0.0, form.phase_rad)
 
 
 @lru_cache(maxsize=8)
-def _sampled(file: str | None, n: int, rate_hz: float) -> FloatArray:
-    return unit_signal(Fault(shape="samples", file=file), np.arange(n) / rate_hz, window_start_s=0.0)
+def _sampled(form: ShapeHypothesis, n: int, rate_hz: float) -> FloatArray:
+    return unit_signal(fault_of(form, ""), np.arange(n) / rate_hz, window_start_s=0.0)
 
 
 def fault_of(
     form: ShapeHypothesis, channel: str, *, magnitude: float = 1.0, onset_s: float = 0.0, offset_s: float | None = None
 ) -> Fault:
     """Return the fault of a hypothesis."""
-    key = {"sine": "frequency_hz", "lagged_bias": "time_constant_s", "ramp_hold": "duration_s"}.get(form.shape)
+    key = SHAPES[form.shape].parameter
     named = {} if key is None else {key: form.parameter}
     return Fault(
         shape=form.shape,

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.linalg import lapack
 
-from . import FloatArray
+from . import BoolArray, FloatArray
 from .lagged import Compressed, restrict
 from .termination import Termination
 
@@ -26,6 +26,10 @@ HALVINGS = 12
 # A step that raises the likelihood nowhere is round-off at a maximum where it promised less than this squared norm per
 # row, in units of the prediction error; where it promised more, the fit is stuck.
 ROUND_OFF_GAIN = 1e-4
+# Numbers of outputs that are fitted together: 16 MB, and a few times that of what is made of them.
+TOGETHER = 2 * 10**6
+# Of a fit, beyond which its steps have ceased to matter.
+MAX_ITERATIONS = 50
 # Of a profile, whose statistic is compared with 10 and more: by row, 1e-3 of that statistic in a record of 1000 rows.
 PROFILE_TOLERANCE = 1e-6
 # Where its columns are so much fewer than the rows, a support is factorised once before the many passes of a fit. It
@@ -134,18 +138,73 @@ def project_inputs(data: Compressed, order: int, *, floor: float = 0.0) -> Proje
     )
 
 
-def log_dets_beside(problem: ProjectedRegression, atom: int, z: float, fit: Fit) -> tuple[float, float]:
-    """Return log det of a support's fit to the outputs less z times an atom's signals, and to those plus as much.
+def log_dets_beside(problem: ProjectedRegression, atoms: Sequence[int], z: FloatArray, fit: Fit) -> FloatArray:
+    """Return (n, 2) log det of a support's fit to the outputs less each atom's signals, and to those plus as much.
+
+    All fits are made together, step by step; one whose regressors or signatures are dependent is made by itself.
 
     Parameters
     ----------
-    fit : of the support to the outputs, from which both begin.
+    atoms : whose signals are taken off, one at a time, (n,) z times.
+    fit : of the support to the outputs, from which all begin.
     """
-    less, more = (
-        fit_magnitudes(without_signal(problem, atom, sign * z), fit.atoms, fit.z, tolerance=PROFILE_TOLERANCE).log_det
-        for sign in (1.0, -1.0)
-    )
-    return less, more
+    support = _Support(problem, fit.atoms, compress=False)
+    log_dets = np.empty((len(atoms), 2))
+    n_together = max(1, TOGETHER // (2 * support.y.size))
+    for start in range(0, len(atoms), n_together):
+        part = slice(start, start + n_together)
+        signed = [(atom, sign * size) for atom, size in zip(atoms[part], z[part], strict=True) for sign in (1.0, -1.0)]
+        outputs = np.array([without_signal(problem, *fault).y for fault in signed])
+        fitted, is_plain = _log_dets_of_outputs(support, outputs, fit.z)
+        for n in np.flatnonzero(~is_plain):
+            alone = replace(problem, y=outputs[n])
+            fitted[n] = fit_magnitudes(alone, fit.atoms, fit.z, tolerance=PROFILE_TOLERANCE).log_det
+        log_dets[part] = fitted.reshape(-1, 2)
+    return log_dets
+
+
+def _log_dets_of_outputs(support: _Support, y: FloatArray, start: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return (n,) log det of the support's fit to each of some outputs, as `fit_magnitudes` does, and where that holds.
+
+    Parameters
+    ----------
+    y : (n, m, order + 1, n_outputs); start : (n_active,) magnitudes to start from.
+    """
+    n_rows, n = support.problem.n_rows, len(y)
+    z = np.tile(start, (n, 1))
+    log_det, G, e, is_plain = support.linearised(y, z)
+    moving = np.flatnonzero(is_plain) if support.atoms else np.zeros(0, dtype=np.intp)
+    for _ in range(MAX_ITERATIONS):
+        if not moving.size:
+            break
+        scale = np.linalg.norm(G[moving], axis=1, keepdims=True)
+        scale[scale == 0.0] = 1.0
+        Q, R = np.linalg.qr(G[moving] / scale)
+        full = _is_full_rank(R)
+        is_plain[moving[~full]] = False
+        moving, Q, R, scale = moving[full], Q[full], R[full], scale[full]
+        if not moving.size:
+            break
+        along = np.einsum("nij,ni->nj", Q, e[moving])
+        step = np.linalg.solve(R, along[:, :, None])[:, :, 0] / scale[:, 0]
+        gain, before = np.sum(along**2, axis=1), log_det[moving]
+        trying = np.arange(len(moving))
+        for length in 0.5 ** np.arange(HALVINGS):
+            k = moving[trying]
+            trial = support.linearised(y[k], z[k] + length * step[trying])
+            better = trial[0] < log_det[k]
+            to = k[better]
+            z[to] += length * step[trying[better]]
+            log_det[to], G[to], e[to] = (values[better] for values in trial[:3])
+            is_plain[to] &= trial[3][better]
+            trying = trying[~better]
+            if not trying.size:
+                break
+        tolerance = PROFILE_TOLERANCE
+        rests = (before - log_det[moving] < tolerance) & (gain < tolerance * n_rows)
+        rests[trying] = True
+        moving = moving[~rests & is_plain[moving]]
+    return log_det, is_plain
 
 
 def without_signal(problem: ProjectedRegression, atom: int, z: float) -> ProjectedRegression:
@@ -175,7 +234,7 @@ def fit_magnitudes(
     atoms: Sequence[int],
     start: FloatArray | None = None,
     *,
-    max_iterations: int = 50,
+    max_iterations: int = MAX_ITERATIONS,
     tolerance: float = 1e-9,
 ) -> Fit:
     """Maximise the likelihood over (c, B, K, z) with z supported on `atoms`, from `start` (zero by default).
@@ -374,6 +433,40 @@ class _Support:
         """Return filtered signatures off the regressors and the prediction error, both whitened, outputs stacked."""
         return self.whiten(at, self.filter(at.K)), _white(at.root, at.error[:, :, None])[:, 0]
 
+    def linearised(self, y: FloatArray, z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+        """Return what `predict` and `linearise` do, for n outputs and magnitudes at once.
+
+        Parameters
+        ----------
+        y : (n, m, order + 1, n_outputs); z : (n, n_active).
+
+        Returns
+        -------
+        log_det : (n,).
+        G, e : (n, n_outputs * m, n_active) and (n, n_outputs * m), see `linearise`.
+        is_plain : (n,) whether the regressors are independent; the rest is void where they are not.
+        """
+        n, m, n_y, order = len(y), y.shape[1], self.problem.n_outputs, self.problem.order
+        corrected = y - np.moveaxis(np.tensordot(self.theta, self.scatter @ z.T, axes=1), -1, 0)
+        Q, R = np.linalg.qr(corrected[:, :, 1:].reshape(n, m, order * n_y))
+        is_plain = _is_full_rank(R)
+        R[~is_plain] = np.eye(R.shape[1])
+        along = Q.transpose(0, 2, 1) @ corrected[:, :, 0]
+        K = np.linalg.solve(R, along).reshape(n, order, n_y, n_y).transpose(0, 1, 3, 2)
+        error = corrected[:, :, 0] - Q @ along
+        floor = np.broadcast_to(_floor(self.problem) * np.eye(n_y), (n, n_y, n_y))
+        stacked = np.concatenate([error / np.sqrt(self.problem.n_rows), floor], axis=1)
+        root = np.asarray(np.linalg.qr(stacked, mode="r"))
+        log_det = 2.0 * np.log(np.abs(np.diagonal(root, axis1=1, axis2=2))).sum(axis=1)
+        log_det -= [self.log_jacobian(sizes) for sizes in z]
+        place = self.scatter.sum(axis=2)
+        filtered = self.theta[:, 0, None, :] * place.T - np.einsum("mls,nlos->nmos", self.theta[:, 1:], K @ place.T)
+        G = (filtered @ self.scatter.sum(axis=1)).reshape(n, m, -1)
+        G = (G - Q @ (Q.transpose(0, 2, 1) @ G)).reshape(n, m, n_y, -1)
+        both = np.concatenate([G, error[:, :, :, None]], axis=3).transpose(0, 2, 1, 3).reshape(n, n_y, -1)
+        white = (np.linalg.solve(root.transpose(0, 2, 1), np.eye(n_y)) @ both).reshape(n, n_y * m, -1)
+        return log_det, white[:, :, :-1], white[:, :, -1], is_plain
+
     def whiten(self, at: _Predictor, G: FloatArray) -> FloatArray:
         """Return (n_outputs * m, n) filtered signatures G (m, n_outputs, n) off the regressors, whitened."""
         flat = G.reshape(len(G), -1)
@@ -401,9 +494,20 @@ def _regress(X: FloatArray, Y: FloatArray) -> tuple[FloatArray, FloatArray]:
     return U[:, :rank], Vt[:rank].T @ ((U[:, :rank].T @ Y) / s[:rank, None])
 
 
+def _is_full_rank(R: FloatArray) -> BoolArray:
+    """Return (n,) whether triangular factors (n, k, k) are those of independent columns."""
+    diagonal = np.abs(np.diagonal(R, axis1=1, axis2=2))
+    return np.asarray((R.shape[1] == R.shape[2]) & (diagonal.min(axis=1) > RANK_TOLERANCE * diagonal.max(axis=1)))
+
+
+def _floor(problem: ProjectedRegression) -> float:
+    """Return the standard deviation that is added to prediction errors, whose logarithm is taken."""
+    return float(max(problem.floor, np.finfo(float).tiny ** 0.25))
+
+
 def _covariance_root(error: FloatArray, problem: ProjectedRegression) -> tuple[FloatArray, float]:
     """Return the triangular root of the floored residual covariance, and log det of that covariance."""
-    floor = max(problem.floor, np.finfo(float).tiny ** 0.25)
+    floor = _floor(problem)
     if problem.n_outputs == 1:
         root = np.hypot(np.linalg.norm(error) / np.sqrt(problem.n_rows), floor)[None, None]
     else:

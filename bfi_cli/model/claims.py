@@ -13,10 +13,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..decision import Candidate, candidate_of, finite, untested
+from ..kernels import FloatArray
 from ..kernels.lagged import constants_and_signals
 from ..kernels.normal import ONE_SIDED_95
 from ..kernels.onset.scan import ENDING, STARTING
-from ..kernels.variable_projection import Fit, fit_magnitudes, log_dets_beside
+from ..kernels.variable_projection import fit_magnitudes, log_dets_beside
 from ..methods import METHODS
 from .magnitudes import MethodResult
 from .preprocessing.regression import RegressionData
@@ -43,14 +44,8 @@ def claims_of_entries(
     regression : of the window; outcome : of the method on it.
     tolerances : by output.
     """
-    twins, fit = _twins(window), None
-    if outcome.needed is not None:
-        atoms = list(outcome.atoms)
-        start = outcome.magnitudes.value[atoms] / regression.magnitude_unit[atoms]
-        fit = fit_magnitudes(regression.problem(outcome.order), outcome.atoms, start)
-    known = {
-        entry: _claim(window, regression, outcome, fit, method, tolerances, n) for n, entry in enumerate(window.live)
-    }
+    twins, excluded = _twins(window), _excluded_above(regression, outcome, method).tolist()
+    known = {entry: _claim(window, outcome, excluded[n], method, tolerances, n) for n, entry in enumerate(window.live)}
     # An entry of unknown course excludes nothing.
     for course in outcome.free:
         fault = window.faults[course.entry]
@@ -76,14 +71,13 @@ def claims_of_entries(
 
 def _claim(
     window: PreparedWindow,
-    regression: RegressionData,
     outcome: MethodResult,
-    fit: Fit | None,
+    excluded: float,
     method: str,
     tolerances: Mapping[str, float],
     n: int,
 ) -> Candidate:
-    """Return the candidate of the n-th live entry; `fit` is that of what is declared."""
+    """Return the candidate of the n-th live entry, of which `excluded` is the least size that is."""
     entry, magnitudes, seen = window.live[n], outcome.magnitudes, outcome.converged
     fault, declared, suspected = window.faults[entry], n in outcome.atoms, n in outcome.declined
     channel = window.log.channel(fault.channel)
@@ -91,7 +85,7 @@ def _claim(
     detectable = float(magnitudes.minimal_detectable[n]) if seen else np.nan
     limit = effect = note = None
     if not declared and METHODS[method].intervals and seen:
-        limit = _limit(regression, outcome, fit, n, max(detectable, abs(z) + ONE_SIDED_95 * sd))
+        limit = finite(excluded)
         if limit is None:
             note = "the inputs and lags of the model can explain a fault of any size"
         else:
@@ -119,21 +113,29 @@ def _claim(
     return claim if tested or not (METHODS[method].intervals and seen) else untested(claim)
 
 
-def _limit(regression: RegressionData, outcome: MethodResult, fit: Fit | None, n: int, limit: float) -> float | None:
-    """Return the first multiple of a limit, SI, that the likelihood profile excludes; None where it excludes none.
+def _excluded_above(regression: RegressionData, outcome: MethodResult, method: str) -> FloatArray:
+    """Return (n_live,) the least size, SI, of each entry that is not declared which the likelihood profile excludes.
 
     A fault of this size, added to the record, must reach the statistic that the rule asks for (in the mean of both
-    signs), and explain the record worse than no fault with either.
+    signs), and explain the record worse than no fault with either. Sizes are multiples of a limit; infinite where none
+    is excluded.
     """
-    if not np.isfinite(limit) or outcome.needed is None or fit is None:
-        return None
-    problem, rows = regression.problem(fit.order), regression.n_rows
+    magnitudes, atoms, unit = outcome.magnitudes, list(outcome.atoms), regression.magnitude_unit
+    excluded = np.full(len(unit), np.inf)
+    if outcome.needed is None or not (METHODS[method].intervals and outcome.converged):
+        return excluded
+    reach = np.abs(magnitudes.value) + ONE_SIDED_95 * np.sqrt(magnitudes.variance)
+    limits = np.maximum(magnitudes.minimal_detectable, np.where(np.isnan(reach), 0.0, reach))
+    problem, rows = regression.problem(outcome.order), regression.n_rows
+    fit = fit_magnitudes(problem, atoms, magnitudes.value[atoms] / unit[atoms])
+    left = np.setdiff1d(np.flatnonzero(np.isfinite(limits)), atoms)
     for multiple in MULTIPLES:
-        u = multiple * limit / float(regression.magnitude_unit[n])
-        both = [rows * (log_det - fit.log_det) for log_det in log_dets_beside(problem, n, u, fit)]
-        if 0.5 * sum(both) >= outcome.needed[n] and min(both) >= 0.0:
-            return multiple * limit
-    return None
+        sizes = multiple * limits[left]
+        falls = rows * (log_dets_beside(problem, left.tolist(), sizes / unit[left], fit) - fit.log_det)
+        enough = (falls.mean(axis=1) >= outcome.needed[left]) & (falls.min(axis=1) >= 0.0)
+        excluded[left[enough]] = sizes[enough]
+        left = left[~enough]
+    return excluded
 
 
 def _twins(window: PreparedWindow) -> dict[int, int]:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_varx import dictionary, explicit_error, made, wave
 
+from bfi_cli.kernels import variable_projection as module
 from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.covariance import Layout, single_additions, unfold
 from bfi_cli.kernels.lagged import compress, lagged
@@ -16,10 +19,12 @@ from bfi_cli.kernels.variable_projection import (
     Fit,
     fit_magnitudes,
     linear_additions,
+    log_dets_beside,
     project_inputs,
     relaxed_bound,
     single_magnitudes,
     with_unit_root,
+    without_signal,
 )
 
 ORDER = 2
@@ -372,3 +377,31 @@ def test_the_single_magnitude_of_what_is_not_there_is_none():
     magnitude, variance = single_magnitudes(problem, fit_magnitudes(problem, (0,)), 3)
     assert np.isnan([magnitude[2], variance[2]]).all()
     assert np.isfinite([*magnitude[:2], *variance[:2]]).all()
+
+
+@pytest.mark.parametrize("together", [1, 2 * 10**6])
+@pytest.mark.parametrize("atoms", [(), (0,), (0, 2), (0, 1, 2)])
+@pytest.mark.parametrize(("n_y", "scaling"), [(1, {}), (1, {1: (150, 0.01)}), (2, {})])
+def test_fits_made_together_are_those_made_one_by_one(n_y, scaling, atoms, together, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(module, "TOGETHER", together)
+    u, y, theta, _ = faulty(11, n_y=n_y, noise_sd=0.1)
+    problem = replace(problem_of(u, y, theta), scaling=scaling)
+    fit, sizes = fit_magnitudes(problem, atoms), np.array([0.3, -2.0, 5.0])
+    made_together = log_dets_beside(problem, range(3), sizes, fit)
+    for atom, size in enumerate(sizes):
+        for column, sign in enumerate((1.0, -1.0)):
+            alone = fit_magnitudes(without_signal(problem, atom, sign * size), atoms, fit.z)
+            assert made_together[atom, column] == pytest.approx(alone.log_det, abs=1e-5)
+
+
+def test_fits_of_dependent_signals_are_made_one_by_one():
+    u, y, theta, _ = faulty(12, noise_sd=0.1)
+    problem = problem_of(u, y, np.concatenate([theta, theta[:, :, :1]], axis=2))
+    fit = fit_magnitudes(problem, (0, 3))
+    once = fit_magnitudes(problem, (0,))
+    np.testing.assert_allclose(
+        log_dets_beside(problem, [1], np.array([2.0]), fit),
+        log_dets_beside(problem, [1], np.array([2.0]), once),
+        atol=1e-5,
+    )
+    assert log_dets_beside(problem, [], np.zeros(0), once).shape == (0, 2)

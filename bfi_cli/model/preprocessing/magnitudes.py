@@ -235,21 +235,18 @@ def profiled_limits(
     fit = fit_magnitudes(problem, fit.atoms, fit.z)
     correlated = np.sqrt(penalty.n_rows / penalty.n_effective)
     roots = np.sqrt(statistic_needed(penalty, overdispersion)) + ONE_SIDED_90 * correlated * np.sqrt(overdispersion)
-    for n in np.flatnonzero(np.isfinite(limits)):
-        if n in fit.atoms:
-            continue
-        below = (0.0, 0.0)  # multiple and root of the statistic: nearly a line between two of them
-        for multiple in MULTIPLES:
-            z = multiple * limits[n] / float(regression.magnitude_unit[n])
-            less, more = log_dets_beside(problem, int(n), z, fit)
-            root = float(np.sqrt(max(0.5 * rows * ((less - fit.log_det) + (more - fit.log_det)), 0.0)))
-            if root >= roots[n]:
-                step = (roots[n] - below[1]) / (root - below[1])
-                limits[n] *= max(1.0, below[0] + step * (multiple - below[0]))
-                break
-            below = (multiple, root)
-        else:
-            limits[n] = np.inf
+    left = np.setdiff1d(np.flatnonzero(np.isfinite(limits)), fit.atoms).astype(np.intp)
+    below = np.zeros((2, len(limits)))  # multiple and root of the statistic: nearly a line between two of them
+    for multiple in MULTIPLES:
+        z = multiple * limits[left] / regression.magnitude_unit[left]
+        falls = rows * (log_dets_beside(problem, left.tolist(), z, fit) - fit.log_det)
+        root = np.sqrt(np.maximum(falls.mean(axis=1), 0.0))
+        enough = root >= roots[left]
+        done, (at, low) = left[enough], below[:, left[enough]]
+        limits[done] *= np.maximum(1.0, at + (roots[done] - low) / (root[enough] - low) * (multiple - at))
+        left = left[~enough]
+        below[0, left], below[1, left] = multiple, root[~enough]
+    limits[left] = np.inf
     return limits
 
 

@@ -211,6 +211,8 @@ def explains(event: Draft, draft: Draft) -> bool:
     if event.finding.stage == "sensors":  # it lasts as long as the flight, and nothing else uses the channel
         return False
     if draft.finding.stage == "scan":
+        if event.finding.stage == "scan" and event.window == draft.window:  # a search names each of its faults once
+            return False
         # Relations between channels say nothing of an oscillation that all of them have, but of one that errs alone.
         swings = draft.finding.frequency_hz is not None and event.finding.frequency_hz is None
         named = event.finding.fault in draft.finding.among

@@ -10,14 +10,17 @@ from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from ..config import Config, merge
 from ..engine import in_order
 from ..errors import BfiError
 from ..flightlog import FlightLog
 from ..kernels.progress import Report, silent
+from ..model.onset.detection import search_onsets
 from ..model.onset.glance import Glance, glance
-from ..model.preprocessing.window import TRUSTED
+from ..model.onset.search import OnsetSearch
+from ..model.preprocessing.window import TRUSTED, with_inputs_of
 from .flight import INPUTS, Flight
 from .parity import LENGTHS_S, ParityTable, ScanKey, Threshold, WindowScan, table_for, threshold_of
 from .parity.windows import Window, windows_in
@@ -33,6 +36,8 @@ SCALE_S, ENOUGH_WINDOWS = 120.0, 10
 CALM = 0.25
 # Windows of the scan for steps: with a quarter of overlap a step lies 15 s inside of one of them.
 GLANCE_S, STEP_S = 120.0, 90.0
+# Stretch of a flight too short for these windows that is searched as a whole, s: 60 samples of the analysis at 2 Hz.
+SHORTEST_S = 30.0
 CHUNK = 4  # windows that a worker takes at once; for the speed only
 FEWEST_FOR_WORKERS = 8  # a worker takes a second to start
 
@@ -218,6 +223,16 @@ def glance_at_flight(
             answers.append((window, answer))
             report(len(answers) / len(parts))
     return answers
+
+
+def search_stretch(log: FlightLog, window: Window, config: Config) -> OnsetSearch | str:
+    """Return what `bfi start-time` finds in a stretch of a log, or why it could not be analysed."""
+    used = merge(config, {"window": {"from_s": window[0], "to_s": window[1]}})
+    try:
+        with threadpool_limits(1):
+            return search_onsets(log, with_inputs_of(log, used))
+    except BfiError as unusable:
+        return str(unusable)
 
 
 def _glance_in(part: FlightLog, *, config: Config) -> Glance | str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from ..airdata import DEPENDS_ON, IMPACT_SOURCES
 from ..faults.shapes import SHAPES
 from ..model.onset.glance import Glance
+from ..model.onset.search import OnsetSearch
 from ..quantities.channels import quantity_of
 from .parity import Finding, Fit, Record, Threshold, WindowScan, effects
 from .parity.record import STATIC_LEAK, hypotheses
@@ -112,9 +113,7 @@ def finding_of_glance(glance: Glance, recorded: Collection[str], *, relations: b
     relations : whether the airspeed agrees with Mach number or calibrated airspeed in the window, so that what errs is
         the pressure that all are computed from.
     """
-    others = [name for name in IMPACT_SOURCES if name in recorded and name != glance.channel]
-    line = "pitot_water" if SHAPES[glance.shape].kind == "oscillating" else "q_impact"
-    among = (line,) if relations and others else (glance.channel, line)
+    among = _names_of_scan(glance.shape, glance.channel, recorded, relations=relations)
     seconds = to_s - glance.onset_s if glance.shape == "drift" else 1.0
     return Finding(
         fault=among[0],
@@ -135,6 +134,51 @@ def finding_of_glance(glance: Glance, recorded: Collection[str], *, relations: b
         evidence={"steps and oscillations": round(glance.statistic, 2)},
         doubt=glance.doubt,
     )
+
+
+def findings_of_search(
+    search: OnsetSearch, output: str, recorded: Collection[str], *, relations: bool
+) -> Iterator[Finding]:
+    """Yield the findings of a stretch that is searched as a whole: all that it declares but what grows on.
+
+    Parameters
+    ----------
+    output : the airspeed; relations : as of `finding_of_glance`.
+    """
+    for estimate in search.evidence.faults:
+        fault = estimate.fault
+        if fault.shape == "drift" or search.rule is None or estimate.statistic is None:
+            continue
+        among = _names_of_scan(fault.shape, output, recorded, relations=relations)
+        size = (
+            estimate.magnitude if estimate.effect is None else float(np.copysign(estimate.effect, estimate.magnitude))
+        )
+        yield Finding(
+            fault=among[0],
+            among=among,
+            channels=channels_of(among[0], recorded),
+            stage="scan",
+            shape=fault.shape,
+            constant_s=fault.time_constant_s or fault.duration_s,
+            frequency_hz=fault.frequency_hz,
+            magnitude=estimate.magnitude,
+            sd=estimate.sd,
+            unit=estimate.unit,
+            effect={output: size},
+            onset_s=fault.onset_s,
+            onset_ci95=estimate.onset_ci95 or (fault.onset_s, fault.onset_s),
+            statistic=estimate.statistic,
+            threshold=search.rule.threshold(fault.shape),
+            p_value=estimate.p_value,
+            evidence={"steps and oscillations": round(estimate.statistic, 2)},
+        )
+
+
+def _names_of_scan(shape: str, output: str, recorded: Collection[str], *, relations: bool) -> tuple[str, ...]:
+    """Return what may err where an airspeed steps or swings: itself, or the pressure that all are computed from."""
+    others = [name for name in IMPACT_SOURCES if name in recorded and name != output]
+    line = "pitot_water" if SHAPES[shape].kind == "oscillating" else "q_impact"
+    return (line,) if relations and others else (output, line)
 
 
 def contradicted(relations: Mapping[str, bool]) -> tuple[str, ...]:

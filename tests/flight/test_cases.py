@@ -10,8 +10,14 @@ import pytest
 from bfi_cli import diagnose
 from bfi_cli.flightlog import read_log
 
-pytestmark = pytest.mark.realdata
-
+DATA = Path(__file__).resolve().parents[2] / "data"
+# By log of the project what is named and what is a deviation within its tolerance: fault, shape, size, onset, s.
+STEPS: dict[str, set[tuple[str, str, str, float, float]]] = {
+    "px4_bias.ulg": {("deviation", "tas", "bias", -3.0, 140.0)},
+    "citation_bias.h5": {("declared", "tas", "bias", 4.0, 13.8)},
+    "citation_two_faults.h5": {("declared", "tas", "bias", 4.0, 13.8), ("deviation", "tas", "sine", 2.0, 6.35)},
+    "citation_clean.h5": set(),
+}
 SESSION_TIME = {"channel_map": {"time": "Session Time"}, "unit_map": {"Session Time": "s"}}
 # By log the options of reading, and what is declared: fault, shape, onset and end, s, and how often it is lost.
 CASES: dict[str, tuple[dict[str, Any], set[tuple[str, str, int, int | None, int | None]]]] = {
@@ -27,6 +33,7 @@ CASES: dict[str, tuple[dict[str, Any], set[tuple[str, str, int, int | None, int 
 }
 
 
+@pytest.mark.realdata
 @pytest.mark.parametrize("name", CASES)
 def test_what_is_declared_of_a_small_log(flights: Path, name: str):
     path = flights.parent / "cases" / name
@@ -45,3 +52,20 @@ def test_what_is_declared_of_a_small_log(flights: Path, name: str):
         if event.state == "declared" and event.fault != "q_impact"
     }
     assert events == expected
+
+
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.slow if len(STEPS[name]) > 1 else ()) for name in STEPS],  # a search for each
+)
+def test_a_flight_too_short_for_windows_is_searched_as_a_whole(name: str):
+    result = diagnose(read_log(DATA / name))
+    states = [
+        *((event.state, event) for event in result.events),
+        *(("deviation", event) for event in result.deviations),
+    ]
+    named = {
+        (state, event.fault, event.shape, round(event.magnitude or 0.0), round(event.onset_s, 2))
+        for state, event in states
+    }
+    assert named == STEPS[name]

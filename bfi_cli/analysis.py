@@ -36,7 +36,7 @@ from .methods import METHODS
 from .model.identify import Identification, conclusion_of, identification, result_of
 from .model.onset import OnsetResult, OnsetSearch, find_onset, search_onsets
 from .model.preprocessing.defaults import require_one_trim
-from .model.preprocessing.sampling_rate import require_one_model, slowest_rate_hz
+from .model.preprocessing.sampling_rate import Purpose, require_one_model, slowest_rate_hz
 from .model.preprocessing.window import must_resample, with_inputs_of
 from .model.result import AgainstTruth, IdentifyResult, ScanSummary
 from .model.shared_model import with_those_that_share
@@ -73,11 +73,10 @@ def _arithmetic(findings: Sequence[Implausible]) -> Evidence:
     return Evidence(source="arithmetic", findings=tuple(findings))
 
 
-def _require_one_model(part: FlightLog, config: Config) -> None:
-    """Refuse at once a window that is too long to be searched, whatever rate is chosen for it."""
-    require_one_model(
-        part.path, part.n_samples / part.rate_hz, slowest_rate_hz(part.rate_hz, config.conditioning.rate_hz)
-    )
+def _require_one_model(part: FlightLog, config: Config, purpose: Purpose = "scan") -> None:
+    """Refuse at once a window that is too long for one model, whatever rate is chosen for it."""
+    rate_hz = slowest_rate_hz(part.rate_hz, config.conditioning.rate_hz)
+    require_one_model(part.path, part.n_samples / part.rate_hz, rate_hz, purpose=purpose)
 
 
 def _physics(log: FlightLog, config: Config, progress: Progress) -> tuple[Evidence, Config]:
@@ -124,6 +123,7 @@ def identify(
     arithmetic = _arithmetic(findings)
     if dictionary is None or (kinds and not dictionary.exact.atoms):
         return _identify_kinds(log, part, dictionary, kinds, config, arithmetic, progress)
+    _require_one_model(part, config, "estimate")
     log, on_model = with_those_that_share(log, dictionary.exact, config, progress) if log.earlier else (log, ())
     part = replace(part, earlier=log.earlier)
     result = _identify_entries(log, part, dictionary, kinds, config, arithmetic, progress)

@@ -18,9 +18,8 @@ N, RATE_HZ, BLOCK = 8_640_000, 100.0, 1_000_000
 OTHERS = ("pitch", "roll", "cas", "longitudinal_acc", "normal_acc", "pitch_rate", "throttle", "aoa", "altitude")
 COMMANDS = {
     "info": ("info", "--json"),
-    # Bars on a machine that does nothing else: 10 s, then 60 s and 600 MB, without decimation 120 s and 1 GB.
+    # Bars on a machine that does nothing else: 10 s, then 60 s and 1 GB.
     "identify, 7 entries, 1 Hz": ("identify", "-d", "thesis", "--json"),
-    "identify, 7 entries, 100 Hz": ("identify", "-d", "thesis", "--rate", "none", "--json"),
 }
 
 

@@ -7,6 +7,7 @@ import io
 import json
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from matplotlib.image import imread
@@ -63,6 +64,20 @@ def test_a_record_that_is_too_long_for_one_model_is_refused(bfi, tmp_path: Path,
         f"{path}: 25000 rows at 1 Hz are too many to search with one model (at most 20000); choose a part with "
         "--from/--to, or give bfi diagnose for the whole record"
     )
+
+
+def test_stated_onsets_in_a_record_that_is_too_long_for_one_model_are_refused(bfi, tmp_path: Path):
+    path, n = tmp_path / "day.h5", 360_001
+    with h5py.File(path, "w") as file:
+        for name, values in (("time", np.arange(n) / 100.0), ("tas", np.arange(n)), ("elevator", np.arange(n))):
+            file.create_dataset(name, data=values, dtype=np.float64)
+    for rate, words in (("none", "360001 rows at 100 Hz"), (101, "363601 rows at 101 Hz")):
+        outcome = bfi("identify", path, "-d", "thesis", "--rate", rate)
+        assert (outcome.code, outcome.stdout) == (3, "")
+        assert outcome.stderr.strip() == (
+            f"{path}: {words} are too many for one model (at most 360000); leave out --rate or give a lower one, "
+            "choose a part with --from/--to, or give bfi diagnose for the whole record"
+        )
 
 
 @pytest.mark.parametrize("log", [BIAS, CLEAN])

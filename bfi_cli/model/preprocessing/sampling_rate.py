@@ -41,8 +41,9 @@ EXACT_SAMPLES = 5000  # more tell no more and take time
 FIRST_SAMPLES = 500  # that nearly all measured records fail in; the speed only
 SEGMENTS = 1000  # of a spectrum, transformed at once, for memory
 # Rows of the longest record that is searched for onsets: five and a half hours at the slowest rate. No linear model
-# holds longer, and a search takes minutes.
-MOST_ROWS = 20_000
+# holds longer, and a search takes minutes. ESTIMATED: rows of the longest record whose onsets are stated, at the log's
+# own rate or one that is asked for: an hour at 100 Hz, over which the signals of a dictionary fit in memory.
+MOST_ROWS, ESTIMATED = 20_000, 360_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,7 +82,7 @@ def choose_rate(
         return RateChoice(factor=1, reason="the log's own rate, as asked for")
     if not isinstance(asked, str):
         return RateChoice(factor=max(1, round(signals.rate_hz / asked)), reason="asked for")
-    if exact:
+    if exact and len(signals.time_s) <= ESTIMATED:
         return RateChoice(factor=1, reason="the log's own rate, where a VARX explains the record to round-off")
     duration = len(signals.time_s) / signals.rate_hz
     rate = float(np.clip(SAMPLES_WANTED / duration, SLOWEST_HZ, fastest_hz))
@@ -104,18 +105,21 @@ def choose_rate(
     return RateChoice(factor=factor, reason=reason if factor > 1 else f"the log's own rate; {reason}")
 
 
-def require_one_model(path: str, duration_s: float, rate_hz: float) -> None:
-    """Refuse to search a record for onsets that is too long for one model.
+def require_one_model(path: str, duration_s: float, rate_hz: float, *, purpose: Purpose = "scan") -> None:
+    """Refuse a record that is too long for one model: for a search of onsets, or for stated ones.
 
     Raises
     ------
     LogError : it is.
     """
-    n_rows = round(duration_s * rate_hz)
-    if n_rows > MOST_ROWS:
+    searched = purpose == "scan"
+    most, n_rows = MOST_ROWS if searched else ESTIMATED, round(duration_s * rate_hz)
+    if n_rows > most:
+        why = "to search with one model" if searched else "for one model"
+        lower = "" if searched else "leave out --rate or give a lower one, "
         raise LogError(
-            f"{path}: {n_rows} rows at {rate_hz:.4g} Hz are too many to search with one model (at most {MOST_ROWS}); "
-            "choose a part with --from/--to, or give bfi diagnose for the whole record"
+            f"{path}: {n_rows} rows at {rate_hz:.4g} Hz are too many {why} (at most {most}); "
+            f"{lower}choose a part with --from/--to, or give bfi diagnose for the whole record"
         )
 
 
@@ -148,9 +152,9 @@ def is_exact(signals: Signals) -> bool:
     y, u = signals.y[part], signals.u[part]
     if len(y) < 20 * EXACT_ORDER or np.any(np.ptp(y, axis=0) == 0.0):
         return False
-    if len(y) <= (EXACT_ORDER + 1) * len(signals.theta.acting()):  # so many terms fit any rows
+    if len(y) <= (EXACT_ORDER + 1) * int(np.count_nonzero(np.any(signals.theta, axis=0))):  # so many terms fit any rows
         return False
-    theta = np.asarray(signals.theta)[part]
+    theta = signals.theta[part]
     scale = np.ptp(y, axis=0)
     moving = np.ptp(u, axis=0) > 0.0
     u, y, theta = (u - u.mean(axis=0))[:, moving], (y - y.mean(axis=0)) / scale, theta / scale[:, None]

@@ -9,7 +9,7 @@ import pytest
 from made_flights import made_flight
 from made_logs import made_log
 
-from bfi_cli.airdata import G, isa_temperature, speed_of_sound, static_temperature
+from bfi_cli.airdata import G, channels_of, isa_temperature, pressure_at, speed_of_sound, static_temperature
 from bfi_cli.flight.parity import Record, record_of
 from bfi_cli.flight.parity.sensors import (
     accelerometer_steps,
@@ -327,6 +327,23 @@ def test_a_sensor_whose_samples_else_differ_is_frozen_after_seconds(lasts_s: flo
 def test_what_something_else_holds_is_not_frozen(names: tuple[str, ...]):
     log = held(lively(), *names)
     assert frozen_sensors(log, record_of(log), FLIGHT) == ()
+
+
+@pytest.mark.parametrize("is_tube", [True, False])
+def test_a_total_pressure_that_rests_is_frozen_where_the_airspeed_shows_that_its_tube_is_open(is_tube: bool):
+    log = lively()
+    noise = np.random.default_rng(7).standard_normal(log.n_samples)
+    static = pressure_at(log.channels["altitude"].values)
+    total = static + 6000.0 + 200.0 * np.sin(0.02 * log.time_s) + noise
+    kept = np.where(log.time_s >= ONSET_S, total[log.time_s >= ONSET_S][0], total)
+    mach = channels_of(static, (kept if is_tube else total) - static, np.full(log.n_samples, 280.0))["mach"]
+    channels = {
+        name: replace(log.channels["tas"], name=name, unit=unit, values=frozen_array(values))
+        for name, unit, values in (("p_static", "Pa", static), ("p_total", "Pa", kept), ("mach", "1", mach))
+    }
+    log = replace(log, channels={**log.channels, **channels})
+    named = [finding.fault for finding in frozen_sensors(log, record_of(log), FLIGHT)]
+    assert named == ([] if is_tube else ["p_total"])
 
 
 def test_a_rest_of_a_sensor_that_often_rests_is_not_frozen():

@@ -41,6 +41,8 @@ SHORT_REST_S, SHORT_REPEATS, FEW_ALIKE = 2.0, 100, 5
 # Those that hardly rest, s, of which most must move meanwhile: a recorder that hangs holds all of them.
 LIVELY_S, MOST = 2.5, 0.75
 MOVING = frozenset(WATCHED) - {"tat", "sat"}  # which level flight holds
+# Of the motion of the impact pressure, that the total pressure of a blocked tube has as an airspeed shows it.
+TUBE_RESTS = 0.35
 # By a blocked port, with the rate of climb, which then shows its noise and its offset: less than these.
 PORT_HOLDS, CLIMBED_M, CLIMBING_M_S = ("altitude", "p_static"), 20.0, 0.1
 # s that a vane should move in meanwhile.
@@ -117,6 +119,8 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
             seconds, needed = rests_long(name, (first, end))
             if seconds < needed or not _others_move(log, name, (first, end), usual_s):
                 continue
+            if quantity_of(name) == "p_total" and _tube_rests(log, slice(first, end)):
+                continue  # `holds` names the tube
             onset_s, until_s = float(log.time_s[first]), float(log.time_s[end - 1])
             effect: dict[str, float] = {}
             if quantity_of(name) == "aoa":
@@ -171,6 +175,20 @@ def _others_move(
         for channel in others
     ]
     return bool(resting) and float(np.mean(np.array(resting) < 0.5 * (stretch[1] - stretch[0]))) >= MOST
+
+
+def _tube_rests(log: FlightLog, stretch: slice) -> bool:
+    """Return whether the total pressure rests by an airspeed as well: the tube holds, and no sensor."""
+    static = next((name for name in ("p_static", "altitude") if name in log.channels), None)
+    speed = next((name for name in ("cas", "ias", "mach") if name in log.channels), None)
+    if static is None or speed is None:
+        return False
+    air = air_data_of({name: log.channels[name].values[stretch] for name in (static, speed)})
+    total, impact = (
+        np.ptp(np.nanquantile(pressure, (0.05, 0.95))) if np.isfinite(pressure).any() else 0.0
+        for pressure in (air.p_total, air.q_impact)
+    )
+    return bool(total <= TUBE_RESTS * impact)
 
 
 def _error_of_vane(

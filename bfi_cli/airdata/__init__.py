@@ -37,11 +37,15 @@ from .atmosphere import (
 )
 from .motion import (
     EARTH_RADIUS,
+    KINEMATICS,
     climb_angle,
     constant_wind,
+    ground_speed_of,
     ground_velocity,
     kinematic_acceleration,
     lift_speed,
+    longitudinal_acceleration,
+    normal_acceleration,
     vane_angle,
     zero_lift_angle,
 )
@@ -57,10 +61,11 @@ from .system import (
     fault_distribution,
 )
 
-__all__ = ["DEPENDS_ON", "EARTH_RADIUS", "HIGHEST", "IMPACT_SOURCES", "LOWEST", "PRESSURES"]
+__all__ = ["DEPENDS_ON", "EARTH_RADIUS", "HIGHEST", "IMPACT_SOURCES", "KINEMATICS", "LOWEST", "PRESSURES"]
 __all__ += ["SEA_LEVEL_PRESSURE", "SEA_LEVEL_SPEED_OF_SOUND", "SEA_LEVEL_TEMPERATURE", "SENSORS", "SONIC_RATIO"]
 __all__ += ["STATIC_SOURCES", "AirData", "G", "Impossible", "air_data_of", "altitude_of", "calibrated_airspeed"]
-__all__ += ["channels_of", "climb_angle", "constant_wind", "fault_distribution", "ground_velocity"]
+__all__ += ["channels_of", "climb_angle", "constant_wind", "fault_distribution", "ground_speed_of"]
+__all__ += ["ground_velocity", "longitudinal_acceleration", "normal_acceleration"]
 __all__ += ["impact_pressure_of_cas", "impact_pressure_of_mach", "isa_temperature", "kinematic_acceleration"]
 __all__ += ["lift_speed", "mach_number", "mach_of_tas", "pressure_at", "speed_of_sound", "static_temperature"]
 __all__ += ["total_temperature", "true_airspeed", "vane_angle", "zero_lift_angle"]

@@ -6,6 +6,8 @@ along body x, forward. Sideslip is neglected.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ..kernels.normal import MAD
@@ -23,7 +25,11 @@ ECCENTRICITY_2 = 6.694_379_990_14e-3
 # at its ends. In so many cells; of fewer known ones a line says little.
 POSITIONS_S, CELLS, FEWEST_POSITIONS = 5.0, 5, 3
 WIND_SD = 50.0  # m/s; a jet stream. It decides only what a flight straight ahead leaves open, the wind across
+# Cosine of the bank, 70 degrees, below which the load along body z says nothing of the climb.
+LEAST_UPRIGHT = 0.3
 AIRSPEED_SD = 1.0  # m/s; of true airspeed and ground velocity about a constant wind, gusts included
+# What the acceleration along the path is computed of.
+KINEMATICS = ("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll")
 
 
 def kinematic_acceleration(
@@ -32,6 +38,36 @@ def kinematic_acceleration(
     """Return the rate of change of the airspeed in still air, m/s^2, from accelerometers, attitude and aoa."""
     ahead = longitudinal_acc * np.cos(aoa) - normal_acc * np.sin(aoa) - G * np.sin(pitch) * np.cos(aoa)
     return np.asarray(ahead - G * np.sin(aoa) * (1.0 - np.cos(roll) * np.cos(pitch)))
+
+
+def longitudinal_acceleration(
+    tas_rate: FloatArray, normal_acc: FloatArray, aoa: FloatArray, pitch: FloatArray, roll: FloatArray
+) -> FloatArray:
+    """Return the longitudinal acceleration, m/s^2, of an airspeed's rate in still air."""
+    still = kinematic_acceleration(np.zeros_like(pitch), normal_acc, aoa, pitch, roll)
+    return np.asarray((tas_rate - still) / np.cos(aoa))
+
+
+def normal_acceleration(
+    climb_acc: FloatArray, pitch: FloatArray, roll: FloatArray, longitudinal_acc: FloatArray | None = None
+) -> FloatArray:
+    """Return the normal acceleration, m/s^2, of the rate of the climb rate, m/s^2, and attitude; NaN in steep banks.
+
+    Parameters
+    ----------
+    longitudinal_acc : (n_samples,) m/s^2; None for that of an airspeed that stays, gravity's share.
+    """
+    ahead = G * np.sin(pitch) if longitudinal_acc is None else longitudinal_acc
+    upright = np.cos(roll) * np.cos(pitch)
+    upward = climb_acc + G - ahead * np.sin(pitch)
+    return np.asarray(upward / np.where(upright > LEAST_UPRIGHT, upright, np.nan) - G)
+
+
+def ground_speed_of(channels: Mapping[str, FloatArray]) -> FloatArray | None:
+    """Return the recorded ground speed, m/s, else the size of the ground velocity; None where the log has neither."""
+    if "ground_speed" in channels or not {"velocity_north", "velocity_east"} <= channels.keys():
+        return channels.get("ground_speed")
+    return np.hypot(channels["velocity_north"], channels["velocity_east"])
 
 
 def climb_angle(aoa: FloatArray, pitch: FloatArray, roll: FloatArray) -> FloatArray:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..airdata import (
     IMPACT_SOURCES,
+    KINEMATICS,
     STATIC_SOURCES,
     air_data_of,
     climb_angle,
@@ -121,9 +122,12 @@ def _stated(needs: tuple[Group, ...], make: Callable[[Values], FloatArray]) -> D
     return Derivation(needs=needs, told_by=lambda _: (make, ""))
 
 
+def _computed(make: Callable[..., FloatArray], *names: str) -> Derivation:
+    return _stated(_each(*names), lambda values: make(*(values[name] for name in names)))
+
+
 STATIC, IMPACT = (tuple((name,) for name in names) for names in (STATIC_SOURCES, IMPACT_SOURCES))
 GROUND: Group = (("velocity_north", "velocity_east"), ("latitude", "longitude"))
-ALONG = ("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll")
 DERIVED: Mapping[str, Derivation] = {
     # `air_data_of` needs an impact pressure, on which the static pressure does not depend.
     "p_static": _stated(
@@ -138,8 +142,8 @@ DERIVED: Mapping[str, Derivation] = {
     "p_total": _stated((STATIC, IMPACT), lambda values: air_data_of(values).p_total),
     "q_impact": _stated((STATIC, IMPACT), lambda values: air_data_of(values).q_impact),
     "lift_speed": Derivation(needs=(*_each("aoa", "normal_acc", "tas"), STATIC), told_by=_lift),
-    "kinematic_acc": _stated(_each(*ALONG), lambda values: kinematic_acceleration(*(values[name] for name in ALONG))),
-    "climb_angle": _stated(_each(*ALONG[2:]), lambda values: climb_angle(*(values[name] for name in ALONG[2:]))),
+    "kinematic_acc": _computed(kinematic_acceleration, *KINEMATICS),
+    "climb_angle": _computed(climb_angle, *KINEMATICS[2:]),
     "ground_airspeed": Derivation(needs=(GROUND, *_each("altitude_rate", "tas")), told_by=_over_ground),
 }
 

@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from ..airdata import SEA_LEVEL_PRESSURE, isa_temperature, pressure_at
+from ..airdata import SEA_LEVEL_PRESSURE, ground_speed_of, isa_temperature, pressure_at
 from ..kernels.running import median_of_neighbours
 from ..kernels.runs import BoolArray, FloatArray, Run, bridged, runs
 from .record import LARGEST_VALUE, FlightLog
@@ -83,13 +83,10 @@ class Verdict:
 
 def speed_values(log: FlightLog, name: str) -> FloatArray | None:
     """Return (n_samples,) a speed of the log, m/s, NaN where it is no measurement; None where the log lacks it."""
-    if name == "ground_speed" and name not in log.channels:
-        if not {"velocity_north", "velocity_east"} <= log.channels.keys():
-            return None
-        values = np.hypot(log.channels["velocity_north"].values, log.channels["velocity_east"].values)
-    elif name in log.channels:
-        values = log.channels[name].values
-    else:
+    names = (name, "velocity_north", "velocity_east")
+    recorded = {key: log.channels[key].values for key in names if key in log.channels}
+    values = ground_speed_of(recorded) if name == "ground_speed" else recorded.get(name)
+    if values is None:
         return None
     known = np.abs(values) <= LARGEST_VALUE
     return np.where(known, values, np.nan) * METRES_PER_SECOND.get(name, 1.0) if known.any() else None

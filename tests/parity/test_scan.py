@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from made_flight import ZERO_LIFT, log_of, made_log, made_record
 
+from bfi_cli.airdata import KINEMATICS
 from bfi_cli.flight.parity import record_of, scan_window
-from bfi_cli.flight.parity.record import HYPOTHESES, KINEMATICS, Record, hypotheses, with_fault
+from bfi_cli.flight.parity.record import HYPOTHESES, Record, hypotheses, with_fault
 from bfi_cli.flight.parity.residuals import RESIDUALS, constants_of
 from bfi_cli.flight.parity.scan import residual_values
 

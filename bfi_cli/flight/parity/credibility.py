@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ...airdata import EARTH_RADIUS, IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of, kinematic_acceleration, vane_angle
+from ...airdata import EARTH_RADIUS, IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of, vane_angle
+from ...airdata.motion import longitudinal_acceleration, normal_acceleration
 from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.phases import Phase
@@ -106,18 +107,15 @@ def climbing_load(record: Record, climb_rate: FloatArray | None = None) -> Float
     """
     climb_rate = geometric_climb_rate(record) if climb_rate is None else climb_rate
     channels = record.channels
-    pitch, roll = channels["pitch"], channels["roll"]
-    ahead = channels.get("longitudinal_acc", G * np.sin(pitch))
-    upward = np.gradient(climb_rate, record.time_s) + G - ahead * np.sin(pitch)
-    share = np.cos(roll) * np.cos(pitch)
-    return np.asarray(upward / np.where(share > 0.3, share, np.nan) - G)  # 70 degrees of bank
+    climb_acc = np.gradient(climb_rate, record.time_s)
+    return normal_acceleration(climb_acc, channels["pitch"], channels["roll"], channels.get("longitudinal_acc"))
 
 
 def _ahead(record: Record) -> FloatArray:
     channels = record.channels
     aoa = channels.get("aoa", np.zeros(len(record.time_s)))
-    still = kinematic_acceleration(np.zeros(len(aoa)), channels["normal_acc"], aoa, channels["pitch"], channels["roll"])
-    return np.asarray((np.gradient(channels["tas"], record.time_s) - still) / np.cos(aoa))
+    tas_rate = np.gradient(channels["tas"], record.time_s)
+    return longitudinal_acceleration(tas_rate, channels["normal_acc"], aoa, channels["pitch"], channels["roll"])
 
 
 def _ground_speed(record: Record) -> FloatArray:

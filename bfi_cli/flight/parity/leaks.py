@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...airdata import G
+from ...airdata import G, ground_speed_of
 from ...flightlog import FlightLog
 from ...kernels import BoolArray, FloatArray
 from ...kernels.runs import runs
@@ -78,9 +78,7 @@ def brakes(log: FlightLog, from_s: float, to_s: float, level: float, p_static: f
     p_static : static pressure, Pa.
     """
     has = {name: channel.values for name, channel in log.channels.items()}
-    speed = has.get("ground_speed")
-    if speed is None and {"velocity_north", "velocity_east"} <= has.keys():
-        speed = np.hypot(has["velocity_north"], has["velocity_east"])
+    speed = ground_speed_of(has)
     if speed is not None:
         before, after = np.interp([from_s, to_s], log.time_s, speed)
         share = (before - after) / max((1.0 - np.sqrt(LEFT)) * before, 1e-9)

@@ -12,6 +12,7 @@ from ...airdata import (
     DEPENDS_ON,
     HIGHEST,
     IMPACT_SOURCES,
+    KINEMATICS,
     LOWEST,
     PRESSURES,
     SEA_LEVEL_PRESSURE,
@@ -39,7 +40,6 @@ USED = (
     *("velocity_north", "velocity_east", "latitude", "longitude"),
     *("flaps", "gear"),  # what moves the lift at an angle of attack
 )
-KINEMATICS = ("longitudinal_acc", "normal_acc", "aoa", "pitch", "roll")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)  # without slots, so that it keeps its air data

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...airdata import (
     IMPACT_SOURCES,
+    KINEMATICS,
     STATIC_SOURCES,
     G,
     climb_angle,
@@ -17,7 +18,7 @@ from ...airdata import (
     kinematic_acceleration,
 )
 from ...kernels import FloatArray
-from .record import KINEMATICS, Record
+from .record import Record
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

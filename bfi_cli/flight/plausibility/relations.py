@@ -20,6 +20,7 @@ import numpy as np
 from ...airdata import (
     EARTH_RADIUS,
     HIGHEST,
+    KINEMATICS,
     LOWEST,
     PRESSURES,
     G,
@@ -28,8 +29,9 @@ from ...airdata import (
     impact_pressure_of_cas,
     impact_pressure_of_mach,
     isa_temperature,
-    kinematic_acceleration,
+    longitudinal_acceleration,
     mach_number,
+    normal_acceleration,
     pressure_at,
     speed_of_sound,
     total_temperature,
@@ -50,8 +52,6 @@ FASTEST, LARGEST_IMPACT, SUBSONIC = 340.0, 90_000.0, 0.89
 # CS/FAR 25.1323(b), m/s: 5 kt of an indicated airspeed, of which a tenth in slow flight with flaps.
 INDICATED = (2.6, 0.1)
 DEGREE = np.pi / 180.0
-# LEAST_UPRIGHT: cosine of the bank, 70 degrees, below which the load along body z says nothing of the climb.
-LEAST_UPRIGHT = 0.3
 # rad, above that of zero lift: in cruise, of the six degrees that `parity.credibility` takes for typical.
 TYPICAL_ANGLE = 0.1
 
@@ -182,25 +182,10 @@ def _vane(state: State, source: str, speed: str = "tas") -> FloatArray:
     return vane_angle(_climb_rate(state, source), state.values[speed], pitch, roll)
 
 
-def _load(state: State) -> FloatArray:
-    """Return the normal acceleration upward, without gravity, of the climb and the bank."""
-    pitch, roll = state.of("pitch"), state.of("roll")
-    upright = np.cos(roll) * np.cos(pitch)
-    upward = G * np.cos(pitch) ** 2 + state.rate("altitude_rate")
-    return upward / np.where(upright > LEAST_UPRIGHT, upright, np.nan) - G
-
-
 def _lift(state: State, name: str) -> FloatArray:
     """Return what the angle of attack follows, in its size: the lift over the square of an airspeed."""
     squared = state.values[name] ** 2
     return TYPICAL_ANGLE * (state.of("normal_acc") + G) / G * np.nanmedian(squared) / np.maximum(squared, 1.0)
-
-
-def _along(state: State) -> FloatArray:
-    """Return the longitudinal acceleration by the airspeed's rate and the attitude."""
-    aoa, pitch, roll = (state.of(name) for name in ("aoa", "pitch", "roll"))
-    still = kinematic_acceleration(np.zeros_like(pitch), state.of("normal_acc"), aoa, pitch, roll)
-    return (state.rates["tas"] - still) / np.cos(aoa)
 
 
 def _ground(state: State) -> FloatArray:
@@ -316,7 +301,7 @@ def _attitude() -> Iterator[Relation]:
         yield Relation(_value("aoa"), partial(_lift, name=name), needs=needs, least=0.7 * DEGREE, has_scale=False)
     yield Relation(
         _value("normal_acc"),
-        _load,
+        lambda s: normal_acceleration(s.rate("altitude_rate"), s.of("pitch"), s.of("roll")),
         needs=("normal_acc", "pitch", "roll"),
         beside=("altitude_rate",),
         tolerance=0.6,
@@ -324,7 +309,7 @@ def _attitude() -> Iterator[Relation]:
     )
     yield Relation(
         _value("longitudinal_acc"),
-        _along,
+        lambda s: longitudinal_acceleration(s.rates["tas"], *map(s.of, KINEMATICS[1:])),
         needs=("longitudinal_acc", "tas", "pitch"),
         beside=("aoa", "roll", "normal_acc"),
         tolerance=0.5,

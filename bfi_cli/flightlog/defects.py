@@ -221,15 +221,14 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
     """
     tracks = {name: track for name in log.independent(WATCHED) if (track := _track(log, log.channels[name]))}
     width_s, reach_s = _recorder(log)
-    errors = {name: _errors(track) for name, track in tracks.items()}
-    loudness = {name: _loudness(track, errors[name], log) for name, track in tracks.items()}
+    # Errors are made once more where a channel is searched: those of all channels of a day do not fit in memory.
+    loudness = {name: _loudness(track, _errors(track), log) for name, track in tracks.items()}
     flaws: dict[str, list[_Flaw]] = {}
     for name, track in tracks.items():
         # Errors of other channels at the same time count against an error; the second largest does.
         others = np.sort([values for other, values in loudness.items() if other != name] or [np.ones(1)], axis=0)
         alike = np.maximum(1.0, MOST_ALIKE * _at_seconds(others[max(0, len(others) - 2)], track, log))
-        track_errors = errors.pop(name)
-        flaws[name] = _excursions(track, alike, width_s, reach_s, is_positive=name in POSITIVE, errors=track_errors)
+        flaws[name] = _excursions(track, alike, width_s, reach_s, is_positive=name in POSITIVE)
     calm = {name: _at_seconds(loudness[name], track, log) <= LEAST for name, track in tracks.items()}
     if (rate := tracks.get("altitude_rate")) is not None:
         tracks = {**tracks, "+altitude_rate": replace(rate, values=rate.step_s * np.cumsum(rate.values))}
@@ -299,9 +298,9 @@ def _replaced(log: FlightLog, defects: Sequence[Defect], *, with_lines: bool) ->
 def _track(log: FlightLog, channel: Channel) -> _Track | None:
     """Return a channel at its ticks, None where it is constant, unknown, or has too few, too many or empty ones."""
     finite = np.abs(channel.values) < LARGEST_VALUE
-    if not finite.any() or float(np.ptp(channel.values[finite])) == 0.0:
+    readings = channel.values[finite]
+    if not readings.size or float(np.ptp(readings)) == 0.0:
         return None
-    position = (log.time_s - log.time_s[0]) * log.rate_hz
     period, phase, is_averaged = 1.0, 0.0, False
     if channel.own_rate_hz is not None and channel.own_rate_hz < AS_FAST * log.rate_hz:
         period = log.rate_hz / channel.own_rate_hz
@@ -309,11 +308,12 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
         period, phase = hold.period, hold.phase
     elif log.rate_hz > FASTEST_HZ:
         period, is_averaged = log.rate_hz / FASTEST_HZ, True
-    tick = np.maximum(np.floor((position - phase + 0.5) / period), 0.0).astype(np.intp)[finite]
+    tick = np.floor(((log.time_s - log.time_s[0]) * log.rate_hz - phase + 0.5) / period)
+    tick = np.maximum(tick, 0.0).astype(np.intp)[finite]
     n = int(tick[-1]) + 1
     if not FEWEST_TICKS <= n <= min(MOST_TICKS, SPARSEST * tick.size):
         return None
-    readings = np.unwrap(channel.values[finite]) if channel.name in ANGLES else channel.values[finite]
+    readings = np.unwrap(readings) if channel.name in ANGLES else readings
     values, known = np.full(n, np.nan), np.zeros(n, dtype=bool)
     known[tick] = True
     if is_averaged:
@@ -388,22 +388,20 @@ def _excursions(
     reach_s: float,
     *,
     is_positive: bool,
-    errors: _Errors | None = None,
 ) -> list[_Flaw]:
     """Return the dropouts and spikes of a channel, and take them out of its track.
 
     Parameters
     ----------
     is_positive : it is one of `POSITIVE`: errors of other channels do not count against a reading of 0.
-    errors : of the track as it is, where they are known.
     """
     flaws: list[_Flaw] = []
     refused = np.zeros(len(track.values), dtype=bool)
     level: dict[int, float] = {}  # of the ratio, from which it is an excursion
     block = track.size(AROUND_S)
     n_blocks = len(track.values) // block
-    for n_passes in range(MOST_PASSES):
-        errors = _errors(track) if n_passes or errors is None else errors
+    for _ in range(MOST_PASSES):
+        errors = _errors(track)
         for half, (_, ratio) in errors.items() if not level else ():
             level[half] = LEAST
             if n_blocks >= FEWEST_BLOCKS:

@@ -281,7 +281,7 @@ def _growth(
     static one. By the chain rule, from the derivatives with the fault and without; 0 at rest, where there are none.
     """
     shape, (air, p_static, p_total) = SHAPES[fault.shape], _under(log, fault, amount, part)
-    moving = (air.q_impact > 0.0) & (p_total > p_static)
+    moving = (air.p_total > air.p_static) & (p_total > p_static)
     kept = 1.0 - (shape.loss or 0.0) * amount[moving]  # of a change of the pressure outside, what its line still shows
     pairs = [(static[moving], total[moving]) for static, total in ((air.p_static, air.p_total), (p_static, p_total))]
     growth = {}

@@ -48,7 +48,7 @@ start_time: {shapes: [bias, drift, sine], samples: null, false_alarm: 0.01, cali
   frequency_hz: null}
 calibrate: {length_s: null, step_s: null}
 detect: {train: null, false_alarm: 0.01, method: auto, turns: true}
-diagnose: {false_alarm: 0.05, calibration: null, judge: true}
+diagnose: {false_alarm: 0.05, calibration: null, judge: true, events: []}
 diagnosability: {magnitude: 1.0, magnitudes: {}, at_limit: false, model: null,
   manoeuvres: ["3211", doublet, multisine], noise: {}, amplitude_rad: 0.035, start_s: 0.2, step_s: 1.0,
   duration_s: 31.72, turbulence_m_s: 0.0, draws: 5}

@@ -18,7 +18,7 @@ from .output import note
     "diagnose",
     fleet_argument,
     *("config_path", "from_s", "to_s", *CHANNELS, "fix_units", "recorder", "require", "tolerance"),
-    *("diagnose_false_alarm", "diagnose_calibration", "judge", *ANSWER, *FLEET),
+    *("diagnose_false_alarm", "diagnose_calibration", "judge", "events", *ANSWER, *FLEET),
     click.option(
         "--events-csv",
         metavar="FILE",

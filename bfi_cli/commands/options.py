@@ -117,6 +117,21 @@ def _magnitudes(context: click.Context, option: click.Parameter, texts: tuple[st
     return given
 
 
+def _events(_context: click.Context, _option: click.Parameter, texts: tuple[str, ...]) -> list[dict[str, str | float]]:
+    """Return ordinary causes with their times, s."""
+    events: list[dict[str, str | float]] = []
+    for text in texts:
+        cause, _, at_s = text.partition("@")
+        try:
+            events.append({"cause": cause.strip(), "at_s": float(at_s)})
+        except ValueError:
+            from ..faults import shown
+
+            what = f"not a cause and its time, got {shown(text)}; write one like flaps@4780, in the log's seconds"
+            raise ConfigError(f"--event: {what}") from None
+    return events
+
+
 def _with_json(context: click.Context, _option: click.Parameter, given: bool) -> bool:
     if given and not context.params["as_json"]:
         raise click.UsageError("--series is about --json; add --json", context)
@@ -146,6 +161,7 @@ KINDS: Mapping[str, Mapping[str, Any]] = {
     "shown_units": {"callback": _choice(_systems_of_units)},
     "kinds": {"callback": lambda _context, _option, text: tuple(map(str.strip, text.split(","))) if text else ()},
     "magnitudes": {"multiple": True, "callback": _magnitudes},
+    "events": {"multiple": True, "callback": _events},
     "band": {"callback": _two_numbers("a band", "0.1:2, in Hz")},
     "stretch": {"callback": _two_numbers("a stretch of time", "1160:1500, in s")},
     "scan_method": {"callback": _choice(lambda: SCAN_METHODS)},
@@ -238,6 +254,8 @@ diagnose_calibration  --calibration  diagnose.calibration  FILE  text
     Air data of this aircraft by bfi calibrate: angle of zero lift, thresholds.  [default: the flight, shipped tables]
 judge  --judge/--no-judge  diagnose.judge  -  choice
     Weigh events in one likelihood of all channels, against ordinary causes.  [default: judge]
+events  --event  diagnose.events  CAUSE@S  events
+    What is known to have happened, as flaps@4780: no fault is seen in it; repeatable.
 turns  --turns/--no-turns  detect.turns  -  choice
     Explain turns by roll and yaw_rate.  [default: turns]
 magnitude  --magnitude  diagnosability.magnitude  Z  number
@@ -359,6 +377,7 @@ HELP_GROUPS: Mapping[str, tuple[str, ...]] = {
     "Search and decision": (
         *("onset_tolerance", "shapes", "frequency", "samples", "ends", "train", "turns", "false_alarm"),
         *("detect_false_alarm", "diagnose_false_alarm", "calibration", "diagnose_calibration", "judge"),
+        "events",
         *("magnitudes", "at_limit", "duration_s", "length_s", "step_s", "require"),
     ),
     "Many logs": (*FLEET, "by"),
@@ -429,7 +448,7 @@ def config_of(path: str | None, given: Mapping[str, Any]) -> Config:
 
     config = load_config(path, allow_outside=given["allow_outside"]) if path is not None else Config()
     named = {OPTIONS[name].key: value for name, value in given.items() if name in OPTIONS}
-    values = {key: value for key, value in named.items() if key and value is not None and value not in ((), {})}
+    values = {key: value for key, value in named.items() if key and value is not None and value not in ((), {}, [])}
     flags = {key: FLAGS[key] for key in values}
     for key in {"channels", "units", "tolerances"} & values.keys():
         flags |= {f"{key}.{name}": FLAGS[key] for name in values[key]}

@@ -263,6 +263,15 @@ class Detect(Rules):
         return train
 
 
+class KnownCause(Rules):
+    """An ordinary cause that the engineer knows of."""
+
+    cause: Text
+    """By its name in `ordinary` of the answer: flaps, altimeter_set, wind, ..."""
+    at_s: Number
+    """When it acted, on the log's own time axis."""
+
+
 class Diagnose(Rules):
     """The diagnosis of a whole flight."""
 
@@ -272,6 +281,8 @@ class Diagnose(Rules):
     """A file of `bfi calibrate` with the air data of the aircraft; default the shipped tables and the flight itself."""
     judge: StrictBool = True
     """Whether events are weighed in one likelihood of all channels, against ordinary causes and other faults."""
+    events: tuple[KnownCause, ...] = ()
+    """What is known to have happened: ordinary causes that act at their times, whatever else does."""
 
 
 class Diagnosability(Rules):

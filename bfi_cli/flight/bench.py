@@ -13,7 +13,7 @@ from ..kernels.bounded_filter import Coupling, Stack, StackRun, Transition, filt
 from ..kernels.runs import runs
 from .fit import fitted_levels
 from .model import FlightModel
-from .tables import STATES
+from .tables import ORDINARY, STATES
 
 CHECK_S = 50  # seconds between the states of the flight that are kept
 # JUMP_S [s]: times beside a jump at which the state is free, so that it may take half a minute. A jump at every
@@ -64,7 +64,11 @@ class Bench:
 
 
 def bench_of(
-    model: FlightModel, *, typical: Mapping[str, float] | None = None, without: BoolArray | None = None
+    model: FlightModel,
+    *,
+    typical: Mapping[str, float] | None = None,
+    without: BoolArray | None = None,
+    causes: Sequence[tuple[str, float]] = (),
 ) -> Bench:
     """Return a flight through its model.
 
@@ -72,6 +76,7 @@ def bench_of(
     ----------
     typical : centres of the priors of the levels, those of the tables by default.
     without : (n,) seconds that tell no level: those about what is to be weighed.
+    causes : of `ORDINARY` that act whatever else does, with their times, s: every hypothesis may jump there.
     """
     levels = fitted_levels(model, typical=typical, without=without)
     R, Q = model.noise(levels)
@@ -80,6 +85,12 @@ def bench_of(
         for second in np.unique([at + beside for at in clicks for beside in SET_S]):
             if 0 <= second - 1 < model.n:
                 Q[int(second) - 1, model.state("setting")] += SET_M**2
+    for cause, at_s in causes:
+        beside = int(np.searchsorted(model.time_s, at_s - 0.5)) - 1 + np.array(JUMP_S)
+        seconds = beside[(beside >= 0) & (beside < model.n)]
+        for name, sd in ORDINARY[cause].jumps.items():
+            if name in model.states and seconds.size:
+                Q[seconds, model.state(name)] += sd**2 / seconds.size
     bench = Bench(
         model=model,
         levels=levels,

@@ -63,7 +63,7 @@ from .result import DiagnoseResult, Event, Strip
 from .slow_faults import SlowFaults, find_slow_faults
 from .unwatched import missing_sentences, unwatched_by_lines, unwatched_by_scan, unwatched_by_steps
 from .verdict import evidence_of, sentence_of
-from .weighing import Weighing, weigh_events
+from .weighing import weigh_events
 
 FloatArray = NDArray[np.float64]
 
@@ -103,8 +103,8 @@ def diagnose_flight(
 
     Raises
     ------
-    LogError : the log has no part in flight, or no airspeed.
-    ConfigError : the calibration cannot be used.
+    LogError : the log has no part in flight, or no airspeed, or a time of `diagnose.events` is outside.
+    ConfigError : the calibration cannot be used, or no flight has a cause of `diagnose.events`.
     """
     # 1. Short defects and constant errors are taken out, and the phases found.
     progress("phases of the flight", 0.0)
@@ -124,7 +124,7 @@ def diagnose_flight(
     # 5. Events, and deviations within the tolerances.
     lasting = events_of(flight, [*drafts, *glanced])
     proposed = (*events_of_defects(flight), *lasting)
-    answer = weigh_events(flight, proposed) if config.diagnose.judge else Weighing(events=proposed)
+    answer = weigh_events(flight, proposed, config.diagnose)
     events = tuple(event for event in answer.events if event.beyond_tolerance is not False)
 
     # 6. What could not have been seen, and the conclusion.

@@ -210,7 +210,7 @@ def _ordinary_in_words(event: OrdinaryEvent) -> str:
     """Return what happens in any flight, and when: "flaps or gear move at 4780 s"."""
     text = TEXT_OF_CAUSE.get(event.cause, event.cause.replace("_", " "))
     at = f"at {event.from_s:.0f} s" if event.to_s is None else f"from {event.from_s:.0f} to {event.to_s:.0f} s"
-    return f"{text} {at}"
+    return f"{text} {at}{', as is stated' if event.stated else ''}"
 
 
 def _unwatched_in_words(unwatched: Sequence[tuple[float, float, str]]) -> list[str]:

@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..airdata import IMPACT_SOURCES
-from ..config import Config
+from ..config import Config, Diagnose
 from ..errors import ConfigError, LogError
+from ..faults import did_you_mean, shown
 from ..flightlog import FlightLog
 from ..flightlog.defects import Defect, find_defects, with_bridges, without_defects
 from ..flightlog.phases import NO_AIRSPEED, Disagreement, Phase, find_phases
@@ -38,6 +39,7 @@ from .parity.record import USED
 from .parity.sensors import frozen_sensors, sensor_steps, without_frozen
 from .parity.windows import Window, clean_up_time, flight_stretches, overlaps, within
 from .plausibility import Implausible
+from .tables import ORDINARY
 
 FloatArray = NDArray[np.float64]
 
@@ -206,6 +208,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     to_s = stop_s if config.window.to_s is None else config.window.to_s
     log.window(from_s, to_s)  # refuses one without samples
     _check_channels(log, config)
+    _check_causes(log, config.diagnose)
     parts = find_phases(whole)
     phases = parts.phases
     if not flight_stretches(phases):
@@ -264,6 +267,27 @@ def held_stretches(held: Sequence[Finding]) -> list[Window]:
         (finding.onset_ci95[0] - BRIDGE_S, np.inf if finding.offset_s is None else finding.offset_s + BRIDGE_S)
         for finding in held
     ]
+
+
+def _check_causes(log: FlightLog, config: Diagnose) -> None:
+    """Refuse causes that no flight has, times without samples, and causes that nothing would be weighed against.
+
+    Raises
+    ------
+    ConfigError : a cause is not in `ORDINARY`, or the judge is off.
+    LogError : a time is not in the log.
+    """
+    for k, known in enumerate(config.events):
+        place = f"diagnose.events[{k}]"
+        if known.cause not in ORDINARY:
+            what = f"not an ordinary cause, got {shown(known.cause)}{did_you_mean(known.cause, list(ORDINARY))}"
+            raise ConfigError(f"{place}.cause: {what}")
+        if not config.judge:
+            raise ConfigError(f"{place}: nothing is weighed without the judge; leave out --no-judge or the event")
+        start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1])
+        if not start_s <= known.at_s <= stop_s:
+            span = f"the log has {start_s:g} to {stop_s:g} s"
+            raise LogError(f"{log.path}: '{known.cause}' at {known.at_s:g} s is outside: {span}; give a time in it")
 
 
 def _check_channels(log: FlightLog, config: Config) -> None:

@@ -245,9 +245,9 @@ def _ordinary_table(ordinary: Sequence[OrdinaryEvent], units: Units) -> tuple[Ta
             (
                 TEXT_OF_CAUSE.get(event.cause, event.cause),
                 *times,
-                event.looks_like.replace("_", " "),
+                event.looks_like.replace("_", " ") or "-",
                 size,
-                evidence or "-",
+                evidence or ("stated" if event.stated else "-"),
             )
         )
     heads = ("what happens", "from [s]", "to [s]", "looks like", "of", "log density")

@@ -91,8 +91,9 @@ class OrdinaryEvent:
     cause : by its name in `bfi_cli.flight.tables.ORDINARY`.
     from_s, to_s : on the log's axis; to_s is None where it lasts.
     magnitude, unit, ci95 : of the fault that it looks like; None where that has none.
-    looks_like : that fault.
+    looks_like : that fault, "" where a cause that the engineer states looked like none.
     evidence : log densities: `gain` of the cause over none, `margin` of the fault over the cause.
+    stated : whether the engineer states it, in `diagnose.events`.
     """
 
     cause: str
@@ -103,6 +104,7 @@ class OrdinaryEvent:
     ci95: tuple[float, float] | None
     looks_like: str
     evidence: Mapping[str, float]
+    stated: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

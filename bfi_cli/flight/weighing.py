@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..airdata import DEPENDS_ON
+from ..config import Diagnose, KnownCause
 from ..flightlog.phases import NO_AIRSPEED
 from ..kernels.normal import TWO_SIDED_95
 from ..kernels.runs import within
@@ -17,7 +18,7 @@ from ..quantities.units import per_second
 from .bench import AFTER_S, Bench, bench_of
 from .flight import Flight
 from .gross import FEWEST_S, Gross, gross_errors, swings_of
-from .judge import ALIKE, FROZEN, Judgement, explains, is_on_ground, is_set, judge, rows_of
+from .judge import ALIKE, FROZEN, SET_WITHIN_S, Judgement, explains, is_on_ground, is_set, judge, rows_of
 from .model import flight_model
 from .naming import channels_of, repeat_advice
 from .parity.finding import Stage
@@ -67,10 +68,22 @@ class Weighing:
     notes: tuple[Note, ...] = ()
 
 
-def weigh_events(flight: Flight, events: Sequence[Event]) -> Weighing:
-    """Return events with their margins: declared, suspected, ordinary, or refuted by what else is recorded."""
+def weigh_events(flight: Flight, events: Sequence[Event], config: Diagnose) -> Weighing:
+    """Return events with their margins: declared, suspected, ordinary, or refuted by what else is recorded.
+
+    Parameters
+    ----------
+    config : `events` are ordinary causes that the engineer states; without `judge` events stay as proposed.
+    """
+    if not config.judge:
+        return Weighing(events=tuple(events))
+    answer = _weighed_events(flight, events, config.events)
+    return replace(answer, ordinary=(*map(_stated, config.events), *answer.ordinary))
+
+
+def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[KnownCause]) -> Weighing:
     weighed = [event for event in events if _can_be_weighed(event)]
-    bench = _bench(flight, weighed)
+    bench = _bench(flight, weighed, causes)
     if bench is None:
         return Weighing(events=tuple(events))
     answers: list[Event | OrdinaryEvent | Note] = list(events)
@@ -100,7 +113,7 @@ def weigh_events(flight: Flight, events: Sequence[Event]) -> Weighing:
         later_s = min((at_s for at_s in beside if at_s > event.onset_s + APART_S), default=np.inf)
         alone = all(not event.onset_s - APART_S < at_s < event.onset_s + AFTER_S for at_s in others)
         answer = answers[k] = _weighed(
-            flight, bench, event, min(later_s - BEFORE_NEXT_S, flight.to_s), may_be_sure=alone
+            flight, bench, event, min(later_s - BEFORE_NEXT_S, flight.to_s), causes, may_be_sure=alone
         )
         if isinstance(answer, Event) and answer.state == "declared" and answer.margin is not None:
             # A later fault of its channels was this one, grown.
@@ -141,7 +154,7 @@ def _can_be_weighed(event: Event) -> bool:
     return shown and event.beyond_tolerance is not False and event.frequency_hz is None
 
 
-def _bench(flight: Flight, events: Iterable[Event]) -> Bench | None:
+def _bench(flight: Flight, events: Iterable[Event], causes: Iterable[KnownCause]) -> Bench | None:
     """Return the flight model of a log; None where it has too little for one."""
     seconds = seconds_of(flight.log)
     if seconds is None:
@@ -155,7 +168,11 @@ def _bench(flight: Flight, events: Iterable[Event]) -> Bench | None:
         for at_s in (event.onset_s, event.offset_s):
             if at_s is not None:
                 about |= np.abs(model.time_s - at_s) < ABOUT_S
-    return bench_of(model, without=about if about[model.frame.airborne].mean() < 0.5 else None)
+    return bench_of(
+        model,
+        without=about if about[model.frame.airborne].mean() < 0.5 else None,
+        causes=[(known.cause, known.at_s) for known in causes],
+    )
 
 
 def _follows(bench: Bench, event: Event, known: Event) -> bool:
@@ -173,7 +190,7 @@ def _follows(bench: Bench, event: Event, known: Event) -> bool:
 
 
 def _weighed(
-    flight: Flight, bench: Bench, event: Event, until_s: float, *, may_be_sure: bool
+    flight: Flight, bench: Bench, event: Event, until_s: float, causes: Sequence[KnownCause], *, may_be_sure: bool
 ) -> Event | OrdinaryEvent | Note:
     """Return what an event is after it was weighed."""
     if (
@@ -197,6 +214,9 @@ def _weighed(
         return _renamed(bench, event, best, judgement.among)
     if weight.margin > DECLARED and not weight.refused:
         return _confirmed(event, weight, judgement, may_be_sure=may_be_sure)
+    known = _stated_cause(bench, event, weight, causes)
+    if known is not None:
+        return _ordinary(event, known.cause, {"margin": weight.margin}, stated=True)
     if _knows_more(bench, event) or (_rests_by_itself(flight, event) and weight.margin > -DECLARED):
         return replace(event, margin=weight.margin)
     rival = _rival(bench, event, weight, judgement)
@@ -343,7 +363,29 @@ def _renamed(bench: Bench, event: Event, best: Weight, among: tuple[str, ...]) -
     )
 
 
-def _ordinary(event: Event, cause: str, evidence: Mapping[str, float]) -> OrdinaryEvent:
+def _stated_cause(bench: Bench, event: Event, weight: Weight, causes: Sequence[KnownCause]) -> KnownCause | None:
+    """Return the stated cause that an event is of: about its onset, and of what moves its channels or its rivals'."""
+    moved = rows_of(bench, (weight.fault, *event.channels, *event.among))
+    from_s, to_s = event.onset_ci95[0] - SET_WITHIN_S, event.onset_ci95[1] + SET_WITHIN_S
+    return next(
+        (known for known in causes if from_s <= known.at_s <= to_s and explains(bench, known.cause, moved)), None
+    )
+
+
+def _stated(known: KnownCause) -> OrdinaryEvent:
+    """Return a stated cause that looked like no fault."""
+    return OrdinaryEvent(
+        **dict.fromkeys(("to_s", "magnitude", "ci95")),
+        cause=known.cause,
+        from_s=known.at_s,
+        unit="",
+        looks_like="",
+        evidence={},
+        stated=True,
+    )
+
+
+def _ordinary(event: Event, cause: str, evidence: Mapping[str, float], *, stated: bool = False) -> OrdinaryEvent:
     return OrdinaryEvent(
         cause=cause,
         from_s=event.onset_s,
@@ -353,6 +395,7 @@ def _ordinary(event: Event, cause: str, evidence: Mapping[str, float]) -> Ordina
         ci95=event.ci95,
         looks_like=event.fault,
         evidence=evidence,
+        stated=stated,
     )
 
 

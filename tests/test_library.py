@@ -40,20 +40,21 @@ ROADS = {
     ("identify", BIAS, "-d", THESIS, *QUICKLY): partial(
         bfi_cli.identify, dictionary=THESIS, config=merge(Config(), QUICK)
     ),
-    ("identify", DATA / "citation_clean.h5", "-d", "airdata", *QUICKLY): partial(
-        bfi_cli.identify, dictionary="airdata", config=merge(Config(), QUICK)
-    ),
-    ("identify", DATA / "citation_two_faults.h5", *QUICKLY): partial(bfi_cli.identify, config=merge(Config(), QUICK)),
     ("start-time", BIAS, *QUICKLY): partial(bfi_cli.start_time, config=merge(Config(), QUICK)),
     ("diagnose", BIAS, "--workers", "1"): bfi_cli.diagnose,
-    ("diagnose", DATA / "px4_bias.ulg", "--workers", "1"): bfi_cli.diagnose,
     ("detect", BIAS): bfi_cli.detect,
     ("compare", BIAS, "-d", THESIS, "--only", PEER): partial(
         bfi_cli.compare, dictionary=THESIS, peers={PEER: PEERS[PEER]}
     ),
+    ("identify", DATA / "citation_clean.h5", "-d", "airdata", *QUICKLY): partial(
+        bfi_cli.identify, dictionary="airdata", config=merge(Config(), QUICK)
+    ),
+    ("identify", DATA / "citation_two_faults.h5", *QUICKLY): partial(bfi_cli.identify, config=merge(Config(), QUICK)),
+    ("diagnose", DATA / "px4_bias.ulg", "--workers", "1"): bfi_cli.diagnose,
 }
 
 
+@pytest.mark.first_rows(5)
 @pytest.mark.parametrize("words", ROADS, ids=lambda words: f"{words[0]} {words[1].name}")
 def test_a_call_gives_the_document_of_its_command(bfi: Any, words: tuple[Any, ...]) -> None:
     result = ROADS[words](read_log(words[1]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Mapping
+from functools import cache
 from importlib import resources
 from typing import TYPE_CHECKING
 
@@ -48,6 +49,7 @@ def render_content(content: ReportContent, provenance: Provenance, figures: Mapp
     )
 
 
+@cache
 def page_environment() -> Environment:
     """Return the environment of this package's templates, in which all text is escaped and made printable."""
     from jinja2 import Environment, FunctionLoader, StrictUndefined

@@ -209,6 +209,7 @@ def test_the_command_is_silent_and_leaves_nothing_behind(tmp_path: Path, monkeyp
 
 
 @needs_jsbsim
+@pytest.mark.slow
 def test_the_command_writes_the_librarys_log(tmp_path: Path):
     out = tmp_path / "c172p.h5"
     options = ["--start", "2", "--duration", "13", "--rate", f"{RATE:g}", "--throttle", "0.1", "--wind", "4", "-2"]

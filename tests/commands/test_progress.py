@@ -124,15 +124,16 @@ def test_nothing_is_shown_where_stderr_is_no_terminal_unless_asked_for(bfi: Call
     assert "100%" in bfi(*words, "--progress").stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "stage"),
     [
         (("start-time", BIAS), "scan of all onsets"),
-        pytest.param(("start-time", BIAS), HIDDEN, marks=pytest.mark.slow),
-        pytest.param(("start-time", BIAS, "--ends"), "scan of all onsets", marks=pytest.mark.slow),
-        pytest.param(("start-time", BIAS, "--method", "thesis"), "a solution for every onset", marks=pytest.mark.slow),
-        pytest.param(("start-time", BIAS, "--calibration", "gaussian"), "simulated records", marks=pytest.mark.slow),
-        pytest.param(("identify", BIAS), "scan of all onsets", marks=pytest.mark.slow),
+        (("start-time", BIAS), HIDDEN),
+        (("start-time", BIAS, "--ends"), "scan of all onsets"),
+        (("start-time", BIAS, "--method", "thesis"), "a solution for every onset"),
+        (("start-time", BIAS, "--calibration", "gaussian"), "simulated records"),
+        (("identify", BIAS), "scan of all onsets"),
     ],
 )
 def test_an_interruption_ends_the_command_at_once(tmp_path: Path, words: tuple[object, ...], stage: str):

@@ -77,7 +77,7 @@ def test_nothing_wins_on_a_healthy_flight(healthy: Bench, at_s: float) -> None:
     assert all(one.margin < DECLARED for one in judgement.weights if not one.refused)
 
 
-@pytest.mark.first_rows(3)
+@pytest.mark.first_rows(2)
 @pytest.mark.parametrize(
     ("spec", "fault", "size"),
     [
@@ -103,6 +103,7 @@ def test_what_is_injected_is_the_best_explanation(
         assert weight.size == pytest.approx(size, abs=max(5.0 * weight.sd, 0.05 * size))
 
 
+@pytest.mark.slow
 def test_a_blocked_tube_is_seen_where_one_airspeed_is_in_whole_knots(journey: FlightLog) -> None:
     """Airspeeds of the same pressures are held against each other, by the rounding of the coarser one."""
     knot = 1852.0 / 3600.0
@@ -167,6 +168,7 @@ def test_what_the_ground_shows_is_no_place_in_flight(healthy: Bench) -> None:
     assert place_of(healthy, 20.0, None) is None
 
 
+@pytest.mark.slow
 def test_a_channel_that_is_missing_is_a_row_that_is_missing(journey: FlightLog) -> None:
     slim = replace(journey, channels={name: one for name, one in journey.channels.items() if name != "aoa"})
     model, whole = model_of(slim), model_of(journey)

@@ -40,10 +40,12 @@ def _contradictions(document: Plain) -> Iterator[str]:
     if decision == "no_fault" and "no_fault" not in verdicts.values():
         yield "decision is 'no_fault', but no verdict is"
     key = DECLARED[document["kind"]]
+    # What lies within its tolerance is a fault of a window, and a deviation of a flight.
+    is_deviation = [key == "events" and entry.get("beyond_tolerance") is False for entry in document[key]]
     declared = [
         entry
-        for entry in document[key]
-        if entry.get("state", "declared") == "declared" and entry.get("beyond_tolerance") is not False
+        for entry, within in zip(document[key], is_deviation, strict=True)
+        if entry.get("state", "declared") == "declared" and not within
     ]
     if decision == "fault" and not declared:
         yield f"decision is 'fault', but '{key}' holds none"

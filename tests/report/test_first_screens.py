@@ -85,7 +85,8 @@ def test_the_state_of_a_flight_is_that_of_the_largest_that_it_shows():
     assert (small.headline.state, small.headline.channel) == ("deviation", "tas")
     assert ", within its tolerance of 3.3 m/s" in small.headline.text
     assert stored_flight("healthy").headline.state == "no_fault_found"
-    assert stored_flight("ulog").headline.state == "cannot_tell"
+    assert stored_flight("ulog").headline.state == "deviation"
+    assert stored_flight("ulog", deviations=lambda _: []).headline.state == "cannot_tell"
 
 
 def test_a_blocked_line_names_what_is_wrong_and_what_to_look_at():

@@ -285,10 +285,13 @@ class _Visits:
     def search_beside(self, fit: Fit, candidates: Sequence[int], *, exchanging: bool) -> None:
         """Visit the most promising supports with one atom more, and with one atom exchanged for another.
 
-        For an exchange, the supports without one atom are visited first.
+        For an exchange, the supports without one atom are visited first where they were not yet.
         """
         for leaving in (None, *fit.atoms) if exchanging else (None,):
-            base = fit if leaving is None else self.without(fit, fit.atoms.index(leaving)).fit
+            base = fit
+            if leaving is not None:
+                j = fit.atoms.index(leaving)
+                base = (self.scored.get(fit.atoms[:j] + fit.atoms[j + 1 :]) or self.without(fit, j)).fit
             others = [atom for atom in candidates if atom != leaving and atom not in base.atoms]
             if not others or len(base.atoms) >= self.limit:
                 continue
@@ -300,12 +303,13 @@ class _Visits:
                     self.visit(atoms, [[together[atom] for atom in atoms]])
 
     def without(self, fit: Fit, j: int) -> ScoredFit:
-        """Visit the support of a fit less its j-th atom, if it is new, from what the others are to first order."""
+        """Visit the support of a fit less its j-th atom, from what the others are to first order.
+
+        A support that was visited from elsewhere is visited again: that may have ended in a poorer maximum.
+        """
         atoms, covariance = fit.atoms[:j] + fit.atoms[j + 1 :], fit.covariance
-        if atoms not in self.scored:
-            share = fit.z[j] / covariance[j, j] if covariance[j, j] > 0.0 else 0.0
-            self.visit(atoms, [np.delete(fit.z - share * covariance[:, j], j)])
-        return self.scored[atoms]
+        share = fit.z[j] / covariance[j, j] if covariance[j, j] > 0.0 else 0.0
+        return self.visit(atoms, [np.delete(fit.z - share * covariance[:, j], j)])
 
     def search_backward(self, start: ScoredFit) -> None:
         """Drop the least atom again and again."""

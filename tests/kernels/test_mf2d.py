@@ -23,9 +23,9 @@ def problem_of(seed: int, *, n_outputs: int = 2, n: int = 240, n_atoms: int = 6,
     theta = (np.arange(n)[:, None] >= onsets).astype(float)
     y = clean.copy()
     for j, z in ACTIVE.items():
-        y[:, j % n_outputs] += z * theta[:, j]
+        y[:, j * n_outputs // n_atoms] += z * theta[:, j]
     theta, y = (np.stack([x[2 - i : n - i] for i in range(3)], axis=1) for x in (theta, y))
-    signals = tuple((j % n_outputs, j) for j in range(n_atoms))
+    signals = tuple((j * n_outputs // n_atoms, j) for j in range(n_atoms))
     return ProjectedRegression(theta=theta, y=y, signals=signals, n_rows=n - 2, n_base=0, floor=1e-9)
 
 
@@ -63,7 +63,7 @@ def test_without_weights_it_is_least_squares():
     found = solve_mf2d(problem, nuclear=0.0, sparse=0.0, max_iterations=60)
     misfit = 0.0
     for i in range(2):
-        own = [j for j in range(6) if j % 2 == i]
+        own = [j for j in range(6) if j // 3 == i]
         lags = [x[:, 1:].reshape(238, -1) for x in (problem.y, problem.theta)]
         A = np.hstack([*lags, problem.theta[:, 0, own]])
         misfit += float(np.sum((problem.y[:, 0, i] - A @ np.linalg.lstsq(A, problem.y[:, 0, i], rcond=None)[0]) ** 2))

@@ -130,6 +130,7 @@ def test_an_airspeed_that_steps_faster_than_any_flight_is_named(
         with_airspeeds({"tas": -28.0}),  # a gust and a deceleration
         with_airspeeds({"tas": -80.0}, within_s=4.0),
         with_airspeeds({"tas": -80.0}, until_s=ONSET_S + 1.0),  # a spike
+        with_airspeeds({"tas": -80.0}, within_s=20.0, until_s=ONSET_S + 50.0),  # the end of a slower loss
     ],
 )
 def test_what_a_flight_may_do_and_what_lasts_a_second_is_no_step_of_an_airspeed(log: FlightLog):

@@ -54,6 +54,8 @@ SHOULD_MOVE, STEPS = np.radians(0.5), 2.0
 # the largest design gust, 20 m/s (66 ft/s, 14 CFR 23.333). 14 healthy flights of seven aircraft have at most 6.7.
 FASTEST, SECOND_S = 3.0 * G, 1.0
 BESIDE_S = 5.0  # of the medians before and after such a step, and between two
+# USUAL_S [s]: before a step, whose median tells whether it leads away from what the airspeed was, or back to it.
+USUAL_S = 300.0
 AT_ONCE_EVIDENCE = "airspeed at once"
 # s of the means before and after a step of the temperature, and between them, which a probe and a recorder take to
 # follow.
@@ -267,12 +269,18 @@ def airspeed_steps(log: FlightLog, phases: Sequence[Phase]) -> tuple[Finding, ..
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _AirspeedStep:
-    """A step of an airspeed: m/s before and after it and the error of their difference, the onset, s."""
+    """A step of an airspeed: m/s usually, before and after it, and the error of their difference; the onset, s."""
 
     onset_s: float
+    usual: float
     before: float
     after: float
     sd: float
+
+    @property
+    def leads_back(self) -> bool:
+        """Whether the airspeed comes back by it to what it was."""
+        return abs(self.after - self.usual) < abs(self.before - self.usual)
 
     @property
     def size(self) -> float:
@@ -289,7 +297,7 @@ def _airspeed_steps(log: FlightLog, values: FloatArray, flown: BoolArray) -> lis
     if len(values) <= lag:
         return []
     change = np.where(flown[lag:] | flown[:-lag], np.abs(values[lag:] - values[:-lag]), np.nan)
-    steps = []
+    steps: list[_AirspeedStep] = []
     for k in _peaks(change / (FASTEST * SECOND_S), beside):
         onset = k + 1 + int(np.nanargmax(np.abs(np.diff(values[k : k + lag + 1]))))
         sides = values[max(0, onset - beside) : onset], values[onset + lag - 1 : onset + lag - 1 + beside]
@@ -299,8 +307,11 @@ def _airspeed_steps(log: FlightLog, values: FloatArray, flown: BoolArray) -> lis
         spreads = [float(np.ptp(np.quantile(side, (0.16, 0.84)))) / 2.0 for side in (before, after)]
         level, left = float(np.median(before)), float(np.median(after))
         sd = max(float(np.linalg.norm(spreads)) / float(np.sqrt(BESIDE_S)), 1e-3 * abs(left - level))
-        step = _AirspeedStep(onset_s=float(log.time_s[onset]), before=level, after=left, sd=sd)
-        steps += [step] if step.statistic > 1.0 else []
+        usual = float(np.nanmedian(values[max(0, onset - round(USUAL_S * log.rate_hz)) : onset]))
+        step = _AirspeedStep(onset_s=float(log.time_s[onset]), usual=usual, before=level, after=left, sd=sd)
+        # One that leads back ends what began by another such step, or is the end of a loss that others describe.
+        is_away = bool(steps) and not steps[-1].leads_back
+        steps += [step] if step.statistic > 1.0 and (is_away or not step.leads_back) else []
     return steps
 
 

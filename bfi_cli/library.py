@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .lab.compare import ComparisonResult, Peer
     from .model.onset import OnsetResult
     from .model.result import IdentifyResult
+    from .proof import Proving
 
 # Deflection of a manoeuvre, rad: two degrees, within the range of a linear model.
 DEFLECTION_RAD = 0.035
@@ -140,6 +141,7 @@ def identify(
     config: Config | None = None,
     *,
     allow_outside: bool = False,
+    prove: bool | Proving = False,
     progress: Progress = unseen,
     tell: Tell = _silent,
 ) -> IdentifyResult:
@@ -150,6 +152,8 @@ def identify(
     log : `FlightLog.earlier` are healthy flights of the same aircraft that share the model.
     dictionary : or the name of a shipped one, a file, a mapping; default that of the configuration, else any fault.
     allow_outside : sample files of the dictionary may lie outside its folder.
+    prove : add faults of the stated limits to the log, one at a time at random onsets, and count in `proved` how many
+        the same analysis sees; a `Proving` also says on how many processes, and where what is done is kept.
     progress : called with the name of a step and the fraction of it that is done.
     tell : called with each sentence that the command prints before its answer.
 
@@ -163,17 +167,28 @@ def identify(
     known = _dictionary(dictionary, ready.config, allow_outside=allow_outside)
     with _saying_first(ready.findings):
         result, _ = identify_window(ready.log, known, ready.config, progress, findings=ready.findings)
+    if prove:
+        from .proof import prove_identify
+
+        result = prove_identify(
+            result, ready.log, known, ready.config, findings=ready.findings, proving=_proving(prove), progress=progress
+        )
     return ready.noted(result)
 
 
 def start_time(
-    log: FlightLog, config: Config | None = None, *, progress: Progress = unseen, tell: Tell = _silent
+    log: FlightLog,
+    config: Config | None = None,
+    *,
+    prove: bool | Proving = False,
+    progress: Progress = unseen,
+    tell: Tell = _silent,
 ) -> OnsetResult:
     """Say when a fault started in a log, which shape it has, how large it is and how sure: `bfi start-time`.
 
     Parameters
     ----------
-    progress, tell : see `identify`.
+    prove, progress, tell : see `identify`.
 
     Raises
     ------
@@ -183,7 +198,14 @@ def start_time(
 
     ready = ready_log(log, _config(config), tell)
     with _saying_first(ready.findings):
-        return ready.noted(scan_window(ready.log, ready.config, progress, findings=ready.findings))
+        result = scan_window(ready.log, ready.config, progress, findings=ready.findings)
+    if prove:
+        from .proof import prove_start_time
+
+        result = prove_start_time(
+            result, ready.log, ready.config, findings=ready.findings, proving=_proving(prove), progress=progress
+        )
+    return ready.noted(result)
 
 
 def diagnose(
@@ -191,6 +213,7 @@ def diagnose(
     config: Config | None = None,
     *,
     workers: int = 1,
+    prove: bool | Proving = False,
     progress: Progress = unseen,
     tell: Tell = _silent,
 ) -> DiagnoseResult:
@@ -200,7 +223,7 @@ def diagnose(
     ----------
     log : the whole of it, whatever part `config.window` asks for: the angle of zero lift is estimated from the rest.
     workers : processes; the numbers are the same for any.
-    progress, tell : see `identify`.
+    prove, progress, tell : see `identify`.
 
     Raises
     ------
@@ -214,6 +237,12 @@ def diagnose(
     questions = doubts(log, USED, findings, tell)
     with _saying_first(findings):
         result = diagnose_flight(log, config, findings=findings, workers=workers, progress=progress)
+    if prove:
+        from .proof import prove_diagnose
+
+        result = prove_diagnose(
+            result, log, config, findings=findings, proving=_proving(prove, workers), progress=progress
+        )
     return noted(result, questions, result.plausibility)
 
 
@@ -383,6 +412,13 @@ def simulate(model: str | Path, *, progress: Progress = unseen, **settings: Unpa
         noise_sd=flown["noise_sd"],
         quantum=flown["quantum"],
     )
+
+
+def _proving(prove: bool | Proving, workers: int = 1) -> Proving:
+    """Return how a proof is made that is asked for, by default on some processes."""
+    from .proof import Proving
+
+    return prove if isinstance(prove, Proving) else Proving(workers=workers)
 
 
 def _config(config: Config | None) -> Config:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from ..flightlog import FlightLog
     from ..kernels.progress import Progress
     from ..library import ReadyLog
+    from ..proof import Proving
     from ..provenance import Provenance
     from ..quantities.display_units import Units
     from ..report.content import ReportContent
@@ -100,6 +102,20 @@ class Asked:
     def check_out(self, drawings: Sequence[str], tables: Sequence[str], *, zoom: bool = False) -> None:
         """Check, before long work, that the files of the answer may be written to --out."""
         check_out(self.options, self.inputs, drawings, tables, zoom=zoom)
+
+    @property
+    def workers(self) -> int:
+        """Processes, by default as many as there are cores."""
+        workers: int | None = self.options["workers"]
+        return workers or os.cpu_count() or 1
+
+    def proving(self) -> bool | Proving:
+        """Return how the limits are proved, false where that is not asked for; what is done of it is kept in --out."""
+        if not self.options["prove"]:
+            return False
+        from ..proof import Proving
+
+        return Proving(workers=self.workers, out=self.options["out"])
 
     def flight(self) -> FlightLog:
         """Return the log, of a large one what the analysis of the window needs."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from functools import partial
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from .output import note
     "diagnose",
     fleet_argument,
     *("config_path", "from_s", "to_s", *CHANNELS, "fix_units", "recorder", "require", "tolerance"),
-    *("diagnose_false_alarm", "diagnose_calibration", "judge", "events", *ANSWER, *FLEET),
+    *("diagnose_false_alarm", "diagnose_calibration", "judge", "events", "prove", "seed", *ANSWER, *FLEET),
     click.option(
         "--events-csv",
         metavar="FILE",
@@ -46,14 +45,15 @@ def command(asked: Asked) -> Answer:
     from ..flight.report import events_csv
     from ..library import diagnose
 
-    asked.check_out(("timeline",), ("events", "deviations", "limits", "phases"), zoom=True)
+    asked.check_out(("timeline",), ("events", "deviations", "limits", "phases", "proved"), zoom=True)
     listed = asked.options["events_csv"]
     if listed is not None:
         check_files([listed], inputs=asked.inputs, force=asked.options["force"], option="--events-csv")
     # The whole log, whatever part is diagnosed: the angle of zero lift is estimated from the rest of the flight.
     flight = log_of(asked.log, merge(asked.config, {"window": {"from_s": None, "to_s": None}}))
-    workers = asked.options["workers"] or os.cpu_count() or 1
-    result = diagnose(flight, asked.config, workers=workers, progress=asked.progress, tell=note)
+    result = diagnose(
+        flight, asked.config, workers=asked.workers, prove=asked.proving(), progress=asked.progress, tell=note
+    )
     if listed is not None:
         with aside(listed.parent, place=listed, option="--events-csv") as new:
             (new / listed.name).write_bytes(events_csv(result.events))

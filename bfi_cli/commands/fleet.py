@@ -158,7 +158,7 @@ def _digest_of_settings(
     settings = config.model_dump(mode="json", exclude=set(NO_ANSWER_SETTINGS))
     versions = (origin.version, origin.numpy, origin.scipy)
     files = sorted(digest_of_log(path) for path in inputs if path != given["list_file"] and os.path.isfile(path))
-    asked = (kind, given.get("explain", False), columns_of_answers(kind))
+    asked = (kind, given.get("explain", False), given.get("prove", False), columns_of_answers(kind))
     text = to_json([asked, versions, settings, files], indent=None)
     return hashlib.sha256(text.encode()).hexdigest()
 

@@ -59,7 +59,7 @@ def _earlier_log(word: str, config: Config) -> FlightLog:
     log_argument,
     click.argument("logs", metavar="[EARLIER]...", nargs=-1),
     *("config_path", "dictionary", "onset_tolerance", *SIGNALS, "fix_units", *MODEL, *VERDICT),
-    *("together", "method", "sparsity", "model", "seed", *ANSWER),
+    *("together", "method", "sparsity", "model", "prove", "seed", "workers", *ANSWER),
     check=_check,
 )
 def command(asked: Asked) -> Answer:
@@ -71,13 +71,14 @@ def command(asked: Asked) -> Answer:
     from ..model.document import identify_document
     from ..model.report import DRAWINGS, TABLES, identify_content
 
-    asked.check_out(DRAWINGS, TABLES)
+    asked.check_out(DRAWINGS, (*TABLES, "proved"))
     flight = asked.flight()
     flight = replace(flight, earlier=tuple(_earlier_log(word, asked.config) for word in asked.options["logs"]))
     result = identify(
         flight,
         config=asked.config,
         allow_outside=asked.options["allow_outside"],
+        prove=asked.proving(),
         progress=asked.progress,
         tell=note,
     )

@@ -308,6 +308,8 @@ recursive  --recursive  -  -  flag
     Of a folder, the logs of the folders within too.
 list_file  --list  -  FILE  text
     Logs to analyse, a path a line or CSV with a column log, and aircraft where known; - is stdin.
+prove  --prove  -  -  flag
+    Add faults of the stated limits to LOG, 20 of each kind at random onsets, and count those that are found.
 by  --by  -  aircraft  fleet_key
     Compare the flights of each aircraft: constant errors that change from flight to flight.
 jsonl  --jsonl  -  FILE  path
@@ -378,7 +380,7 @@ HELP_GROUPS: Mapping[str, tuple[str, ...]] = {
         *("onset_tolerance", "shapes", "frequency", "samples", "ends", "train", "turns", "false_alarm"),
         *("detect_false_alarm", "diagnose_false_alarm", "calibration", "diagnose_calibration", "judge"),
         "events",
-        *("magnitudes", "at_limit", "duration_s", "length_s", "step_s", "require"),
+        *("magnitudes", "at_limit", "duration_s", "length_s", "step_s", "require", "prove"),
     ),
     "Many logs": (*FLEET, "by"),
     "Output": ("verbose", "series", "strict", "fail_on", "force", "progress"),

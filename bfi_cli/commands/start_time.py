@@ -13,16 +13,16 @@ from .output import note
     "start-time",
     log_argument,
     *("config_path", "shapes", "false_alarm", "calibration", "ends", "samples", "frequency", "scan_method"),
-    *(*SIGNALS, "fix_units", *MODEL, *VERDICT, "seed", *ANSWER),
+    *(*SIGNALS, "fix_units", *MODEL, *VERDICT, "prove", "seed", "workers", *ANSWER),
 )
 def command(asked: Asked) -> Answer:
     """Say when a fault started in LOG, which shape it has, how large it is and how sure that is."""
     from ..library import start_time
     from ..model.onset import onset_content, onset_document
 
-    asked.check_out(("hidden", "profile", "outputs"), ("faults", "candidates", "profile", "shapes"))
+    asked.check_out(("hidden", "profile", "outputs"), ("faults", "candidates", "profile", "shapes", "proved"))
     flight = asked.flight()
-    result = start_time(flight, asked.config, progress=asked.progress, tell=note)
+    result = start_time(flight, asked.config, prove=asked.proving(), progress=asked.progress, tell=note)
     return Answer(
         document=partial(onset_document, result),
         content=onset_content,

@@ -18,7 +18,7 @@ from .candidate import (
 from .conclude import WITHHELD, Conclusion, conclude
 from .entries import at_entries
 from .evidence import Evidence, Manoeuvre
-from .limits import UNTESTED, ScanLimit, not_excluded, untested, with_limit_of_scan
+from .limits import UNTESTED, Proof, ScanLimit, not_excluded, untested, with_limit_of_scan
 from .verdict import decide, summarise, verdicts_of
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "Conclusion",
     "Evidence",
     "Manoeuvre",
+    "Proof",
     "ScanLimit",
     "State",
 ]

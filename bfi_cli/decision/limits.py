@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
+from ..faults.shapes import Kind
 from .candidate import Candidate, with_limit
 
 # The note of an entry of a dictionary that counts for no verdict, since no analysis of the window could tell.
@@ -26,6 +27,25 @@ class ScanLimit:
     excluded_above: float | None = None
     effect: float | None = None
     covered: bool = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Proof:
+    """How many faults of the size that an answer excludes were seen by the same analysis when added to the same log.
+
+    Attributes
+    ----------
+    kind : of the faults; channel : that they were added to, or a pressure line by its fault.
+    size : largest error or slope that the answer does not exclude, in `unit`.
+    n_seen : declared or suspected, of this kind and at their onsets; n_added : faults that were added, one at a time.
+    """
+
+    kind: Kind
+    channel: str
+    size: float
+    unit: str
+    n_seen: int
+    n_added: int
 
 
 def untested(candidate: Candidate) -> Candidate:

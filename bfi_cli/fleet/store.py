@@ -14,10 +14,11 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from ..errors import BfiError, SweepError, reason_of
+from ..errors import BfiError
 from ..files import replace_files
+from ..journal import Journal, lines_of_journal
 from ..provenance import Provenance
-from ..serialization import document_of, from_plain, to_json
+from ..serialization import document_of, from_plain
 from .answers import LogAnswer
 
 STORE, SUMMARY, RESULT = "store.jsonl", "summary.json", "result.json"
@@ -46,11 +47,8 @@ class Store:
         """
         self._out, self._inputs, self._force = out, tuple(inputs), force
         self.known = _answers(out)
-        head = to_json(document_of("fleet", {}, (), origin), indent=None)
-        lines = [head, *(to_json(answer, indent=None) for answer in self.known.values())]
-        # What is known is written whole, and lines are added to it: a torn last line is gone.
-        replace_files({STORE: "".join(f"{line}\n" for line in lines).encode()}, out, inputs=inputs, force=force)
-        self._file = (out / STORE).open("a", encoding="utf-8", newline="")
+        head = document_of("fleet", {}, (), origin)
+        self._journal = Journal(out / STORE, head, self.known.values(), inputs=inputs, force=force)
 
     def add(self, answer: LogAnswer, files: Mapping[str, bytes]) -> None:
         """Write the files of a log to its folder, then its answer to the store.
@@ -65,11 +63,7 @@ class Store:
             for left in folder.glob(".bfi-*"):  # of a run that was killed while it wrote
                 shutil.rmtree(left, ignore_errors=True)
             replace_files(files, folder, inputs=(*self._inputs, answer.log), force=self._force)
-        try:
-            self._file.write(to_json(answer, indent=None) + "\n")
-            self._file.flush()
-        except OSError as error:
-            raise SweepError(f"{self._out}: {reason_of(error)}; make room, then start again: it continues") from None
+        self._journal.add(answer)
         self.known[answer.log] = answer
 
     def document(self, answer: LogAnswer) -> dict[str, Any]:
@@ -83,18 +77,14 @@ class Store:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._file.close()
+        self._journal.__exit__(kind, error, trace)
 
 
 def _answers(out: Path) -> dict[str, LogAnswer]:
     """Return the answers that a folder keeps: of each log the last whose line is whole and whose folder is there."""
-    try:
-        lines = (out / STORE).read_text("utf-8", errors="replace").splitlines()
-    except OSError:
-        return {}
     known = {}
-    for line in lines:
-        with contextlib.suppress(ValueError, BfiError):  # a torn line, or one of another version
-            answer = from_plain(LogAnswer, json.loads(line), where=STORE)
+    for line in lines_of_journal(out / STORE):
+        with contextlib.suppress(BfiError):  # the head, or an answer of another version
+            answer = from_plain(LogAnswer, line, where=STORE)
             known[answer.log] = answer
     return {log: answer for log, answer in known.items() if answer.error or (out / answer.folder / RESULT).is_file()}

@@ -22,6 +22,7 @@ from ..report.first_screen import (
     intervals,
     lines_of,
     note_lines,
+    proof_in_words,
 )
 from .limits import AIRSPEEDS
 from .result import DiagnoseResult, Event, FlightLimit, OrdinaryEvent
@@ -68,6 +69,7 @@ def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
             doubt = f", within its tolerance{_tolerance_of(first, result.limits, units)}"
         headline = Headline(state=state, channel=_channel(first.fault), text=f"{text}{doubt}")
     bounds = _bounds_in_words(result, units, headline.state)
+    seen = [*bounds.pop("Would have been found", ()), *proof_in_words(result.proved, units)]
     notes = note_lines(result.notes, units)
     wrong = first.channels if first is not None and headline.state == "fault" else ()
     return Screen(
@@ -79,6 +81,7 @@ def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
                 "Also": listed[1:],
                 "Ordinary": map(_ordinary_in_words, result.ordinary),
                 **bounds,
+                "Would have been found": seen,
                 "Not checked": [*_unwatched_in_words(result.unwatched), *map(units.sentence, result.missing)],
                 "Caution": [
                     *(units.sentence(event.note) for event in declared if event.note),

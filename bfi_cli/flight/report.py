@@ -18,6 +18,7 @@ from ..quantities.text import capital, change, duration, instant, number, with_u
 from ..report.clock import with_clock
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, shown_notes
 from ..report.log import lane_panel
+from ..report.proof import proof_tables, with_plain_proofs, with_proof_entries
 from ..report.timeline import Happening, bands_of, lanes_of, lines_at, phase_table
 from ..serialization import csv_lines, document_of, from_plain, mapping, member, to_plain
 from .first_screen import TEXT_OF_CAUSE, diagnose_screen, event_in_words, second
@@ -52,6 +53,7 @@ LIMITS = (
 def diagnose_document(result: DiagnoseResult, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi diagnose --json`; numbers that are not finite are None."""
     body = to_plain(result) | {"headline": to_plain(diagnose_screen(result).headline)}
+    body = with_proof_entries(body, result.proved)
     series = {key: body.pop(key) for key in SERIES}
     return document_of("diagnose", {**body, "series": series}, result.notes, provenance)
 
@@ -90,7 +92,7 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
     ConfigError : the document, named by `where`, is damaged.
     """
     series = mapping(member(document, "series", where=where), where=f"{where}: series")
-    result = from_plain(DiagnoseResult, {**document, **series}, where=where)
+    result = from_plain(DiagnoseResult, {**with_plain_proofs(document, where=where), **series}, where=where)
     log, events, angle = result.log, result.events, result.zero_lift_rad
     facts = [
         ("Flight", f"{instant(log.start_s)} to {instant(log.stop_s)} s"),
@@ -116,6 +118,7 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
             *_event_tables("deviations", "Small deviations, within the tolerances", result.deviations, units),
             *_ordinary_table(result.ordinary, units),
             *_limit_tables(result.limits, units),
+            *proof_tables(result.proved, units),
             *_unwatched_table(result.unwatched),
             *phase_table(result.phases),
         ),

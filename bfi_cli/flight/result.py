@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ..decision import State
+from ..decision import Proof, State
 from ..decision.implausible import Implausible
 from ..faults import Decision
 from ..faults.shapes import Kind
@@ -221,6 +221,7 @@ class DiagnoseResult:
     windows : of the parity scan.
     missing : what the log lacks, and what that costs.
     zero_lift_rad : angle of attack of zero lift, None where it is not known; zero_lift_from : where it comes from.
+    proved : what the limits are worth on this flight; empty where that was not asked for.
     time_s : (n,) once a second; measured, corrected : by channel, NaN where corrected says nothing.
     """
 
@@ -248,6 +249,7 @@ class DiagnoseResult:
     notes: tuple[Note, ...]
     plausibility: tuple[Implausible, ...] = ()
     ordinary: tuple[OrdinaryEvent, ...] = ()
+    proved: tuple[Proof, ...] = ()
 
     @property
     def is_trusted(self) -> bool:

@@ -13,6 +13,7 @@ from ..notes import Note
 from ..provenance import Provenance
 from ..report.faults import fault_entry, plain_estimate
 from ..report.first_screen import window_screen
+from ..report.proof import with_plain_proofs, with_proof_entries
 from ..serialization import document_of, document_of_kind, from_plain, mapping, member, to_plain
 from .result import IdentifyResult
 
@@ -59,7 +60,7 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
         "truth": truth,
         "series": {key: whole[key] for key in ("time_s", "inputs", "input_units", "outputs")},
     }
-    return document_of("identify", body, thinned.notes, provenance)
+    return document_of("identify", with_proof_entries(body, result.proved), thinned.notes, provenance)
 
 
 def _thinned(result: IdentifyResult) -> IdentifyResult:
@@ -103,7 +104,7 @@ def identify_from_document(document: object, *, where: str = "result") -> tuple[
             for entry in series["outputs"]
         ]
     flat = {
-        **whole,
+        **with_plain_proofs(whole, where=where),
         **series,
         "faults": [plain_estimate(entry, where=f"{where}: faults[{i}]") for i, entry in enumerate(faults)],
         "model": {**_mapping_at(whole, "model", where), **_mapping_at(whole, "order_selection", where)},

@@ -39,6 +39,7 @@ from ..report.content import (
 )
 from ..report.faults import fault_columns, meaning
 from ..report.first_screen import Screen, window_screen
+from ..report.proof import proof_tables
 from .document import DERIVED, identify_from_document
 from .result import IdentifyResult, OutputSeries, ResidualSummary
 
@@ -214,6 +215,7 @@ def _tables(result: IdentifyResult, units: Units) -> Iterator[Table]:
         last = FAULT_HEADS.index("from")
         yield Table(name="faults", title="Faults", heads=FAULT_HEADS[:n], rows=rows, times_s=times_s, last_time=last)
     yield from candidate_tables(result.candidates, units)
+    yield from proof_tables(result.proved, units)
     residuals = []
     for summary in result.residuals:
         shown = units.of(channel_units.get(summary.channel, ""), channel=summary.channel)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ..decision import Candidate
+from ..decision import Candidate, Proof
 from ..decision.implausible import Implausible
 from ..faults import Decision, FaultEstimate
 from ..faults.shapes import Kind
@@ -144,6 +144,7 @@ class IdentifyResult:
     candidates : every entry of the dictionary; without one the declared faults, and every other shape of the scan.
     summary : what the log says of the kinds of which no fault is declared.
     scan : what the scan over all onsets says of the same window.
+    proved : what the limits are worth on this log; empty where that was not asked for.
     """
 
     log: LogSummary
@@ -164,6 +165,7 @@ class IdentifyResult:
     residuals: tuple[ResidualSummary, ...]
     truth: AgainstTruth | None
     plausibility: tuple[Implausible, ...] = ()
+    proved: tuple[Proof, ...] = ()
 
     @property
     def is_trusted(self) -> bool:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, Protocol
 
-from ..decision import KINDS, UNTESTED, Candidate, shown_limit
+from ..decision import KINDS, UNTESTED, Candidate, Proof, shown_limit
 from ..decision.implausible import Implausible
 from ..faults import Decision, FaultEstimate
 from ..faults.shapes import SHAPES, Kind
@@ -232,6 +232,18 @@ def candidate_lines(candidates: Sequence[Candidate], units: Units) -> dict[Label
     return {"Ruled out": ruled, "Still possible": possible, "Not checked": unchecked}
 
 
+def proof_in_words(proofs: Sequence[Proof], units: Units) -> list[str]:
+    """Return by kind and channel how many faults were found, "20 of 20 steps of 0.3 m/s added to this log"."""
+    several = len({proof.channel for proof in proofs}) > 1
+    lines = []
+    for proof in proofs:
+        channel = channel_in_words(proof.channel) if proof.channel in STANDARD else proof.channel.replace("_", " ")
+        size = change(proof.size, units.of(proof.unit, channel=proof.channel))
+        what = f"{NOUNS[proof.kind][1]} of {size}{f' on {channel}' if several else ''}"
+        lines.append(f"{proof.n_seen} of {proof.n_added} {what} added to this log")
+    return lines
+
+
 def beside_tolerance(error: float | None, tolerance: float | None) -> float:
     """Return the largest error that could hide over the tolerance; infinite without a limit or a tolerance."""
     return math.inf if error is None or not tolerance else error / tolerance
@@ -260,6 +272,10 @@ class OfWindow(Protocol):
     @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Looked for."""
+
+    @property
+    def proved(self) -> tuple[Proof, ...]:
+        """What the limits are worth on the log."""
 
     @property
     def notes(self) -> tuple[Note, ...]:
@@ -311,6 +327,7 @@ def window_screen(
             {
                 "Also": [*others, *(f"suspected: {suspect}" for suspect in suspects[0 if texts else 1 :])],
                 **claims,
+                "Would have been found": proof_in_words(answer.proved, units),
                 **note_lines(answer.notes, units),
             }
         ),

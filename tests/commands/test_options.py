@@ -33,6 +33,8 @@ OF_ONE_CALL = {
     "series",
     "allow_outside",
     "verbose",
+    "prove",
+    "workers",
 }
 SPANNED = {"from_s": 5.0, "to_s": 21.5, "rate": 10, "order": 4, "feedthrough": False, "group": "flight"}
 VALUES = {**SPANNED, "shapes": ("bias",), "ends": True, "frequency": (0.1, 2.0), "train": (0.0, 8.0), "draws": 2}

@@ -468,7 +468,7 @@ def _claimed(
         return _built_up(record, shape, output)
     if shape != "sine":
         return [scanned for scanned in record.forms if (scanned.shape, scanned.output) == (shape, output)]
-    low, high = _claimed_band_hz(record)
+    low, high = claimed_band_hz(record.band_hz, record.settings.duration_s)
     if low >= high:
         return []
     values = {*np.geomspace(low, high, FREQUENCIES).tolist(), *standing_out_hz(record, scan, report, seen=seen)}
@@ -477,10 +477,20 @@ def _claimed(
     return [ShapeHypothesis(shape=shape, output=output, parameter=f) for f in sorted(values)]
 
 
-def _claimed_band_hz(record: ScanRecord) -> tuple[float, float]:
-    """Return the lowest and the highest frequency of a claim about oscillations; none where they are not in order."""
-    low, high = record.band_hz
-    return max(low, CLAIMED_CYCLES / record.settings.duration_s), high
+def claimed_band_hz(band_hz: tuple[float, float], duration_s: float) -> tuple[float, float]:
+    """Return the lowest and the highest frequency of a claim about oscillations; none where they are not in order.
+
+    Parameters
+    ----------
+    band_hz : of the oscillations that are looked for; duration_s : of the window.
+    """
+    low, high = band_hz
+    return max(low, CLAIMED_CYCLES / duration_s), high
+
+
+def claimed_constants_s(shape: Shape, duration_s: float) -> list[float]:
+    """Return the time constants or durations of the lags or ramps that a claim about steps covers, ascending."""
+    return sorted({min(seconds, LARGEST_SHARE * duration_s) for seconds in SHAPES[shape].claimed_s})
 
 
 def standing_out_hz(
@@ -492,7 +502,8 @@ def standing_out_hz(
     ----------
     seen : those that stand out, cycles per sample, where they are known.
     """
-    (low, high), rate_hz = _claimed_band_hz(record), record.sampling.rate_hz
+    low, high = claimed_band_hz(record.band_hz, record.settings.duration_s)
+    rate_hz = record.sampling.rate_hz
     if low >= high:
         return []
     if seen is not None:
@@ -505,9 +516,8 @@ def standing_out_hz(
 
 def _built_up(record: ScanRecord, shape: Shape, output: int) -> list[ShapeHypothesis]:
     """Return the lags or ramps that a claim about steps covers."""
-    longest_s = LARGEST_SHARE * record.settings.duration_s
-    lengths_s = sorted({min(seconds, longest_s) for seconds in SHAPES[shape].claimed_s})
-    return [ShapeHypothesis(shape=shape, output=output, parameter=seconds) for seconds in lengths_s]
+    constants_s = claimed_constants_s(shape, record.settings.duration_s)
+    return [ShapeHypothesis(shape=shape, output=output, parameter=seconds) for seconds in constants_s]
 
 
 def _covered(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> IntArray:

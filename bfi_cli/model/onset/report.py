@@ -19,6 +19,7 @@ from ...report.clock import with_clock
 from ...report.content import Drawing, Panel, ReportContent, Span, Table, curve, shown_notes
 from ...report.faults import fault_columns, fault_entry, half, kind_in_words, meaning, plain_estimate, until
 from ...report.first_screen import Screen, window_screen
+from ...report.proof import proof_tables, with_plain_proofs, with_proof_entries
 from ...serialization import document_of, from_plain, member, to_plain
 from .result import OnsetResult, ShapeProfile
 
@@ -82,7 +83,7 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
             "truth": result.truth and [fault_to_dict(fault) for fault in result.truth],
         }
     )
-    return document_of("start-time", body, result.notes, provenance)
+    return document_of("start-time", with_proof_entries(body, result.proved), result.notes, provenance)
 
 
 def onset_from_document(document: Plain, *, where: str = "result") -> OnsetResult:
@@ -98,7 +99,7 @@ def onset_from_document(document: Plain, *, where: str = "result") -> OnsetResul
     result = from_plain(
         OnsetResult,
         {
-            **document,
+            **with_plain_proofs(document, where=where),
             "faults": [plain_estimate(fault, where=f"{where}: faults[{i}]") for i, fault in enumerate(faults)],
             "profiles": [
                 {**{key: profile[key][i] for key in keys}, "onset_s": own_s}
@@ -138,6 +139,7 @@ def onset_content(document: Plain, units: Units = SI, *, where: str = "result") 
         tables=(
             *_fault_tables(result, units, channel_units),
             *candidate_tables(candidates, units),
+            *proof_tables(result.proved, units),
             _shape_table(drawn),
         ),
         drawings=(*hidden, _profile_drawing(drawn, result.faults), _series_drawing(result, units)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ...decision import Candidate, ScanLimit
+from ...decision import Candidate, Proof, ScanLimit
 from ...decision.implausible import Implausible
 from ...faults import Decision, Fault, FaultEstimate
 from ...faults.shapes import Kind
@@ -70,6 +70,7 @@ class OnsetResult:
         calibration fits the settings.
     time_s : (n_samples,) of the series.
     truth : injected faults that the log states, times on its axis; None where it states none.
+    proved : what the limits are worth on this log; empty where that was not asked for.
     """
 
     log: LogSummary
@@ -93,6 +94,7 @@ class OnsetResult:
     truth: tuple[Fault, ...] | None
     notes: tuple[Note, ...]
     plausibility: tuple[Implausible, ...] = ()
+    proved: tuple[Proof, ...] = ()
 
     @property
     def is_trusted(self) -> bool:

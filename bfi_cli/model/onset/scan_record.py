@@ -189,7 +189,7 @@ def prepare_record(
     regression = regression_of(window, config)
     layout = regression.layout
     n, rate_hz = len(window.signals.time_s), window.signals.rate_hz
-    low, high = wanted.frequency_hz or (CYCLES * rate_hz / n, FASTEST * rate_hz)
+    low, high = searched_band_hz(wanted.frequency_hz, rate_hz, n)
     if wanted.frequency_hz is not None and high > 0.5 * rate_hz:
         raise ConfigError(
             f"--frequency: {high:g} Hz is more than a rate of {rate_hz:g} Hz resolves; "
@@ -232,6 +232,11 @@ def prepare_record(
             samples=None if wanted.samples is None else hashlib.sha256(sample_bytes(wanted.samples)).hexdigest(),
         ),
     )
+
+
+def searched_band_hz(asked: tuple[float, float] | None, rate_hz: float, n_samples: int) -> tuple[float, float]:
+    """Return the lowest and the highest frequency of oscillations that a scan looks for, as asked or by default."""
+    return asked or (CYCLES * rate_hz / n_samples, FASTEST * rate_hz)
 
 
 def _with_room(orders: Sequence[int], n: int, shortest: float, log: FlightLog) -> tuple[int, ...]:

@@ -1,0 +1,195 @@
+"""What limits are worth on the log itself: which sighting counts, what is kept, and the same document by every road."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from bfi_cli import Config, merge, read_log, start_time
+from bfi_cli import proof as proving_module
+from bfi_cli.decision import Proof
+from bfi_cli.errors import ConfigError, LogError
+from bfi_cli.faults import Fault
+from bfi_cli.faults.shapes import Kind
+from bfi_cli.journal import Journal, lines_of_journal
+from bfi_cli.model.onset import onset_content, onset_document
+from bfi_cli.model.onset.report import onset_from_document
+from bfi_cli.proof import JOURNAL, Proving, Sighting, sees, sightings_of
+from bfi_cli.provenance import provenance
+from bfi_cli.quantities.display_units import SI
+from bfi_cli.report.first_screen import proof_in_words
+from bfi_cli.report.proof import with_plain_proofs, with_proof_entries
+
+DATA = Path(__file__).parents[1] / "data"
+QUICK = {"conditioning.rate_hz": 4.0, "model.order": 2}
+QUICKLY = ("--rate", "4", "--order", "2")
+PROOF = Proof(kind="abrupt", channel="tas", size=0.3, unit="m/s", n_seen=19, n_added=20)
+STEP = Fault(shape="bias", channel="tas", onset_s=10.0)
+LAG = Fault(shape="lagged_bias", channel="tas", onset_s=10.0, time_constant_s=2.0)
+
+
+def sighting(kind: Kind = "abrupt", name: str = "tas", onset_s: tuple[float, float] | None = None) -> Sighting:
+    return Sighting(kind=kind, names=frozenset([name]), onset_s=onset_s)
+
+
+@pytest.mark.parametrize(
+    ("fault", "seen", "counts"),
+    [
+        (STEP, sighting(onset_s=(9.0, 11.0)), True),
+        (STEP, sighting(onset_s=(10.2, 11.0)), False),
+        (STEP, sighting(onset_s=(10.05, 11.0)), True),  # within the slack
+        (STEP, sighting(onset_s=(8.0, 9.5)), False),
+        (STEP, sighting(), True),  # suspected, with no onset of its own
+        (STEP, sighting(kind="slow"), False),
+        (STEP, sighting(name="aoa"), False),
+        (LAG, sighting(onset_s=(13.0, 14.0)), True),  # a step while it builds up, in 4.6 s
+        (LAG, sighting(onset_s=(15.0, 16.0)), False),
+    ],
+)
+def test_what_counts_as_seen(fault: Fault, seen: Sighting, counts: bool):
+    assert sees([seen], "abrupt", "tas", fault, slack_s=0.1) is counts
+
+
+def test_a_suspicion_that_the_log_raised_before_counts_for_nothing(monkeypatch: pytest.MonkeyPatch):
+    log = read_log(DATA / "citation_clean.h5")
+    suspicion = sighting()
+    monkeypatch.setattr(proving_module, "sightings_of", lambda _: (suspicion,))
+    trial = proving_module.Trial(claim=0, fault=STEP)
+    shared: dict[str, Any] = {
+        "log": log,
+        "analyse": lambda log: log,
+        "response": proving_module.response_of((), log.rate_hz),
+        "claims": [("abrupt", "tas")],
+        "slack_s": 0.1,
+    }
+    assert proving_module.finds(trial, before=(suspicion,), **shared) is False
+    assert proving_module.finds(trial, before=(), **shared) is True
+
+
+def test_a_fault_that_cannot_be_added_is_not_counted_and_an_analysis_that_fails_has_not_seen_it():
+    log = read_log(DATA / "citation_clean.h5")
+
+    def fails(_log: object) -> Any:
+        raise LogError("no log")
+
+    shared: dict[str, Any] = {
+        "log": log,
+        "analyse": fails,
+        "response": proving_module.response_of((), log.rate_hz),
+        "before": (),
+        "claims": [("abrupt", "tas")],
+        "slack_s": 0.1,
+    }
+    late = replace(STEP, onset_s=1e6)
+    trials = [proving_module.Trial(claim=0, fault=fault) for fault in (STEP, late)]
+    seen = [proving_module.finds(trial, **shared) for trial in trials]
+    assert seen == [False, None]
+    claim = SimpleNamespace(kind="abrupt", channel="tas", size=1.0, unit="m/s")
+    (proof,) = proving_module.proofs_of([claim], trials, seen)  # type: ignore[list-item]
+    assert (proof.n_seen, proof.n_added) == (0, 1)
+
+
+def test_entries_of_a_document_are_read_back():
+    body = with_proof_entries({"kind": "start-time", "proved": [{"n_seen": 19}]}, [PROOF])
+    entry = {"kind": "abrupt", "channel": "tas", "size": 0.3, "unit": "m/s", "found": 19, "of": 20}
+    assert body == {"kind": "start-time", "proved": [entry]}
+    (plain,) = with_plain_proofs(body, where="result")["proved"]
+    assert (plain["n_seen"], plain["n_added"]) == (19, 20)
+    assert "proved" not in with_proof_entries({"proved": []}, [])
+    with pytest.raises(ConfigError, match=r"result: proved\[0\]: no key 'found'"):
+        with_plain_proofs({"proved": [{"of": 20}]}, where="result")
+
+
+def test_the_sentence_names_the_channel_where_there_are_several():
+    assert proof_in_words([PROOF], SI) == ["19 of 20 steps of 0.3 m/s added to this log"]
+    two = [PROOF, replace(PROOF, channel="pitot_icing")]
+    assert proof_in_words(two, SI)[0] == "19 of 20 steps of 0.3 m/s on true airspeed added to this log"
+    assert "on pitot icing" in proof_in_words(two, SI)[1]
+
+
+def test_a_journal_keeps_whole_lines_and_leaves_a_torn_one_out(tmp_path: Path):
+    path = tmp_path / JOURNAL
+    origin = json.loads(json.dumps({"version": "0"}))
+    with Journal(path, {"kind": "start-time", "provenance": origin}) as journal:
+        journal.add({"is_seen": True})
+    with path.open("a") as file:
+        file.write('{"is_seen": fa')
+    assert lines_of_journal(path)[1:] == [{"is_seen": True}]
+    assert lines_of_journal(tmp_path / "none") == []
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Add two faults of each kind."""
+    monkeypatch.setattr(proving_module, "ADDED", 2)
+
+
+@pytest.mark.usefixtures("few")
+def test_a_stopped_proof_continues_and_ends_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    log, config = read_log(DATA / "citation_clean.h5"), merge(Config(), QUICK)
+    whole = start_time(log, config, prove=True)
+    assert {proof.n_added for proof in whole.proved} == {2}
+    analysed: list[Fault] = []
+    finds = proving_module.finds
+
+    def counted(trial: Any, **shared: Any) -> bool | None:
+        if len(analysed) == 1 and stops:
+            raise KeyboardInterrupt
+        analysed.append(trial.fault)
+        return finds(trial, **shared)
+
+    monkeypatch.setattr(proving_module, "finds", counted)
+    stops = True
+    with pytest.raises(KeyboardInterrupt):
+        start_time(log, config, prove=Proving(out=tmp_path))
+    stops = False
+    continued = start_time(log, config, prove=Proving(out=tmp_path))
+    assert continued.proved == whole.proved
+    n_trials = sum(proof.n_added for proof in whole.proved)
+    assert len(analysed) == n_trials
+    start_time(log, merge(config, {"seed": 1}), prove=Proving(out=tmp_path))  # another proof begins anew
+    assert len(analysed) == 2 * n_trials
+
+
+@pytest.mark.usefixtures("few")
+def test_the_command_counts_what_the_call_counts(bfi: Callable, tmp_path: Path):
+    path = DATA / "citation_clean.h5"
+    outcome = bfi("start-time", path, *QUICKLY, "--prove", "--workers", "1", "--json")
+    assert outcome.code == 0
+    result = start_time(read_log(path), merge(Config(), QUICK), prove=True)
+    document = onset_document(result, provenance(log_sha256=""))
+    proved = json.loads(outcome.stdout)["proved"]
+    assert proved == document["proved"]
+    assert all(0 <= entry["found"] <= entry["of"] == 2 for entry in proved)
+    assert onset_from_document(document).proved == result.proved
+    content = onset_content(document)
+    assert any(table.name == "proved" and len(table.rows) == len(proved) for table in content.tables)
+    assert content.screen is not None
+    assert any(line.label == "Would have been found" for line in content.screen.lines)
+
+
+def test_what_is_added_lies_where_the_answer_claims_something_and_not_at_a_declared_fault():
+    config = merge(Config(), QUICK)
+    result = start_time(read_log(DATA / "citation_bias.csv"), config)
+    claims = proving_module.window_claims(result, config)
+    before = sightings_of(result)
+    trials = list(proving_module.drawn_trials(claims, before, np.random.default_rng(0)))
+    assert trials
+    for trial in trials:
+        claim = claims[trial.claim]
+        spans = [
+            span
+            for candidate in result.candidates
+            if (candidate.shape, candidate.channel) == (trial.fault.shape, trial.fault.channel)
+            for span in candidate.onsets_checked or ()
+        ]
+        assert any(first_s <= trial.fault.onset_s <= last_s for first_s, last_s in spans)
+        assert not sees(before, claim.kind, claim.channel, trial.fault)
+        assert abs(trial.fault.magnitude) == pytest.approx(claim.size)

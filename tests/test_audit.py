@@ -60,7 +60,7 @@ def test_the_limits_are_those_of_an_identification_that_declares_nothing(clean, 
 
 def test_the_coherence_is_that_of_the_predictor_written_out(clean, on_clean):
     signals = prepare_window(clean, load_dictionary(THESIS), ORDER_4).signals
-    u, y, theta = signals.u, signals.y[:, 0], signals.theta[:, 0, :]
+    u, y, theta = signals.u, signals.y[:, 0], np.asarray(signals.theta)[:, 0, :]
     past = [y[4 - i : len(y) - i] for i in range(1, 5)]
     X = np.column_stack([np.ones(len(y) - 4), *past, *(u[4 - i : len(y) - i, 0] for i in range(5))])
     K = np.linalg.lstsq(X - X.mean(axis=0), y[4:] - y[4:].mean(), rcond=None)[0][1:5]

@@ -15,6 +15,7 @@ from ..flightlog.derived import with_derived
 from ..flightlog.phases import APART_S, flight_stretches, phases_of
 from ..flightlog.recorder import recorder_filters
 from ..kernels import BoolArray, FloatArray
+from ..kernels.atom_signals import AtomSignals
 from ..kernels.decimation import WHITE, decimate, lost_samples, lowpass_taps
 from ..kernels.input_directions import directions, independent, moments
 from ..model.preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
@@ -267,7 +268,7 @@ def _input_signals(part: FlightLog, inputs: Sequence[str], bank: tuple[str, ...]
 def _record(part: FlightLog, u: FloatArray, y: FloatArray, until: int | None = None) -> Signals:
     """Return the signals, or the first samples of them, without a dictionary."""
     time_s, u, y = part.time_s[:until], u[:until], y[:until]
-    theta = np.empty((*y.shape, 0))
+    theta = AtomSignals.none(*y.shape)
     return Signals(path=part.path, rate_hz=part.rate_hz, factor=1, time_s=time_s, u=u, y=y, theta=theta)
 
 

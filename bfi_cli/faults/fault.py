@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DictionaryError, LogError
-from ..kernels.signal_tail import Tail
+from ..kernels.atom_signals import Tail
 from ..printable import shortened
 from ..quantities.channels import STANDARD
 from ..quantities.units import change_in_si

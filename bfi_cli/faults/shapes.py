@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DictionaryError, reason_of
+from ..kernels.atom_signals import Tail
 from ..kernels.onset import waveform as waveforms
-from ..kernels.signal_tail import Tail
 from ..quantities.units import per_second
 
 FloatArray = NDArray[np.float64]

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..decision import Candidate, candidate_of, finite, untested
 from ..kernels import FloatArray
+from ..kernels.lagged import constants_and_signals
 from ..kernels.normal import ONE_SIDED_95
 from ..kernels.onset.scan import ENDING, STARTING
 from ..kernels.variable_projection import fit_magnitudes, log_dets_beside
@@ -141,7 +142,7 @@ def _twins(window: PreparedWindow) -> dict[int, int]:
     """Return, for entries left out because they are another's signal, that other entry."""
     if not window.reasons:
         return {}
-    flat = window.signals.theta.reshape(-1, len(window.faults))
+    _, flat = constants_and_signals(window.signals.theta)
     norms = np.linalg.norm(flat, axis=0)
     twins = {}
     for entry in window.reasons:

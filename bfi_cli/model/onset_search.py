@@ -13,6 +13,7 @@ import numpy as np
 
 from ..config import Config
 from ..kernels import FloatArray
+from ..kernels.atom_signals import AtomSignals
 from ..kernels.covariance import Adding, adding_to
 from ..kernels.lagged import restrict
 from ..kernels.model_selection import Penalty
@@ -129,7 +130,7 @@ def _best_move(
         for base, entries in _bases(best.fit.atoms, together).items():
             if (support := supports.get(base)) is None:
                 support = supports[base] = _support(now.regression, best.fit, base)
-            added = support.each_of(signals[:, :, np.isin(owners, entries)])
+            added = support.each_of(signals.of(np.flatnonzero(np.isin(owners, entries)).tolist()))
             gains = np.nan_to_num(added.magnitude**2 / added.variance)
             ends = np.cumsum([shifts[n].size for n in entries])
             for n, entry_gains in zip(entries, np.split(gains, ends[:-1]), strict=True):
@@ -175,7 +176,7 @@ def _bases(atoms: Sequence[int], entries: Sequence[int]) -> dict[tuple[int, ...]
     return bases
 
 
-def _signals(regression: RegressionData, window: PreparedWindow, shifts: Mapping[int, FloatArray]) -> FloatArray:
+def _signals(regression: RegressionData, window: PreparedWindow, shifts: Mapping[int, FloatArray]) -> AtomSignals:
     """Return the signals of entries at their onsets, (n_samples, n_outputs, n_signals), scaled."""
     later = [
         (window.faults[window.live[n]].later(shift_s), window.sizes.get(window.live[n], 0.0))
@@ -186,7 +187,7 @@ def _signals(regression: RegressionData, window: PreparedWindow, shifts: Mapping
     units = np.repeat(
         [float(regression.magnitude_unit[n]) for n in shifts], [entry_shifts.size for entry_shifts in shifts.values()]
     )
-    return np.asarray(signals_of_faults(window, faults, sizes) / regression.unit[:, None] * units)
+    return signals_of_faults(window, faults, sizes).over(regression.unit).scaled(units)
 
 
 def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> Adding:
@@ -196,7 +197,7 @@ def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> Add
     return adding_to(regression.layout, without)
 
 
-def _fits(regression: RegressionData, support: Adding, theta: FloatArray, gains: FloatArray) -> list[tuple[int, Fit]]:
+def _fits(regression: RegressionData, support: Adding, theta: AtomSignals, gains: FloatArray) -> list[tuple[int, Fit]]:
     """Return those of some signals that promise most when they are added to a support, and the fit with each.
 
     Parameters
@@ -207,7 +208,7 @@ def _fits(regression: RegressionData, support: Adding, theta: FloatArray, gains:
     without = support.fit
 
     def fit_of(k: int) -> Fit:
-        layout = support.with_signals(theta[:, :, [k]])
+        layout = support.with_signals(theta.of([k]))
         data = layout.factor()
         if without.order < layout.first:
             data = restrict(data, order=without.order)

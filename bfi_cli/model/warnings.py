@@ -35,8 +35,8 @@ BLIND_NOTE = "only a fault larger than the output's whole movement would be seen
 
 def hidden_atoms(window: PreparedWindow, magnitudes: MagnitudeEstimates) -> tuple[bool, ...]:
     """Say for each live atom whether only a fault far larger than the output's whole movement could be seen."""
-    hidden, moved = [], np.ptp(window.signals.y, axis=0)
-    peaks = np.abs(window.signals.theta[:, :, list(window.live)]).max(axis=0)
+    hidden, theta, moved = [], window.signals.theta, np.ptp(window.signals.y, axis=0)
+    peaks = theta.of(window.live).peaks()
     for peak, detectable in zip(peaks.T, magnitudes.minimal_detectable, strict=True):
         smallest, movement = detectable * float(peak.max()), float(moved[np.argmax(peak)])
         hidden.append(not np.isfinite(smallest) or smallest > BLIND * movement)

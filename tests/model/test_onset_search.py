@@ -74,9 +74,9 @@ def test_a_shifted_entry_has_the_signal_of_its_fault(flight, thesis):
     window = prepare_window(flight(1), thesis, Config())
     entry = window.names.index("bias_13.8")
     theta = np.asarray(shifted_signals(window, entry, [0.0, 0.5]))
-    np.testing.assert_array_equal(theta[:, :, 0], window.signals.theta[:, :, entry])
+    np.testing.assert_array_equal(theta[:, :, 0], np.asarray(window.signals.theta)[:, :, entry])
     moved = with_onsets(window, {entry: 0.5})
-    np.testing.assert_array_equal(theta[:, :, 1], moved.signals.theta[:, :, entry])
+    np.testing.assert_array_equal(theta[:, :, 1], np.asarray(moved.signals.theta)[:, :, entry])
     assert moved.faults[entry].onset_s == pytest.approx(14.3)
     native = moved.native.theta_between(slice(None))[:, 0, entry]
     assert moved.largest[entry] == np.abs(native).max()

@@ -9,6 +9,7 @@ import pytest
 from scipy import stats
 
 from bfi_cli.config import Config, merge
+from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.model_selection import Penalty, ScoredFit
 from bfi_cli.kernels.variable_projection import (
     fit_magnitudes,
@@ -61,7 +62,7 @@ def record(
         time_s=time_s,
         u=u,
         y=(y + z * theta)[:, None],
-        theta=theta[:, None, None],
+        theta=AtomSignals.sampled(theta[:, None, None]),
     )
 
 

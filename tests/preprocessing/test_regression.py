@@ -44,7 +44,7 @@ def test_a_fault_added_to_the_factor_is_a_fault_added_to_the_record(log, detrend
     window = prepare_window(log, load_dictionary(dictionary), config)
     z = np.random.default_rng(0).standard_normal(len(window.live)) * window.signals.y.std(axis=0).min()
     recombined = regression_of(window, config).with_fault(z)
-    faulty = replace(window.signals, y=window.signals.y + window.signals.theta @ z)
+    faulty = replace(window.signals, y=window.signals.y + np.asarray(window.signals.theta) @ z)
     direct = build_regression(faulty, window.live, config)
     np.testing.assert_allclose(recombined.layout.y, direct.layout.y, atol=1e-12)
     for name in ("center", "unit", "magnitude_unit"):

@@ -14,6 +14,7 @@ from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.decimation import WHITE, Lowpass
 from bfi_cli.model.preprocessing.sampling_rate import SAMPLES_PER_EDGE, candidate_orders, choose_rate, is_exact
 from bfi_cli.model.preprocessing.signals import NativeSignals, Signals, decimate_native
@@ -45,7 +46,7 @@ def record(*, seconds: float = 30.0, rate_hz: float = 100.0, noise_sd: float = 0
         time_s=log.time_s,
         u=log.signals(["elevator"]),
         y=log.signals(["tas"]),
-        theta=theta[:, None, :],
+        theta=AtomSignals.sampled(theta[:, None, :]),
     )
 
 
@@ -66,9 +67,9 @@ def recorder(x: np.ndarray, cutoff_hz: float, rate_hz: float) -> np.ndarray:
     return signal.sosfiltfilt(signal.butter(6, cutoff_hz, fs=rate_hz, output="sos"), x, axis=0)
 
 
-def sampled(log: Signals, rows: slice) -> np.ndarray:
+def sampled(log: Signals, rows: slice) -> AtomSignals:
     """Return some samples of the signals of a dictionary."""
-    return log.theta[rows]
+    return AtomSignals.sampled(np.asarray(log.theta)[rows])
 
 
 @pytest.mark.parametrize(
@@ -139,16 +140,16 @@ def test_a_simulation_is_exact_and_the_smallest_noise_is_not():
 @pytest.mark.parametrize("magnitude", [0.1, 50.0])
 def test_a_fault_of_the_dictionary_leaves_a_record_exact_and_another_does_not(magnitude):
     log = record(noise_sd=0.0)
-    faulty = replace(log, y=log.y + magnitude * log.theta[:, :, 0])
+    faulty = replace(log, y=log.y + magnitude * np.asarray(log.theta)[:, :, 0])
     assert is_exact(faulty)
-    assert not is_exact(replace(faulty, theta=np.roll(faulty.theta, 7, axis=0)))
+    assert not is_exact(replace(faulty, theta=AtomSignals.sampled(np.roll(faulty.theta, 7, axis=0))))
 
 
 def test_exactness_does_not_depend_on_units_or_level():
     log = record(noise_sd=0.0)
-    assert is_exact(replace(log, u=57.3 * log.u + 3.0, y=1.944 * log.y, theta=1.944 * log.theta))
+    assert is_exact(replace(log, u=57.3 * log.u + 3.0, y=1.944 * log.y, theta=log.theta.scaled(np.array([1.944]))))
     noisy = record(noise_sd=1e-4)
-    assert not is_exact(replace(noisy, y=1e-6 * noisy.y, theta=1e-6 * noisy.theta))
+    assert not is_exact(replace(noisy, y=1e-6 * noisy.y, theta=noisy.theta.scaled(np.array([1e-6]))))
 
 
 @pytest.mark.parametrize(
@@ -174,7 +175,7 @@ def test_a_dictionary_as_large_as_the_record_does_not_make_it_exact():
         time_s=np.arange(n) / 10.0,
         u=rng.standard_normal((n, 1)),
         y=rng.standard_normal((n, 1)),
-        theta=theta,
+        theta=AtomSignals.sampled(theta),
     )
     assert not is_exact(log)
 
@@ -193,7 +194,7 @@ def test_every_signal_goes_through_the_same_filter(kind, factor):
     fault = log.theta_between(slice(None))[:, 0, 0]
     faulty, _ = decimate_native(with_tas(log, log.y[:, 0] + 4.0 * fault), factor, lowpass)
     clean, _ = decimate_native(log, factor, lowpass)
-    theta = faulty.theta
+    theta = np.asarray(faulty.theta)
     np.testing.assert_allclose(faulty.y - 4.0 * theta[:, :, 0], clean.y, atol=1e-10)
     assert {len(x) for x in (clean.time_s, clean.u, clean.y)} == {len(theta)}
     assert clean.rate_hz * factor == log.rate_hz

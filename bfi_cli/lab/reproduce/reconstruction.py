@@ -95,7 +95,7 @@ def by_readings(log: FlightLog, order: int, names: Sequence[str] = READINGS) -> 
     window = prepare_window(log, thesis_dictionary(), first)
     regression = build_regression(window.signals, window.live, first, orders=[order])
     layout, columns, live = regression.layout, regression.data.columns, list(window.live)
-    base = np.hstack([np.ones((regression.n_rows, 1)), lagged(layout.u, columns.input_lags)])
+    base = np.hstack([np.ones((regression.n_rows, 1)), lagged(np.asarray(layout.u), columns.input_lags)])
     y, true = log.channel("tas").values, true_fault(log)
     reconstructions = {}
     for name, config in configs.items():
@@ -103,10 +103,10 @@ def by_readings(log: FlightLog, order: int, names: Sequence[str] = READINGS) -> 
         z = np.zeros(len(window.names))
         z[live] = solution.z * regression.magnitude_unit
         # The prediction error of the VARX with these K and z, its inputs and constant fitted to the rest.
-        corrected = layout.y - layout.theta @ solution.z
+        corrected = np.asarray(layout.y) - np.asarray(layout.theta) @ solution.z
         rest = corrected[order:, 0] - lagged(corrected, range(1, order + 1)) @ solution.K
         error = regression.unit[0] * (rest - base @ np.linalg.lstsq(base, rest, rcond=None)[0])
-        fault = window.signals.theta[:, 0] @ z
+        fault = np.asarray(window.signals.theta)[:, 0] @ z
         magnitudes = dict(zip(window.names, z.tolist(), strict=True))
         reconstructions[name] = Reconstruction(
             label=label_of(name),

@@ -17,6 +17,7 @@ from ...faults import Fault, magnitude_unit
 from ...faults.shapes import sample_bytes
 from ...flightlog import FlightLog
 from ...kernels import BoolArray, FloatArray, IntArray
+from ...kernels.atom_signals import AtomSignals
 from ...kernels.covariance import FitRows, Layout, unfold
 from ...kernels.onset.scan import ENDING, FLOOR, STARTING, Scan
 from ...kernels.progress import Report, Step, silent
@@ -70,12 +71,12 @@ class ScanRecord:
     @property
     def u(self) -> FloatArray:
         """(n_samples, n_inputs) of unit spread."""
-        return self.layout.u
+        return np.asarray(self.layout.u)
 
     @property
     def y(self) -> FloatArray:
         """(n_samples, n_outputs) of unit spread."""
-        return self.layout.y
+        return np.asarray(self.layout.y)
 
     @property
     def time_s(self) -> FloatArray:
@@ -155,7 +156,7 @@ class Likelihood:
         """Return the maximum over the magnitudes of signals theta (n_samples, n_outputs, n_signals)."""
         if self.step is not None:
             self.step()
-        data = replace(self.layout, theta=theta).factor()
+        data = replace(self.layout, theta=AtomSignals.sampled(theta)).factor()
         floor = FLOOR if self.record.floor is None else self.record.floor
         problem = project_inputs(data, self.layout.first, floor=floor)
         return fit_magnitudes(problem, range(theta.shape[2]), start, tolerance=TOLERANCE)
@@ -200,9 +201,12 @@ def prepare_record(
         window=window,
         layout=replace(
             layout,
-            theta=np.empty((*layout.y.shape, 0)),
+            u=np.asarray(layout.u),
+            y=np.asarray(layout.y),
+            theta=AtomSignals.none(*layout.y.shape),
             weights=None if wanted.ends else layout.weights,
             earlier=None,
+            segments=None,
         ),
         unit=regression.unit,
         floor=None if window.rate.factor == 1 else regression.floor,

@@ -19,7 +19,7 @@ from ...config import Config
 from ...errors import LogError
 from ...faults import Fault
 from ...kernels import FloatArray
-from ...kernels.covariance import Adding, adding_to, covariance, single_additions, unfold
+from ...kernels.covariance import Adding, adding_to, additions_and_covariance
 from ...kernels.model_selection import Penalty, ScoredFit, least_criterion
 from ...kernels.normal import ONE_SIDED_90
 from ...kernels.progress import Report, parts, shares, silent
@@ -47,7 +47,7 @@ MOST_PROFILED = 40
 # last tenth are left out, where a fault acts on the lags alone or on too few samples.
 N_ONSETS = 33
 INSIDE = (0.1, 0.9)
-# MOST_VALUES: values of the signals that are added at once, for memory.
+# MOST_VALUES: values of the signals that are added at once, where they are not in stretches, for memory.
 MOST_VALUES = 10**6
 # Entries for which it is asked what the factor would be, were they declared: it takes a fit for each.
 MOST_DECLARED = 40
@@ -158,8 +158,7 @@ def averaged_magnitudes(
     values, variances, covariances, sampling = {}, {}, {}, {}
     for n, _ in parts(report, keep):
         fit = fits[n].fit
-        unfolded = unfold(regression.layout, fit)
-        single, scaled = single_additions(fit, unfolded), covariance(fit, unfolded)
+        single, scaled = additions_and_covariance(regression.layout, fit, regression.data)
         active = list(fit.atoms)
         z, variance, unit = single.magnitude.copy(), single.variance.copy(), regression.magnitude_unit
         z[active], variance[active] = fit.z, np.diag(scaled)
@@ -422,12 +421,13 @@ def _factor(window: PreparedWindow, regression: RegressionData, adding: Adding, 
     """Return the mean over onsets of z^2 / var(z) of a shape that is added to a fit, at least 1."""
     time_s = window.native.time_s
     onsets = time_s[0] + np.linspace(*INSIDE, N_ONSETS) * (time_s[-1] - time_s[0])
-    n_parts = min(N_ONSETS, -(-N_ONSETS * len(window.signals.y) // MOST_VALUES))
+    in_stretches, n_values = window.signals.theta.in_stretches, N_ONSETS * len(window.signals.y)
+    n_parts = 1 if in_stretches else min(N_ONSETS, -(-n_values // MOST_VALUES))
     squares = np.empty(0)
     # Each shifted signal is added alone to the fit.
     for part in np.array_split(onsets, n_parts):
         shifted = signals_of_faults(window, [family.later(onset) for onset in part.tolist()])
-        added = adding.each_of(shifted / regression.unit[:, None])
+        added = adding.each_of(shifted.over(regression.unit))
         squares = np.append(squares, added.magnitude**2 / added.variance)
     seen = squares[np.isfinite(squares)]
     return max(1.0, float(np.mean(seen))) if seen.size else 1.0

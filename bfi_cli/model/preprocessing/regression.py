@@ -10,7 +10,8 @@ import numpy as np
 from ...config import Config, Selection
 from ...errors import LogError
 from ...kernels import FloatArray
-from ...kernels.covariance import FitRows, Layout, at_support, unfold
+from ...kernels.atom_signals import AtomSignals, standardised
+from ...kernels.covariance import FitRows, Layout, unfold_own
 from ...kernels.lagged import Compressed, EarlierRows, restrict, with_fault, with_scaled_outputs
 from ...kernels.model_selection import Penalty
 from ...kernels.progress import Report, silent
@@ -35,8 +36,6 @@ RUNNING_S, UNEQUAL = 10.0, 2.0
 ROWS_PER_REGRESSOR = 2.0
 # Stretches of rows over which the slope of a signal by its output is averaged; it changes slowly.
 MOST_SLOPES = 512
-# Samples of which means are taken at once, and up to which the signals of all atoms are squared at once, for memory.
-MEAN_OF, SQUARED = 65_536, 100_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,12 +106,12 @@ class RegressionData:
     def scaling(self) -> dict[int, tuple[int, float]]:
         """Rows of the atoms whose signal is the output itself, see `ProjectedRegression.scaling`."""
         atoms = [j for j, entry in enumerate(self.atoms) if entry in self.signals.scaling]
-        rows = np.count_nonzero(self.layout.theta[self.layout.first :, :, atoms], axis=(0, 1)).tolist()
+        rows = self.layout.theta.of(atoms).active_rows(self.layout.first)
         return {j: (n, float(self.magnitude_unit[j])) for j, n in zip(atoms, rows, strict=True)}
 
     def without_record(self) -> RegressionData:
         """Return the regression without what only its factorisation needs, which a long record has much of."""
-        left = replace(self, layout=replace(self.layout, weights=None))
+        left = replace(self, layout=replace(self.layout, weights=None, segments=None))
         left._problems.update(self._problems)
         return left
 
@@ -121,7 +120,7 @@ class RegressionData:
         """Slopes of the atoms whose signal changes with the outputs, where one is no output itself; else None."""
         if not {*self.atoms} & self.signals.slopes.keys():
             return None
-        theta, first = self.layout.theta, self.layout.first
+        theta, first = np.asarray(self.layout.theta), self.layout.first
         n_rows, n_outputs = self.layout.y.shape[0] - first, self.layout.y.shape[1]
         blocks = np.array_split(np.arange(n_rows), min(n_rows, MOST_SLOPES))
         starts = np.array([block[0] for block in blocks])
@@ -143,12 +142,12 @@ class RegressionData:
         return restrict(self.data, order=order)
 
     def unfold(self, fit: Fit) -> FitRows:
-        """Return a fit row by row, with the signatures of its support alone."""
-        return unfold(*at_support(self.layout, fit))
+        """Return a fit row by row, with the signatures of its support; of a long record without them."""
+        return unfold_own(self.layout, fit, self.data)
 
     def with_dictionary(
         self,
-        theta: FloatArray,
+        theta: AtomSignals,
         atoms: Sequence[int],
         report: Report = silent,
         *,
@@ -163,7 +162,7 @@ class RegressionData:
         slopes : of the signals, see `Signals.slopes`.
         """
         scaled, magnitude_unit = _scaled_signals(theta, atoms, self.unit)
-        layout = replace(self.layout, theta=scaled)
+        layout = self.layout.with_signals(scaled)
         return replace(
             self,
             signals=replace(self.signals, slopes=slopes),
@@ -184,15 +183,14 @@ class RegressionData:
         magnitudes : (n_atoms,) in SI units; each atom acts on one output.
         """
         z, earlier = magnitudes / self.magnitude_unit, self.layout.earlier
-        theta = self.layout.theta
-        faulty = self.layout.y + (theta.reshape(-1, z.size) @ z).reshape(theta.shape[:2])
-        y, center, unit = _standardised(self.center + self.unit * faulty, centred=self.centred)
+        faulty = np.asarray(self.layout.y) + self.layout.theta.combined(z, 0, len(self.layout.y))
+        y, center, unit = standardised(self.center + self.unit * faulty, centred=self.centred, at_once=True)
         outputs = np.zeros(len(z), dtype=np.intp)
         outputs[[atom for _, atom in self.data.columns.signals]] = [output for output, _ in self.data.columns.signals]
         scale, shift = self.unit / unit, (self.center - center) / unit
         return replace(
             self,
-            layout=replace(self.layout, y=y, earlier=earlier and earlier.scaled(scale)),
+            layout=replace(self.layout, y=y, earlier=earlier and earlier.scaled(scale), segments=None),
             data=with_scaled_outputs(with_fault(self.data, z), scale, shift),
             center=center,
             unit=unit,
@@ -224,10 +222,11 @@ def build_regression(
     wanted = orders or (model.orders if model.order == "auto" else (model.order,))
     orders = feasible_orders(signals.path, len(signals.time_s), wanted, n_inputs=n_inputs, n_outputs=n_outputs)
     centred = config.conditioning.detrend == "constant"
-    (u, _, u_unit), (y, center, unit) = (_standardised(x, centred=centred) for x in (signals.u, signals.y))
+    scaling = {"centred": centred, "at_once": not signals.theta.in_stretches}
+    (u, _, u_unit), (y, center, unit) = (standardised(x, **scaling) for x in (signals.u, signals.y))
     theta, magnitude_unit = _scaled_signals(signals.theta, atoms, unit)
     floor = ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER
-    layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough)
+    layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough).with_segments()
     is_even = config.conditioning.variance != "running" or as_published(config)
     if not is_even:
         layout = _evened(layout, floor, signals.rate_hz)
@@ -236,7 +235,7 @@ def build_regression(
         earlier = [_earlier_rows(record, layout, units, floor, is_even=is_even) for record in signals.earlier]
         layout = replace(layout, earlier=EarlierRows.together(earlier))
     return RegressionData(
-        signals=replace(signals, theta=np.empty((*signals.y.shape, 0))),
+        signals=replace(signals, theta=AtomSignals.none(*signals.y.shape)),
         atoms=tuple(atoms),
         layout=layout,
         data=layout.factor(report),
@@ -249,32 +248,12 @@ def build_regression(
     )
 
 
-def _standardised(values: FloatArray, *, centred: bool) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return signals (n_samples, n_signals) with standard deviation 1 and, if centred, mean 0; constants unscaled.
-
-    Returns
-    -------
-    The signals, and (n_signals,) what was taken off and (n_signals,) the divisor.
-    """
-    n, parts = len(values), range(0, len(values), MEAN_OF)
-    mean = np.sum([np.sum(values[k : k + MEAN_OF], axis=0) for k in parts], axis=0) / n
-    squares = np.sum([np.sum((values[k : k + MEAN_OF] - mean) ** 2, axis=0) for k in parts], axis=0)
-    deviation = np.sqrt(squares / n)
-    center, unit = mean if centred else np.zeros_like(mean), np.where(deviation > 0.0, deviation, 1.0)
-    scaled = values - center
-    scaled /= unit
-    return scaled, center, unit
-
-
-def _scaled_signals(theta: FloatArray, atoms: Sequence[int], unit: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _scaled_signals(theta: AtomSignals, atoms: Sequence[int], unit: FloatArray) -> tuple[AtomSignals, FloatArray]:
     """Return the signals of some entries over the unit of their output, of unit power, and the divisor's inverse."""
-    scaled = theta[:, :, list(atoms)] / unit[:, None]
-    if len(scaled) <= SQUARED:
-        power = np.sqrt(np.mean(np.sum(scaled**2, axis=1), axis=0))
-    else:
-        power = np.array([np.sqrt(np.mean(np.sum(scaled[:, :, j] ** 2, axis=1))) for j in range(scaled.shape[2])])
+    scaled = theta.of(atoms).over(unit)
+    power = scaled.powers()
     magnitude_unit = 1.0 / np.where(power > 0.0, power, 1.0)
-    return scaled * magnitude_unit, magnitude_unit
+    return scaled.scaled(magnitude_unit), magnitude_unit
 
 
 def _evened(layout: Layout, floor: float, rate_hz: float) -> Layout:
@@ -282,16 +261,16 @@ def _evened(layout: Layout, floor: float, rate_hz: float) -> Layout:
 
     It is left as it is where that size does not change, and where the error is round-off, which has no gusts.
     """
-    plain = replace(layout, theta=layout.theta[:, :, :0])
+    plain = layout.with_signals(layout.theta.of([]))
     data = plain.factor()
     fit = fit_magnitudes(project_inputs(data, layout.first, floor=floor), ())
-    error = unfold(plain, fit).error
+    error = unfold_own(plain, fit, data).error
     if float(np.abs(error).max()) < EXACT:
         return layout
     weights = running_weights(error, round(RUNNING_S * rate_hz))
     if weights.max() < UNEQUAL * weights.min():
         return layout
-    return replace(layout, weights=np.concatenate([np.ones(layout.first), weights]))
+    return layout.with_weights(np.concatenate([np.ones(layout.first), weights]))
 
 
 def _earlier_rows(earlier: Signals, layout: Layout, units: FloatArray, floor: float, *, is_even: bool) -> EarlierRows:
@@ -316,11 +295,11 @@ def _earlier_rows(earlier: Signals, layout: Layout, units: FloatArray, floor: fl
     z = np.hstack([earlier.u, earlier.y])
     z = (z - z.mean(axis=0)) / units
     u, y = z[:, :n_inputs], z[:, n_inputs:]
-    other = Layout(u=u, y=y, theta=np.empty((*y.shape, 0)), first=layout.first, feedthrough=layout.feedthrough)
+    other = Layout(u=u, y=y, theta=AtomSignals.none(*y.shape), first=layout.first, feedthrough=layout.feedthrough)
     if not is_even:
         other = _evened(other, floor, earlier.rate_hz)
     weights = np.ones(len(y)) if other.weights is None else other.weights
-    other = replace(other, weights=earlier.weight * weights)
+    other = other.with_weights(earlier.weight * weights)
     return EarlierRows.of(other.factor())
 
 

@@ -152,9 +152,9 @@ def is_exact(signals: Signals) -> bool:
     y, u = signals.y[part], signals.u[part]
     if len(y) < 20 * EXACT_ORDER or np.any(np.ptp(y, axis=0) == 0.0):
         return False
-    if len(y) <= (EXACT_ORDER + 1) * int(np.count_nonzero(np.any(signals.theta, axis=0))):  # so many terms fit any rows
+    if len(y) <= (EXACT_ORDER + 1) * len(signals.theta.acting()):  # so many terms fit any rows
         return False
-    theta = signals.theta[part]
+    theta = np.asarray(signals.theta)[part]
     scale = np.ptp(y, axis=0)
     moving = np.ptp(u, axis=0) > 0.0
     u, y, theta = (u - u.mean(axis=0))[:, moving], (y - y.mean(axis=0)) / scale, theta / scale[:, None]

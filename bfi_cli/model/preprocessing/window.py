@@ -20,7 +20,9 @@ from ...flightlog.injection import added_by, line_signals
 from ...flightlog.quality import held_hz, is_uniform
 from ...flightlog.recorder import recorder_filters
 from ...kernels import FloatArray
+from ...kernels.atom_signals import AtomSignals
 from ...kernels.decimation import WHITE, Lowpass
+from ...kernels.lagged import constants_and_signals
 from ...kernels.low_pass import Response
 from ...kernels.progress import Report, parts, silent
 from .regression import RegressionData, build_regression, longest_order
@@ -340,7 +342,7 @@ def shifts_within(window: PreparedWindow, entry: int, tolerance_s: float) -> Flo
     return np.asarray(shifts[(onset_s + shifts > start_s) & (onset_s + shifts < stop_s)])
 
 
-def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float]) -> FloatArray:
+def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float]) -> AtomSignals:
     """Return the signal of an entry that begins and ends later by some times.
 
     Parameters
@@ -349,13 +351,13 @@ def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float
 
     Returns
     -------
-    (n_samples, n_outputs, n_shifts), filtered and decimated as those of the window are.
+    (n_samples, n_outputs, n_shifts), filtered, decimated and held as those of the window are.
     """
     fault, size = window.faults[entry], window.sizes.get(entry, 0.0)
     return signals_of_faults(window, [fault.later(shift_s) for shift_s in shifts_s], [size] * len(shifts_s))
 
 
-def signals_of_faults(window: PreparedWindow, faults: Sequence[Fault], sizes: Sequence[float] = ()) -> FloatArray:
+def signals_of_faults(window: PreparedWindow, faults: Sequence[Fault], sizes: Sequence[float] = ()) -> AtomSignals:
     """Return (n_samples, n_outputs, n_faults) the signals of faults, as those of the window.
 
     That of a fault of a pressure line whose signal the log cannot tell is 0.
@@ -373,7 +375,7 @@ def signals_of_faults(window: PreparedWindow, faults: Sequence[Fault], sizes: Se
                     window.log, fault, window.response, window.outputs, size=size, with_slopes=False
                 )
     made = window.native.with_faults(faults, (*stated, *log_signals), log_signals)
-    return made.theta_decimated(window.rate.factor, window.lowpass)[0]
+    return made.theta_decimated(window.rate.factor, window.lowpass, in_stretches=window.signals.theta.in_stretches)[0]
 
 
 def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> PreparedWindow:
@@ -414,13 +416,13 @@ def _with_entries(window: PreparedWindow, faults: Mapping[int, Fault], sizes: Ma
         range(len(faults)),
         {n: log_signals[j] for n, j in enumerate(entries) if j in log_signals},
     )
-    rate, theta = (window.rate.factor, window.lowpass), window.signals.theta.copy()
-    theta[:, :, entries], largest[entries] = alone.theta_decimated(*rate)
+    rate, held = (window.rate.factor, window.lowpass), window.signals.theta
+    theta, largest[entries] = alone.theta_decimated(*rate, in_stretches=held.in_stretches)
     made = native.with_others(faults, log_signals)
     return replace(
         window,
         native=made,
-        signals=replace(window.signals, theta=theta, slopes=made.slopes_at(*rate)),
+        signals=replace(window.signals, theta=held.replaced(entries, theta), slopes=made.slopes_at(*rate)),
         largest=largest,
         sizes=dict(sizes),
     )
@@ -525,7 +527,7 @@ def selects_support(config: Config) -> bool:
 
 
 def unusable_atoms(
-    theta: FloatArray,
+    theta: AtomSignals,
     names: Sequence[str],
     indices: Sequence[int],
     report: Report = silent,
@@ -542,10 +544,8 @@ def unusable_atoms(
     selects : a few atoms are estimated together, so that one may be a combination of others, but not the same as one.
     """
     reasons: dict[int, str] = {}
-    n_samples, n_outputs, n_atoms = theta.shape
-    # Samples of all outputs are rows; the constant of an output is zero on the others.
-    constants, flat = np.kron(np.ones((n_samples, 1)), np.eye(n_outputs)), theta.reshape(-1, n_atoms)
-    travels, peaks = np.ptp(theta, axis=0).max(axis=0), np.abs(theta).max(axis=(0, 1))
+    constants, flat = constants_and_signals(theta)
+    travels, peaks = theta.travels().max(axis=0), theta.peaks().max(axis=0)
     first = constants.shape[1]
     bases = np.empty((len(flat), first + len(indices)), order="F")
     bases[:, :first] = constants / np.linalg.norm(constants, axis=0)

@@ -410,8 +410,8 @@ def _flight_fault(
     assert limit.excluded_above is not None
     length_s = limit.to_s - limit.from_s
     onset_s = float(rng.uniform(result.log.start_s, result.log.stop_s - length_s))
-    lies_in = any(look.from_s <= onset_s and onset_s + length_s <= look.to_s + length_s for look in result.windows)
-    if not lies_in or any(from_s <= onset_s + length_s and onset_s <= to_s for from_s, to_s, _ in result.unwatched):
+    is_watched = any(look.from_s <= onset_s <= look.to_s for look in result.windows)
+    if not is_watched or any(from_s <= onset_s + length_s and onset_s <= to_s for from_s, to_s, _ in result.unwatched):
         return None
     sign = 1.0 if SHAPES[shape].is_loss else float(rng.choice([-1.0, 1.0]))
     channel = limit.fault if has_channel(shape) else ""

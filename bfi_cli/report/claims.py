@@ -29,9 +29,9 @@ MOST_ROWS = 12
 # Range of the axis of that figure: factors below and above the tolerance, and above the largest limit.
 BELOW, ABOVE, ROOM = 30.0, 4.0, 1.3
 HIDDEN_CAPTION = (
-    "The largest error that each fault could make on its channel within the window without being declared. A bar that "
-    "ends before the grey area is excluded: a larger fault would be declared (90 % power), and the log contradicts it. "
-    "A bar that reaches into the grey area is not seen: an error beyond the tolerance could be there."
+    "The largest error of each fault on its channel within the window that the log does not contradict. A bar that "
+    "ends before the grey area is excluded. A bar that reaches into the grey area is not seen: an error beyond the "
+    "tolerance could be there."
 )
 
 

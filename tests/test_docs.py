@@ -23,6 +23,7 @@ PAGES = sorted([ROOT / "README.md", ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.
 EXAMPLES = sorted((DOCS / "examples").glob("*.py"))
 LARGEST_PICTURE = 120_000  # bytes: a page with all of them loads in a second or two
 LONGEST_EXAMPLE = 40  # lines: what fits on a screen
+MOST_WORDS = 30_000  # written by hand in all pages: two hours of reading
 
 
 def script(name: str) -> ModuleType:
@@ -154,6 +155,14 @@ def test_a_new_run_on_sparsity_replaces_its_section_of_the_page_alone() -> None:
 def test_the_page_of_documents_names_the_schema() -> None:
     text = (DOCS / "documents.md").read_text("utf-8")
     assert f"`schema` ({SCHEMA}; `bfi report` reads analyses from {min(OLDEST_READ.values())} on)" in text
+
+
+def test_the_pages_are_read_in_two_hours() -> None:
+    """What is made from the code (pages, tables, outputs), displayed equations and the list of changes do not count."""
+    made = {"CHANGELOG.md", "api.md", "commands.md"}
+    texts = [re.sub(r"^<!-- \w+: .*?^<!-- end -->|\$\$.*?\$\$", "", prose(page), flags=re.DOTALL | re.MULTILINE)
+             for page in PAGES if page.name not in made]  # fmt: skip
+    assert sum(len(re.findall(r"\S*[A-Za-z]\S*", text)) for text in texts) <= MOST_WORDS
 
 
 def test_the_index_names_every_page_and_example() -> None:

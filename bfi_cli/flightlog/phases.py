@@ -380,7 +380,7 @@ def _on_grid(
     speed = next(iter(means.values()))
     pitch, bank, aoa = channel("pitch"), channel("roll"), channel("aoa")
     rate, load = channel("altitude_rate"), channel("normal_acc")
-    height = next((values for name in HEIGHTS if (values := channel(name)) is not None), None)
+    height, satellites = (*(values for name in HEIGHTS if (values := channel(name)) is not None), None, None)[:2]
     if rate is None and height is not None:
         rate = np.gradient(height, step_s) if height.size > 1 else np.zeros(1)
     elif rate is None and pitch is not None and aoa is not None:
@@ -393,6 +393,7 @@ def _on_grid(
         {name: equivalent(name, values, height) for name, values in means.items()},
         ground_speed=None if over_ground is None else mean(over_ground),
         height=height,
+        satellites=satellites,
         levels=[] if thrust is None else [thrust],
         moving=[group for group in (attitude, [] if load is None else [load]) if group],
         scale_m=cruise**2 / GRAVITY,

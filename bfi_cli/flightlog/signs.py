@@ -1,13 +1,14 @@
 """Whether the aircraft flies: a vote of the independent signs of a log, and the airspeeds that contradict it.
 
 An airspeed may be the faulty channel, so that no single airspeed decides. Signs are the airspeeds (one vote together,
-since they belong to one air-data system), the ground speed, the altitude, the motion of the attitude, that of the load,
-and the thrust. What is usual in flight and on the ground for motion and thrust, the log itself tells.
+since they belong to one air-data system), the ground speed, the altitude, the height of satellites beside a pressure
+altitude, the motion of the attitude, that of the load, and the thrust. What is usual in flight and on the ground for
+motion and thrust, the log itself tells.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
@@ -133,6 +134,7 @@ def decide(
     *,
     ground_speed: FloatArray | None,
     height: FloatArray | None,
+    satellites: FloatArray | None,
     levels: Sequence[FloatArray],
     moving: Sequence[Sequence[FloatArray]],
     scale_m: float,
@@ -142,14 +144,14 @@ def decide(
 
     1. What each speed claims: ground where it is too slow to bear the aircraft and comes down to that of taxiing.
     2. Claims that differ for less than LONG differ about when, not about whether: those of the majority count.
-    3. Every run of equal claims is decided by the votes of all signs; where they are equal the altitude decides, which
-       no airspeed fault can move, and where it does not say, the airspeeds.
+    3. Every run of equal claims is decided by the votes of all signs; where they are equal the satellites decide, which
+       share no line with the airspeeds, then the altitude, and where it does not say, the airspeeds.
 
     Parameters
     ----------
     airspeeds : equivalent ones by channel, the one that is used first, (n,) on a grid and NaN where they are not known,
         as the other signs, which are None or empty where there are none.
-    height : pressure altitude, m, or an integral of its rate.
+    height : pressure altitude, m, or an integral of its rate; satellites : height by satellites beside it, m.
     levels : signals that are larger in flight than on the ground; moving : groups of signals that move more.
     scale_m : V^2 / g; long : samples that are LONG.
     """
@@ -179,40 +181,61 @@ def decide(
         still = np.flatnonzero(rests[run]) if n_ground else np.empty(0, dtype=int)
         core = (low + int(still[0]), low + int(still[-1]) + 1) if still.size >= long else (low, high)
         others: list[int] = []
-        altitude = _altitude_says(height, (low, high), core, claimed, all_ground, scale_m=scale_m, long=long)
+        altitude, above = (
+            _altitude_says(heights, (low, high), core, claimed, all_ground, scale_m=scale_m, long=long)
+            for heights in (height, satellites)
+        )
+        if high - low >= long and ground_speed is not None and known["ground_speed"][low]:
+            above += 1 if claims["ground_speed"][low] else -1
         if high - low >= long:
-            if ground_speed is not None and known["ground_speed"][low]:
-                others.append(1 if claims["ground_speed"][low] else -1)
             outside = np.ones(n, dtype=bool)
             outside[run] = False
             usual = (all_ground & outside, all_flight & outside)
             altitude = altitude or _usual(swing, slice(*core), *usual, long)  # one voice, of one sensor
             others += [_usual(values, slice(*core), *usual, long) for values in (*levels, *motions)]
-        votes = [np.sign(2 * n_ground - len(here)), altitude, *others]
-        total = sum(votes) or altitude or votes[0] or (2 * int(common[low]) - 1 if here else 0)
+        votes = [np.sign(2 * n_ground - len(here)), altitude, above, *others]
+        total = sum(votes) or above or altitude or votes[0] or (2 * int(common[low]) - 1 if here else 0)
         on_ground[run] = total > 0
         unknown[run] = total == 0
-        for name, says_ground in here.items() if high - low >= long else ():
-            at_rest = low + np.flatnonzero(airspeeds[name][run] < TAXI * cruises[name])
-            # An airspeed that says flight while none is at rest may be wind, which a drone on the ground measures too.
-            alone = n_ground < len(here)
-            is_wrong_on_ground = says_ground and total < 0 and (alone or at_rest.size >= long)
-            if is_wrong_on_ground or (not says_ground and total > 0 and n_ground):
-                against.append(
-                    Overruled(
-                        channel=name,
-                        run=(low, high),
-                        says="ground" if says_ground else "flight",
-                        alone=alone,
-                        certain=bool(total * sum(votes) > 0),
-                        latest=low if alone else int(at_rest[0]),
-                    )
-                )
+        if high - low >= long:
+            against += _overruled((low, high), here, airspeeds, cruises, sum(votes), total, long)
     # An unknown run between two of the same kind is of that kind.
     for low, high in runs(unknown):
         if low > 0 and high < n and on_ground[low - 1] == on_ground[high]:
             on_ground[low:high], unknown[low:high] = on_ground[low - 1], False
     return Verdict(on_ground=on_ground, unknown=unknown, claims=claims, against=tuple(_joined(against)))
+
+
+def _overruled(
+    run: Run,
+    claims: Mapping[str, bool],
+    airspeeds: Mapping[str, FloatArray],
+    cruises: Mapping[str, float],
+    votes: int,
+    total: int,
+    long: int,
+) -> Iterator[Overruled]:
+    """Yield the airspeeds of a run that the signs overrule.
+
+    Parameters
+    ----------
+    claims : by airspeed that is known, whether it says ground; votes, total : of all signs, before and after a tie.
+    """
+    low, n_ground = run[0], sum(claims.values())
+    for name, says_ground in claims.items():
+        at_rest = low + np.flatnonzero(airspeeds[name][slice(*run)] < TAXI * cruises[name])
+        # An airspeed that says flight while none is at rest may be wind, which a drone on the ground measures too.
+        alone = n_ground < len(claims)
+        is_wrong_on_ground = says_ground and total < 0 and (alone or at_rest.size >= long)
+        if is_wrong_on_ground or (not says_ground and total > 0 and n_ground):
+            yield Overruled(
+                channel=name,
+                run=run,
+                says="ground" if says_ground else "flight",
+                alone=alone,
+                certain=bool(total * votes > 0),
+                latest=low if alone else int(at_rest[0]),
+            )
 
 
 def _claims(

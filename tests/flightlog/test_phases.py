@@ -283,6 +283,23 @@ def test_two_circuits_have_two_landings() -> None:
     assert [len(named(found, name)) for name in ("take-off", "approach", "landing")] == [2, 2, 2]
 
 
+def test_a_static_line_blocked_low_over_a_field_is_no_landing_where_satellites_see_flight() -> None:
+    """Airspeed and altitude rest together, as on the ground: they share the line."""
+    signals = flight(50.0)
+    own, low = signals["time"] * G / 50.0, 105.0
+    dip = np.interp(own, [90.0, 130.0, 140.0, 150.0, 190.0], [900.0, 400.0, low, 400.0, 900.0])
+    signals["gps_altitude"] = np.fmin(signals["altitude"], dip)
+    signals["ground_speed"] = signals["cas"].copy()
+    blocked = (own > 140.0) & (own < 165.0)
+    signals["altitude"] = np.where(blocked, low, signals["gps_altitude"])
+    signals["cas"] = np.where(blocked, 0.0, signals["cas"])
+    kept = {name: values for name, values in signals.items() if name != "normal_acc"}
+    assert len(named(phases(kept), "landing")) == 1
+    assert len(named(phases(kept), NO_AIRSPEED)) == 1
+    with_pressures = tuple(name for name in kept if name not in ("gps_altitude", "ground_speed", "time"))
+    assert len(named(phases(kept, *with_pressures), "landing")) == 2
+
+
 @pytest.mark.parametrize("channel", ["gear", "flaps"])
 def test_an_approach_begins_where_gear_or_flaps_come_out_for_good(channel: str) -> None:
     signals = flight(50.0)

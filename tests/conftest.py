@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 # Tests of the laboratory, which no analysis of a log needs.
-LABORATORY = ("tests/lab/", "tests/aircraft/test_f16")
+LABORATORY = ("tests/lab/", "tests/aircraft/f16/")
 
 threadpool_limits(1)
 # Answers are as wide as in a pipe, whatever terminal the tests are started from.

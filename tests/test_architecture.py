@@ -126,6 +126,14 @@ def test_every_module_has_a_floor():
     assert [name for name in MODULES if not unit(name)] == []
 
 
+def test_folders_of_tests_are_those_of_the_package():
+    """What runs on whole commands, on stored answers, on many trials or for its speed has folders of its own."""
+    files = PACKAGE.with_name("tests").rglob("test_*.py")
+    folders = {path.parent.relative_to(PACKAGE.with_name("tests")) for path in files}
+    others = {Path("lock"), Path("measurements"), Path("benchmarks")}
+    assert [str(folder) for folder in sorted(folders - others) if not (PACKAGE / folder).is_dir()] == []
+
+
 def test_imports_point_down():
     wrong = {
         f"{name} -> {target[1:]}"

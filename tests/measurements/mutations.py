@@ -37,9 +37,13 @@ FLIGHT_LIMITS = (
     "tests/flight/test_*looks*.py",
     "tests/flight/test_*lasting*.py",
 )
-RELATIONS = ("tests/parity/test_*static_relations*.py", "tests/parity/test_*limits*.py")
-ONSET_CLAIMS = ("tests/onset/test_*claims*.py", "tests/onset/test_*decision*.py", "tests/onset/test_*excluded*.py")
-MAGNITUDES = ("tests/preprocessing/test_*magnitudes*.py", "tests/preprocessing/test_*limits*.py")
+RELATIONS = ("tests/flight/parity/test_*static_relations*.py", "tests/flight/parity/test_*limits*.py")
+ONSET_CLAIMS = (
+    "tests/model/onset/test_*claims*.py",
+    "tests/model/onset/test_*decision*.py",
+    "tests/model/onset/test_*excluded*.py",
+)
+MAGNITUDES = ("tests/model/preprocessing/test_*magnitudes*.py", "tests/model/preprocessing/test_*limits*.py")
 SINES = ("tests/kernels/onset/test_sines.py",)
 LINES = (
     Line(
@@ -216,7 +220,7 @@ LINES = (
         "flight/parity/explain.py",
         "TAILS = 1.3",
         ("TAILS = 1.0", "TAILS = 1.2", "TAILS = 1.5"),
-        ("tests/parity/test_explain.py",),
+        ("tests/flight/parity/test_explain.py",),
     ),
     Line(
         "kernels/onset/sines.py",
@@ -228,7 +232,7 @@ LINES = (
         "flight/parity/residuals.py",
         "BIAS_SD = 0.05",
         ("BIAS_SD = 0.1", "BIAS_SD = 0.025"),
-        ("tests/parity/test_residuals.py",),
+        ("tests/flight/parity/test_residuals.py",),
     ),
     Line(
         "flight/parity/residuals.py",
@@ -238,7 +242,7 @@ LINES = (
             "np.column_stack([ahead * height[:, None], ahead]), np.array([WIND_SD, WIND_SD, SHEAR_SD, SHEAR_SD])",
             "np.column_stack([ahead, height[:, None] / ahead]), np.array([WIND_SD, WIND_SD, SHEAR_SD, SHEAR_SD])",
         ),
-        ("tests/parity/test_residuals.py",),
+        ("tests/flight/parity/test_residuals.py",),
     ),
     Line(
         "flight/parity/residuals.py",
@@ -248,10 +252,15 @@ LINES = (
             "slow=lambda t: 0.15**2 * np.minimum(t[:, None], t[None, :]),",
             "slow=_exponential(0.3, 30.0),",
         ),
-        ("tests/parity/test_residuals.py",),
+        ("tests/flight/parity/test_residuals.py",),
     ),
     # Between 3 and 1000 nothing depends on it; at 1 a large fault has no square, at 10 000 it is none.
-    Line("flight/parity/scan.py", "LARGE = 300.0", ("LARGE = 1.0", "LARGE = 10000.0"), ("tests/parity/test_scan.py",)),
+    Line(
+        "flight/parity/scan.py",
+        "LARGE = 300.0",
+        ("LARGE = 1.0", "LARGE = 10000.0"),
+        ("tests/flight/parity/test_scan.py",),
+    ),
     Line(
         "flight/parity/scan.py",
         "return np.asarray(STEP_S * (np.cumsum(known, axis=0) - 0.5 * known))",
@@ -260,7 +269,7 @@ LINES = (
             "return np.asarray(STEP_S * (np.cumsum(known, axis=0) + 0.5 * known))",
             "return np.asarray(STEP_S * (np.cumsum(known, axis=0) - known))",
         ),
-        ("tests/parity/test_scan.py",),
+        ("tests/flight/parity/test_scan.py",),
     ),
     Line(
         "flight/parity/holds.py",
@@ -270,7 +279,7 @@ LINES = (
             "STILL, HIDDEN, MOTIONLESS = 1.0 / 3.0, 1.0, 0.1",
             "STILL, HIDDEN, MOTIONLESS = 1.0 / 3.0, 0.5, 0.3",
         ),
-        ("tests/parity/test_*holds*.py",),
+        ("tests/flight/parity/test_*holds*.py",),
     ),
     Line(
         "airdata/motion.py",

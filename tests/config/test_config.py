@@ -15,7 +15,7 @@ from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import ConfigError, DictionaryError
 from bfi_cli.yaml12 import load_yaml
 
-CONFIGS = Path(__file__).parent.parent / "configs"
+CONFIGS = Path(__file__).parents[2] / "configs"
 DEFAULTS = """
 inputs: [elevator]
 outputs: [tas]

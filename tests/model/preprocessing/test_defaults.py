@@ -20,7 +20,7 @@ from bfi_cli.dictionary import SHIPPED, load_dictionary
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.model.preprocessing.defaults import with_defaults_of
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = Path(__file__).parents[3] / "configs"
 TIME_S = np.arange(0.0, 1200.0, 0.2)
 # At rest, a take-off run, a flight, a landing, at rest; an altitude above the field.
 FLIGHT = np.interp(TIME_S, [0, 280, 330, 870, 930, 1200], [0, 0, 1, 1, 0, 0])

@@ -26,7 +26,7 @@ from bfi_cli.model.preprocessing.window import prepare_window, with_inputs_of
 from bfi_cli.provenance import provenance
 from bfi_cli.serialization import to_json
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 THESIS = ROOT / "configs" / "thesis_dictionary.yaml"
 WHOLE = {"shape": "sine", "frequency_hz": 0.5, "name": "whole", "onset_s": 0}
 EXACT = merge(Config(), {"onset_tolerance_s": 0.0})

@@ -20,7 +20,7 @@ from bfi_cli.model.preprocessing.regression import build_regression, feasible_or
 from bfi_cli.model.preprocessing.signals import decimate_native
 from bfi_cli.model.preprocessing.window import prepare_window, regression_of
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 THESIS = ROOT / "configs" / "thesis_dictionary.yaml"
 BOTH = {
     "relative_to": "window",

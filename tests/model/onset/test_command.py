@@ -19,7 +19,7 @@ from bfi_cli.model.onset.report import onset_from_document
 from bfi_cli.provenance import Provenance
 from bfi_cli.serialization import from_plain
 
-DATA = Path(__file__).parents[2] / "data"
+DATA = Path(__file__).parents[3] / "data"
 BIAS, CLEAN = DATA / "citation_bias.h5", DATA / "citation_clean.h5"
 QUICK = ("--rate", "10", "--order", "4", "--shape", "bias")
 FAULT_KEYS = {"shape", "channel", "magnitude", "unit", "physical", "sd", "ci95", "onset_s", "onset_ci95", "offset_s"}

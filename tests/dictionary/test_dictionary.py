@@ -16,7 +16,7 @@ from bfi_cli.errors import DictionaryError
 from bfi_cli.faults import COMMON_KEYS, Fault, fault_from_dict, unit_signal
 from bfi_cli.faults.shapes import IN_DICTIONARY, KEY_RULES, LINE_SHAPES, PARAMETERS, SEARCHED, SHAPES
 
-CONFIGS = Path(__file__).parent.parent / "configs"
+CONFIGS = Path(__file__).parents[2] / "configs"
 
 
 def names(**document):

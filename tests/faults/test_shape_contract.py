@@ -15,7 +15,7 @@ from bfi_cli.commands import run_command
 from bfi_cli.faults.shapes import IN_DICTIONARY, SCANNED, SHAPES
 from bfi_cli.flightlog import Channel, read_log, write_log
 
-CLEAN = Path(__file__).parents[1] / "data" / "citation_clean.h5"
+CLEAN = Path(__file__).parents[2] / "data" / "citation_clean.h5"
 QUICK = ("--rate", "10", "--order", "2", "--json", "--series")
 HEAD = "SHAPES: Mapping[str, FaultShape] = {\n"
 # It rises to 1 as the square of what a lag has left to rise: a row as somebody may add it.

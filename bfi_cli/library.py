@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .config import Config
     from .detection import DetectResult
     from .dictionary import Dictionary
+    from .faults.ordinary import Occurrence
     from .flight import DiagnoseResult
     from .flight.plausibility import Implausible
     from .flightlog import FlightLog
@@ -316,6 +317,7 @@ class Simulation(TypedDict, total=False):
     tas_m_s, altitude_m : at the start, of f16 and jsbsim; wind_m_s : to the north and east, of jsbsim.
     duration_s, rate_hz : of the log, 31.72 s at 100 Hz.
     noise_sd, quantum : white noise and steps of outputs by name; turbulence_m_s : intensity of Dryden gusts.
+    ordinary : what happens in a flight of jsbsim, of `bfi_cli.jsbsim.ordinary.SIMULATED`.
     seed : of noise and turbulence, 0.
     """
 
@@ -333,6 +335,7 @@ class Simulation(TypedDict, total=False):
     quantum: Mapping[str, float]
     turbulence_m_s: float
     discretisation: Discretisation
+    ordinary: Sequence[Occurrence]
     seed: int
 
 
@@ -352,6 +355,7 @@ SIMULATION = Simulation(
     quantum={},
     turbulence_m_s=0.0,
     discretisation="zoh",
+    ordinary=(),
     seed=0,
 )
 
@@ -378,14 +382,19 @@ def simulate(model: str | Path, *, progress: Progress = unseen, **settings: Unpa
     flown: Simulation = {**SIMULATION, **settings}
     tour = flown["manoeuvre"] == "tour"
     plan = aircraft.FlightPlan(
-        tas_m_s=flown["tas_m_s"], altitude_m=flown["altitude_m"], wind_m_s=flown["wind_m_s"], tour=tour
+        tas_m_s=flown["tas_m_s"],
+        altitude_m=flown["altitude_m"],
+        wind_m_s=flown["wind_m_s"],
+        tour=tour,
+        ordinary=tuple(flown["ordinary"]),
     )
     aeroplane: aircraft.LinearModel | aircraft.NonlinearModel
     if isinstance(model, Path):
         aeroplane = load_model(model)
         if plan != aircraft.FlightPlan():
             raise ConfigError(
-                f"{aeroplane.name}: flies straight from its own trim; leave out --tas, --altitude, --wind and the tour"
+                f"{aeroplane.name}: flies straight from its own trim; leave out --tas, --altitude, --wind, "
+                "--ordinary and the tour"
             )
     else:
         aeroplane = aircraft.find_model(model, plan)

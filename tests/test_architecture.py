@@ -26,8 +26,8 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 FLOORS = (
     ("epoch", "errors", "guard", "kernels", "methods", "notes", "printable", "provenance"),
     ("airdata", "engine", "files", "programs", "quantities", "yaml12"),
-    ("faults", "jsbsim", "serialization"),
-    ("decision", "dictionary", "flightlog", "journal"),
+    ("faults", "serialization"),
+    ("decision", "dictionary", "flightlog", "journal", "jsbsim"),
     ("aircraft", "config", "report"),
     ("model",),
     ("audit", "detection", "diagnosability", "flight"),

@@ -395,7 +395,37 @@ COMMANDS = {
         for name in ("two_samples.csv", "three_samples.csv")
         for command in SHORT[1:]
     },
-    "inject good.csv -o new.h5": (2, "bfi inject: --fault is missing; give --fault SPEC"),
+    "inject good.csv -o new.h5": (2, "bfi inject: nothing to add; give --fault SPEC or --ordinary CAUSE@S"),
+    **{
+        f"inject good.csv -o new.h5 --ordinary '{cause}'": (2, f"--ordinary{said}")
+        for cause, said in {
+            "": ": not a cause, its time and perhaps its size, got ''; write one like altimeter_set@4780",
+            "wake": ": not a cause, its time and perhaps its size, got 'wake'; write one like",
+            "@30": ": not a cause, its time and perhaps its size, got '@30'; write one like",
+            "wake@soon": ": not a cause, its time and perhaps its size, got 'wake@soon'; write one like",
+            "wak@30": ": cannot be made, got 'wak'; did you mean 'wake'?",
+            "flaps@30": ": cannot be made, got 'flaps'; known: altimeter_set, attitude_settles, wake, clock",
+            "wake@nan": " wake@nan: the time must be finite, got nan; give",
+            "wake@30:": " wake@30:: the size is no number, got ''; write one like 3 m/s",
+            "wake@30:much": " wake@30:much: the size is no number, got 'much'; write one like 3 m/s",
+            "wake@30:0": " wake@30:0: the size must be finite and not 0, got 0; write one like 3 m/s",
+            "wake@30:inf": " wake@30:inf: the size must be finite and not 0, got inf; write one like 3 m/s",
+            "wake@30:2K": " wake@30:2K: the size is in m/s, got '2K'; write one like 3 m/s",
+            "wake@30:2xx": " wake@30:2xx: unknown unit 'xx'; give an SI unit",
+            "clock@30:2s": " clock@30:2s: the size is in no unit, got '2s'; write one like 5",
+        }.items()
+    },
+    "inject good.csv -o new.h5 --ordinary wake@1000": (3, "'wake' at 1000 s is outside: the log has 0 to 59.9 s; give"),
+    "inject good.csv -o new.h5 --ordinary attitude_settles@30": (3, "'attitude_settles' needs pitch; the log has: ele"),
+    "inject good.csv -o new.h5 --ordinary altimeter_set@30": (3, "'altimeter_set' needs baro_altitude; the log has: "),
+    "simulate citation -o new.h5 --ordinary flaps@3": (2, "leave out --tas, --altitude, --wind, --ordinary and the"),
+    "simulate jsbsim:c172p -o new.h5 --ordinary flap@3": (
+        2,
+        "--ordinary: cannot be made, got 'flap'; did you mean 'fl",
+    ),
+    "simulate jsbsim:c172p -o new.h5 --ordinary flaps": (2, "--ordinary: not a cause, its time and perhaps its size"),
+    "simulate jsbsim:c172p -o new.h5 --ordinary flaps@300": (2, "at 300 s, and the log ends at 31.72 s; give a time"),
+    "simulate jsbsim:c172p -o new.h5 --ordinary flaps@-1": (2, "at -1 s, and the log ends at 31.72 s; give a time"),
     "inject good.csv -o new.h5 --fault bais,onset_s=3": (2, "shape: unknown shape, got 'bais'; did you mean 'bias'?"),
     "inject good.csv -o new.h5 --fault ''": (2, "shape: unknown shape, got ''; known: bias, drift"),
     "inject good.csv -o new.h5 --fault =": (2, "shape: unknown shape, got null; known: bias, drift"),

@@ -151,10 +151,10 @@ def find_model(name: str, plan: FlightPlan | None = None) -> LinearModel | Nonli
     if not isinstance(model, NonlinearModel):
         raise ConfigError(
             f"{name}: a linear model flies straight from its own trim, in still air; leave out --tas, --altitude, "
-            "--wind and the tour"
+            "--wind, --ordinary and the tour"
         )
-    if plan.wind_m_s != (0.0, 0.0) or plan.tour:
-        raise ConfigError(f"{name}: flies straight, in still air; leave out --wind and the tour")
+    if plan.wind_m_s != (0.0, 0.0) or plan.tour or plan.ordinary:
+        raise ConfigError(f"{name}: flies straight, in still air; leave out --wind, --ordinary and the tour")
     given = {"tas_m_s": plan.tas_m_s, "altitude_m": plan.altitude_m}
     start = replace(CRUISE, **{key: value for key, value in given.items() if value is not None})
     return replace(model, fly=partial(fly, start=start))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from functools import cache
 from typing import Any
 
@@ -49,7 +50,15 @@ def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
     if not np.isfinite([0.0 if plan.tas_m_s is None else plan.tas_m_s, *plan.wind_m_s]).all():
         raise ConfigError(f"{who}: airspeed and wind must be numbers, got {plan.tas_m_s} and {plan.wind_m_s} m/s")
     tas = _airspeed(name, plan.tas_m_s, altitude)
-    start = {"do": "fly", "name": name, "tas_m_s": tas, "altitude_m": altitude, "tour": plan.tour}
+    made = [asdict(occurrence) for occurrence in plan.ordinary]
+    start = {
+        "do": "fly",
+        "name": name,
+        "tas_m_s": tas,
+        "altitude_m": altitude,
+        "tour": plan.tour,
+        "ordinary": made,
+    }
 
     def fly(deviations: FloatArray, rate_hz: float, gusts: FloatArray | None, report: Report = silent) -> Flown:
         """Return the flight in gusts and in the plan's wind."""
@@ -70,6 +79,7 @@ def jsbsim_model(name: str, plan: FlightPlan) -> NonlinearModel:
         source="JSBSim, an open-source flight dynamics model, and the aircraft that it brings",
         airspeed_m_s=tas,
         travel={"elevator": 1.0, "throttle": 1.0},
+        ordinary=plan.ordinary,
     )
 
 

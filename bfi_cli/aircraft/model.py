@@ -11,6 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from ..errors import ConfigError
+from ..faults.ordinary import Occurrence
 from ..faults.validation import Number, Positive, Rules, Text, validate
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
@@ -171,12 +172,14 @@ class FlightPlan:
     tas_m_s, altitude_m : of the level flight that the log begins with.
     wind_m_s : steady wind, to the north and to the east.
     tour : a pilot flies climbs, descents and turns, see `bfi_cli.jsbsim.pilot`.
+    ordinary : what happens in it, of `bfi_cli.jsbsim.ordinary.SIMULATED`.
     """
 
     tas_m_s: float | None = None
     altitude_m: float | None = None
     wind_m_s: tuple[float, float] = (0.0, 0.0)
     tour: bool = False
+    ordinary: tuple[Occurrence, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -204,6 +207,7 @@ class NonlinearModel:
     source : where the numbers come from.
     airspeed_m_s : true airspeed of the trimmed flight; None where gusts are not modelled.
     manoeuvred : inputs that a manoeuvre moves, all alike; default the first input.
+    ordinary : what happens in a flight, see `FlightPlan`.
     """
 
     name: str
@@ -217,6 +221,7 @@ class NonlinearModel:
     units: Mapping[str, str] = field(default_factory=dict)
     travel: Mapping[str, float] = field(default_factory=dict)
     report: Report = silent
+    ordinary: tuple[Occurrence, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "units", _all_units(self.units, (*self.inputs, *self.outputs)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -9,7 +10,8 @@ import numpy as np
 
 from ..errors import ConfigError
 from ..faults import did_you_mean
-from ..flightlog.record import Channel, FlightLog, frozen_array
+from ..flightlog.record import Channel, FlightLog, Truth, frozen_array
+from ..jsbsim.ordinary import GUSTS as GUSTS_BEGIN
 from ..kernels import FloatArray
 from ..notes import Note
 from .model import Discretisation, Flown, LinearModel, NonlinearModel, propagate, response
@@ -290,7 +292,9 @@ def simulate(
         unit, values = model.units[name], frozen_array(values)
         channels[name] = Channel(name=name, values=values, unit=unit, source=name, source_unit=unit)
     time_s = frozen_array(np.arange(len(u)) / rate_hz)
-    return FlightLog(path=model.name, time_s=time_s, channels=channels, filters=(), notes=flown.notes)
+    made = model.ordinary if isinstance(model, NonlinearModel) else ()
+    truth = Truth(ordinary=made) if made else None
+    return FlightLog(path=model.name, time_s=time_s, channels=channels, truth=truth, filters=(), notes=flown.notes)
 
 
 def _gusts(
@@ -298,14 +302,24 @@ def _gusts(
 ) -> FloatArray | None:
     """Return gusts of a six-degrees-of-freedom flight, (n, 3): headwind, from the right, upward; None in calm air.
 
-    Across the flight path the spectrum is that of the upward gusts, as at medium and high altitudes.
+    Across the flight path the spectrum is that of the upward gusts, as at medium and high altitudes. Turbulence that
+    begins on the way is added to them.
     """
-    if turbulence is None or model.airspeed_m_s is None:
+    if model.airspeed_m_s is None:
         return None
     size = {"airspeed_m_s": model.airspeed_m_s, "rate_hz": rate_hz}
     (across,) = rng.spawn(1)
-    ahead = dryden_gusts(turbulence, n_samples, rng=rng, **size)
-    return np.insert(ahead, 1, dryden_gusts(turbulence, n_samples, rng=across, **size)[:, 1], axis=1)
+    parts = [] if turbulence is None else [(turbulence, 0, rng, across)]
+    for made in model.ordinary:
+        if made.cause == GUSTS_BEGIN and made.size is not None:
+            first = min(max(math.ceil(made.at_s * rate_hz), 0), n_samples)
+            along, aside = rng.spawn(2)
+            parts.append((Dryden(sigma_m_s=abs(made.size)), first, along, aside))
+    gusts = np.zeros((n_samples, 3))
+    for dryden, first, along, aside in parts:
+        ahead = dryden_gusts(dryden, n_samples, rng=along, **size)
+        gusts[first:] += np.insert(ahead, 1, dryden_gusts(dryden, n_samples, rng=aside, **size)[:, 1], axis=1)[first:]
+    return gusts if parts else None
 
 
 def _fly_linear(

@@ -119,17 +119,12 @@ def _magnitudes(context: click.Context, option: click.Parameter, texts: tuple[st
 
 def _events(_context: click.Context, _option: click.Parameter, texts: tuple[str, ...]) -> list[dict[str, str | float]]:
     """Return ordinary causes with their times, s."""
-    events: list[dict[str, str | float]] = []
-    for text in texts:
-        cause, _, at_s = text.partition("@")
-        try:
-            events.append({"cause": cause.strip(), "at_s": float(at_s)})
-        except ValueError:
-            from ..faults import shown
+    if not texts:
+        return []
+    from ..faults.ordinary import parse_occurrence
 
-            what = f"not a cause and its time, got {shown(text)}; write one like flaps@4780, in the log's seconds"
-            raise ConfigError(f"--event: {what}") from None
-    return events
+    stated = [parse_occurrence(text, where="--event") for text in texts]
+    return [{"cause": occurrence.cause, "at_s": occurrence.at_s} for occurrence in stated]
 
 
 def _with_json(context: click.Context, _option: click.Parameter, given: bool) -> bool:

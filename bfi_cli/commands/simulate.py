@@ -20,6 +20,11 @@ AMPLITUDE = """
 THROTTLE = "Size of a throttle doublet that follows the manoeuvre, of f16 and jsbsim; 1 is the lever's travel."
 WIND = "Steady wind in m/s to the north and east, of jsbsim.  [default: calm]"
 
+ORDINARY = """
+    What ordinarily happens at a second of the log, of SIZE, in SI or with its unit, of jsbsim; repeatable: flaps (part
+    of their travel), altitude_held (by an autopilot for so long, s), on_ground (approach from this height, m, and
+    landing), gusts (turbulence begins, m/s), wind (a front, m/s), wind_shear (by height, 1/s)."""
+
 
 def _check(context: click.Context, options: dict[str, Any]) -> None:
     """Refuse options that cannot be, or that move nothing.
@@ -77,13 +82,16 @@ def _check(context: click.Context, options: dict[str, Any]) -> None:
 @click.option("--noise", metavar="NAME=SD", multiple=True, callback=SIZES, help="White noise of an output; repeatable.")
 @click.option("--quantum", metavar="NAME=STEP", multiple=True, callback=SIZES, help="Step of an output; repeatable.")
 @click.option("--turbulence", metavar="SIGMA", type=float, default=0.0, show_default=True, help="Dryden gusts, in m/s.")
+@click.option("--ordinary", "causes", metavar="CAUSE@S[:SIZE]", multiple=True, help=ORDINARY)
 @click.option("--discretisation", type=click.Choice(["zoh", "bilinear", "euler"]), default="zoh", show_default=True)
 @click.option(
     "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of noise and turbulence."
 )
 @with_options("progress", "as_json")
 @click.pass_context
-def command(context: click.Context, /, name: str | None, model_file: str | None, **options: Any) -> None:
+def command(
+    context: click.Context, /, name: str | None, model_file: str | None, causes: tuple[str, ...], **options: Any
+) -> None:
     """Write a flight log of MODEL in straight flight with a manoeuvre of its elevators.
 
     MODEL is citation, citation-short-period, b747 (Boeing 747-100/200: four elevators, stabiliser, four engines),
@@ -93,10 +101,17 @@ def command(context: click.Context, /, name: str | None, model_file: str | None,
     (--manoeuvre tour). --model takes any linear one, such as configs/citation_model.yaml.
     Noise and steps are in the output's unit, m/s or rad: --noise tas=0.01 --quantum tas=0.03.
     """
+    from ..faults.ordinary import parse_occurrence
     from ..files import check_files
+    from ..jsbsim.ordinary import SIMULATED
     from ..library import simulate
 
     _check(context, options)
+    ordinary = [parse_occurrence(text, where="--ordinary", makings=SIMULATED) for text in causes]
+    for made in ordinary:
+        if not 0.0 <= made.at_s < options["duration"]:
+            what = f"'{made.cause}' at {made.at_s:g} s, and the log ends at {options['duration']:g} s"
+            raise ConfigError(f"--ordinary: {what}; give a time in it, or a longer --duration")
     check_files([options["out_file"]], inputs=() if model_file is None else (model_file,), force=options["force"])
     model = name if model_file is None else Path(model_file)
     if model is None or (name and model_file):
@@ -121,6 +136,7 @@ def command(context: click.Context, /, name: str | None, model_file: str | None,
             quantum=options["quantum"],
             turbulence_m_s=options["turbulence"],
             discretisation=options["discretisation"],
+            ordinary=ordinary,
             seed=options["seed"],
             progress=progress,
         )

@@ -26,12 +26,10 @@ from ..report.first_screen import (
 )
 from .limits import AIRSPEEDS
 from .result import DiagnoseResult, Event, FlightLimit, OrdinaryEvent
-from .tables import ON_GROUND
 from .tables import ORDINARY as CAUSES
 
 # What a channel does that has short defects of a shape.
 SHORT = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}
-TEXT_OF_CAUSE = {name: cause.text for name, cause in CAUSES.items()} | {ON_GROUND: "the aircraft is on the ground"}
 PITOT = ("pitot_blocked", "pitot_leak", "pitot_icing", "pitot_water")
 STATIC = ("static_blocked", "static_leak")
 # By fault what a mechanic looks at first.
@@ -209,11 +207,15 @@ def _tolerance_of(event: Event, limits: Sequence[FlightLimit], units: Units) -> 
     return "" if known is None else f" of {change(known.tolerance, units.of(known.effect_unit, channel=known.channel))}"
 
 
+def cause_in_words(name: str) -> str:
+    """Return what happened, as a report says it."""
+    return CAUSES[name].text if name in CAUSES else name.replace("_", " ")
+
+
 def _ordinary_in_words(event: OrdinaryEvent) -> str:
     """Return what happens in any flight, and when: "flaps or gear move at 4780 s"."""
-    text = TEXT_OF_CAUSE.get(event.cause, event.cause.replace("_", " "))
     at = f"at {event.from_s:.0f} s" if event.to_s is None else f"from {event.from_s:.0f} to {event.to_s:.0f} s"
-    return f"{text} {at}{', as is stated' if event.stated else ''}"
+    return f"{cause_in_words(event.cause)} {at}{', as is stated' if event.stated else ''}"
 
 
 def _unwatched_in_words(unwatched: Sequence[tuple[float, float, str]]) -> list[str]:

@@ -12,8 +12,10 @@ from ..airdata import IMPACT_SOURCES
 from ..config import Config, Diagnose
 from ..errors import ConfigError, LogError
 from ..faults import did_you_mean, shown
+from ..faults.ordinary import Occurrence
 from ..flightlog import FlightLog
 from ..flightlog.defects import Defect, find_defects, with_bridges, without_defects
+from ..flightlog.ordinary import check_within
 from ..flightlog.phases import NO_AIRSPEED, Disagreement, Phase, find_phases
 from ..flightlog.plausible import IN_FLIGHT, impossible_median, sentence_of_impossible
 from ..flightlog.recorder import with_seen_recorder
@@ -284,10 +286,7 @@ def _check_causes(log: FlightLog, config: Diagnose) -> None:
             raise ConfigError(f"{place}.cause: {what}")
         if not config.judge:
             raise ConfigError(f"{place}: nothing is weighed without the judge; leave out --no-judge or the event")
-        start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1])
-        if not start_s <= known.at_s <= stop_s:
-            span = f"the log has {start_s:g} to {stop_s:g} s"
-            raise LogError(f"{log.path}: '{known.cause}' at {known.at_s:g} s is outside: {span}; give a time in it")
+        check_within(log, Occurrence(cause=known.cause, at_s=known.at_s))
 
 
 def _check_channels(log: FlightLog, config: Config) -> None:

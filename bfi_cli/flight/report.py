@@ -21,7 +21,7 @@ from ..report.log import lane_panel
 from ..report.proof import proof_tables, with_plain_proofs, with_proof_entries
 from ..report.timeline import Happening, bands_of, lanes_of, lines_at, phase_table
 from ..serialization import csv_lines, document_of, from_plain, mapping, member, to_plain
-from .first_screen import TEXT_OF_CAUSE, diagnose_screen, event_in_words, second
+from .first_screen import cause_in_words, diagnose_screen, event_in_words, second
 from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse, OrdinaryEvent
 
 # What a channel does that has short defects of a shape.
@@ -246,7 +246,7 @@ def _ordinary_table(ordinary: Sequence[OrdinaryEvent], units: Units) -> tuple[Ta
         times = second(event.from_s), "-" if event.to_s is None else second(event.to_s)
         rows.append(
             (
-                TEXT_OF_CAUSE.get(event.cause, event.cause),
+                cause_in_words(event.cause),
                 *times,
                 event.looks_like.replace("_", " ") or "-",
                 size,

@@ -111,7 +111,7 @@ class Cause:
 
     Attributes
     ----------
-    jumps : by state the standard deviation of a jump.
+    jumps : by state the standard deviation of a jump; {} of one that is told by what is recorded alone.
     needs : rows of which one is recorded, () for any; unless : a channel that would show it, "" for none.
     text : what happened, as a report says it.
     """
@@ -373,4 +373,5 @@ ORDINARY: Mapping[str, Cause] = {
     ALTIMETER_SET: Cause(
         jumps={"setting": 150.0}, unit="m", text="the altimeter is set", needs=("altitude",), unless="baro_setting"
     ),
+    ON_GROUND: Cause(jumps={}, text="the aircraft is on the ground"),
 }

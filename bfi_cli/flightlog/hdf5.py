@@ -22,7 +22,7 @@ from ..quantities.units import si_unit, to_si
 from . import raw
 from .layouts import with_channels
 from .raw import LARGEST, LARGEST_CHUNK, Asked, FloatArray, RawLog, Track
-from .record import CLEAN, faults_from_json, nothing_between, segments_from_json
+from .record import CLEAN, faults_from_json, nothing_between, ordinary_from_json, segments_from_json
 
 if TYPE_CHECKING:
     import h5py
@@ -157,7 +157,7 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
     segments = next(filter(None, (segments_from_json(text, where=f"{path}: segments") for text in texts)), ())
     has_filters = any("filters" in group.attrs for group in (node, file))
     has_truth = isinstance(truth, h5py.Group)
-    faults = _text(_attribute(truth, "faults")) or "[]" if has_truth else ""
+    faults, made = (_text(_attribute(truth, key)) or "[]" if has_truth else "" for key in ("faults", "ordinary"))
     return RawLog(
         columns=raw.with_stated_clock(columns, _text(stated("clock"))),
         sample_rate_hz=rate,
@@ -165,6 +165,7 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
         segments=segments,
         filters=filters_from_json(_text(stated("filters")), where=f"{path}: filters") if has_filters else None,
         faults=faults_from_json(faults, where=f"{path}: /truth faults") if has_truth else None,
+        ordinary=ordinary_from_json(made, where=f"{path}: /truth ordinary") if has_truth else (),
         clean={name: signal.track(rows) for name, signal in clean.items()},
         notes=notes,
         left_out=unlike,

@@ -21,11 +21,13 @@ from ..airdata import (
 from ..errors import DictionaryError, LogError
 from ..faults import Fault, active_samples, course, has_channel
 from ..faults.filters import recorded_signal, response_of
+from ..faults.ordinary import Occurrence
 from ..faults.shapes import SHAPES
 from ..kernels.low_pass import Response
 from ..kernels.runs import BoolArray, bridged
 from ..notes import Note
 from ..quantities.text import instant
+from .ordinary import INJECTED, check_within
 from .quantities import pressures_of
 from .record import FlightLog, FloatArray, Truth, frozen_array
 
@@ -38,7 +40,13 @@ LEAST_LEFT = 0.15
 RATES = ("altitude_rate", "tas_rate")  # of channels that follow from a pressure; they change with its rate as well
 
 
-def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response | None = None) -> FlightLog:
+def inject(
+    log: FlightLog,
+    faults: Sequence[Fault] = (),
+    *,
+    ordinary: Sequence[Occurrence] = (),
+    response: Response | None = None,
+) -> FlightLog:
     """Return `log` with `faults` added to their channels, in that order, and the truth extended by them.
 
     Times of the faults are on the log's own time axis; a `phase_reference` of "window" counts from its first sample.
@@ -51,6 +59,8 @@ def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response | None
 
     Parameters
     ----------
+    ordinary : what ordinarily happens, a row of `bfi_cli.flightlog.ordinary.INJECTED` each; it is there before the
+        faults, and clean signals have it.
     response : through which the faults go; None for that of the filters that the log went through, as a fault of the
         aircraft would have, `bfi_cli.kernels.low_pass.IDENTITY` for none.
 
@@ -60,9 +70,31 @@ def inject(log: FlightLog, faults: Sequence[Fault], *, response: Response | None
     DictionaryError : a fault is zero at every sample of the log, or its signal cannot be made.
     """
     through = response_of(log.filters or (), log.rate_hz) if response is None else response
+    for occurrence in ordinary:
+        log = _with_ordinary(log, occurrence, through)
     for declared in faults:
         log = _with_fault(log, declared, through)
     return log
+
+
+def _with_ordinary(log: FlightLog, occurrence: Occurrence, through: Response) -> FlightLog:
+    check_within(log, occurrence)
+    cause, before = INJECTED[occurrence.cause], log.truth or Truth()
+    at_s, size = occurrence.at_s, cause.size if occurrence.size is None else occurrence.size
+    added: dict[str, FloatArray] = {}
+    if cause.stamps is not None:
+        log = replace(log, time_s=frozen_array(cause.stamps(log, at_s, size)))
+    elif cause.impact is not None:
+        share = cause.impact(log, at_s, size)
+        moved = Fault(shape="pitot_water", frequency_hz=1.0, magnitude=1.0, onset_s=at_s)  # the tube's pressure alone
+        added = _stored(log, moved, share, share != 0.0, slice(None), through)
+    elif cause.channels is not None:
+        for name, change in cause.channels(log, at_s, size).items():
+            longer = np.pad(change, (through.after, through.before), mode="edge")
+            added[name] = change if through.changes_nothing else through.filtered(longer)
+    clean = {name: frozen_array(values + added.get(name, 0.0)) for name, values in before.clean.items()}
+    made = (*before.ordinary, replace(occurrence, size=size))
+    return replace(_moved(log, added), truth=replace(before, clean=clean, ordinary=made), sha256="")
 
 
 def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog:
@@ -82,7 +114,7 @@ def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog
             f"{_place(log, fault)}: {why} the log, got {size}from {instant(fault.onset_s)} s{until}, the log runs from "
             f"{instant(start_s)} s to {instant(stop_s)} s; change onset, offset or magnitude"
         )
-    before, notes = log.truth or Truth(faults=()), log.notes
+    before, notes = log.truth or Truth(), log.notes
     if active.all():
         on = f" on {fault.channel}" if fault.channel else ""
         notes += (
@@ -95,7 +127,7 @@ def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog
         channels = {**log.channels, fault.channel: replace(log.channels[fault.channel], derived_from=())}
         log = replace(log, channels=channels)
     clean = {channel: log.channels[channel].values for channel in added}
-    truth = Truth(faults=(*before.faults, fault), clean={**clean, **before.clean})
+    truth = replace(before, faults=(*before.faults, fault), clean={**clean, **before.clean})
     return replace(_moved(log, added), truth=truth, sha256="", notes=notes)
 
 

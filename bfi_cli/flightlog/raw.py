@@ -15,6 +15,7 @@ from ..epoch import Epoch
 from ..errors import LogError, first_line
 from ..faults import Fault
 from ..faults.filters import Filter
+from ..faults.ordinary import Occurrence
 from ..notes import Note
 from ..quantities.channels import STANDARD, NameMatch, match_name
 from ..quantities.units import si_unit, to_si
@@ -102,7 +103,8 @@ class RawLog:
     Attributes
     ----------
     columns : of one length and time axis, or with separate clocks, which `clocks.on_one_clock` merges.
-    faults : the injected faults of /truth, None without /truth; clean : by channel the signals without them.
+    faults : the injected faults of /truth, None without /truth; clean : by channel the signals without them;
+        ordinary : the ordinary causes of /truth.
     left_out : by name why an array is no channel, "holds text", and behind a semicolon the remedy.
     boots : the parts between restarts of the clock, where the format states them.
     """
@@ -113,6 +115,7 @@ class RawLog:
     segments: tuple[Segment, ...] = ()
     filters: tuple[Filter, ...] | None = None
     faults: tuple[Fault, ...] | None = None
+    ordinary: tuple[Occurrence, ...] = ()
     clean: Mapping[str, Track] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)

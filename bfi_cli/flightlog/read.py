@@ -375,7 +375,7 @@ def _truth(path: str, raw: RawLog, n_samples: int, convention: Convention | None
         if values.size != n_samples:
             raise different_length(path, f"{name}_clean", values.size, n_samples)
         clean[name] = convention.change(values) if name == NORMAL and convention else frozen_array(values)
-    return Truth(faults=raw.faults, clean=clean)
+    return Truth(faults=raw.faults, clean=clean, ordinary=raw.ordinary)
 
 
 def _explained(

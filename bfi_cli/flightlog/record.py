@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import weakref
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..epoch import Epoch
 from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..faults.filters import Filter
+from ..faults.ordinary import Occurrence
 from ..notes import Note
 from ..quantities.channels import meant_channel, unit_of
 from ..quantities.text import instant
@@ -170,10 +171,13 @@ class Segment:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Truth:
-    """Injected faults, their onsets on the log's time axis, and the signal of each faulty channel without them."""
+    """Injected faults, their onsets on the log's time axis, the signal of each faulty channel without them, and the
+    ordinary causes that were made.
+    """
 
-    faults: tuple[Fault, ...]
+    faults: tuple[Fault, ...] = ()
     clean: Mapping[str, FloatArray] = field(default_factory=dict)
+    ordinary: tuple[Occurrence, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -346,6 +350,27 @@ def faults_from_json(text: str, *, where: str) -> tuple[Fault, ...]:
         return tuple(fault_from_dict(entry, where=where) for entry in _objects(text, where))
     except DictionaryError as error:
         raise LogError(str(error)) from None
+
+
+def ordinary_to_json(ordinary: Sequence[Occurrence]) -> str:
+    """Return the JSON list of `{cause, at_s, size}`."""
+    return json.dumps([asdict(occurrence) for occurrence in ordinary])
+
+
+def ordinary_from_json(text: str, *, where: str) -> tuple[Occurrence, ...]:
+    """Read a JSON list of ordinary causes.
+
+    Raises
+    ------
+    LogError : the text is not such a list.
+    """
+    try:
+        return tuple(
+            Occurrence(cause=str(entry["cause"]), at_s=float(entry["at_s"]), size=float(entry["size"]))
+            for entry in _objects(text, where)
+        )
+    except (KeyError, TypeError, ValueError):
+        raise LogError(f"{where}: an entry needs cause, and the numbers at_s and size; mend the file") from None
 
 
 def _objects(text: str, where: str) -> list[dict[str, Any]]:

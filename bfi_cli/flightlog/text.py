@@ -16,6 +16,7 @@ import numpy as np
 from ..epoch import DAY_S, Epoch, epoch_of_clock
 from ..errors import LogError
 from ..faults.filters import filters_from_json
+from ..faults.ordinary import Occurrence
 from ..notes import Note
 from ..quantities.channels import match_name
 from ..quantities.units import si_unit, to_si
@@ -23,9 +24,9 @@ from .axis import made_regular, note_on_order, out_of_order, with_midnights, wit
 from .cells import Kind, Lines, Table
 from .layouts import Heading, heading_of, with_channels
 from .raw import BESIDE_TIME, Asked, FloatArray, RawLog, Track, with_stated_clock
-from .record import CLEAN, faults_from_json, segments_from_json
+from .record import CLEAN, faults_from_json, ordinary_from_json, segments_from_json
 
-FAULTS = "# faults: "
+FAULTS, ORDINARY = "# faults: ", "# ordinary: "
 SEGMENTS = "# segments: "
 FILTERS = "# filters: "
 CLOCK = "# clock: "
@@ -107,9 +108,10 @@ def _log_of(path: str, table: Table, heading: Heading, comments: Mapping[str, st
         raise LogError(f"{path}: less than 2 samples with a time, at least 2 are needed; give a recorded log")
     segments = segments_from_json(comments.get(SEGMENTS, "[]"), where=f"{path}: segments")
     filters = filters_from_json(comments[FILTERS], where=f"{path}: filters") if FILTERS in comments else None
-    faults, clean = None, dict[str, Track]()
+    faults, ordinary, clean = None, tuple[Occurrence, ...](), dict[str, Track]()
     if FAULTS in comments:
         faults = faults_from_json(comments[FAULTS], where=f"{path}: faults")
+        ordinary = ordinary_from_json(comments.get(ORDINARY, "[]"), where=f"{path}: ordinary")
         clean = {c.source.removesuffix(CLEAN): c for c in columns if c.source.endswith(CLEAN)}
         columns = [c for c in columns if not c.source.endswith(CLEAN)]
     return replace(
@@ -118,6 +120,7 @@ def _log_of(path: str, table: Table, heading: Heading, comments: Mapping[str, st
         segments=segments,
         filters=filters,
         faults=faults,
+        ordinary=ordinary,
         clean=clean,
         notes=(*table.notes, *made.notes),
         left_out={**left_out, **made.left_out},
@@ -125,10 +128,10 @@ def _log_of(path: str, table: Table, heading: Heading, comments: Mapping[str, st
 
 
 def _comments(lines: Sequence[str]) -> dict[str, str]:
-    """Return the comments on faults, segments, filters and clock."""
+    """Return the comments on faults, ordinary causes, segments, filters and clock."""
     comments: dict[str, str] = {}
     for text in lines:
-        for key in (FAULTS, SEGMENTS, FILTERS, CLOCK):
+        for key in (FAULTS, ORDINARY, SEGMENTS, FILTERS, CLOCK):
             if text.startswith(key):
                 comments.setdefault(key, text.removeprefix(key))
     return comments

@@ -18,8 +18,8 @@ from ..errors import ConfigError
 from ..faults.filters import filters_to_json
 from ..files import ATTRIBUTE, MARK, MCAP, OWNER, aside
 from ..printable import SHOWN, printable
-from .record import CLEAN, FlightLog, FloatArray, Truth, faults_to_json, segments_to_json
-from .text import CLOCK, FAULTS, FILTERS, SEGMENTS
+from .record import CLEAN, FlightLog, FloatArray, Truth, faults_to_json, ordinary_to_json, segments_to_json
+from .text import CLOCK, FAULTS, FILTERS, ORDINARY, SEGMENTS
 
 if TYPE_CHECKING:
     import h5py
@@ -86,6 +86,8 @@ def _write_hdf5(log: FlightLog, path: Path) -> None:
         if log.truth is not None:
             truth = file.create_group("truth")
             truth.attrs["faults"] = _faults(log.truth, names)
+            if log.truth.ordinary:
+                truth.attrs["ordinary"] = ordinary_to_json(log.truth.ordinary)
             for name, clean in log.truth.clean.items():
                 add(truth, names[name] + CLEAN, clean, log.channels[name].unit if name in log.channels else "")
         file.flush()
@@ -111,6 +113,8 @@ def _write_csv(log: FlightLog, path: Path) -> None:
             file.write(f"{SEGMENTS}{segments_to_json(log.segments)}\n")
         if log.truth is not None:
             file.write(f"{FAULTS}{_faults(log.truth, names)}\n")
+            if log.truth.ordinary:
+                file.write(f"{ORDINARY}{ordinary_to_json(log.truth.ordinary)}\n")
         csv.writer(file, lineterminator="\n").writerow(columns)
         for row in np.column_stack(list(columns.values())).tolist():
             file.write(",".join(map(repr, row)) + "\n")

@@ -24,6 +24,7 @@ from ..kernels import FloatArray
 from ..kernels.progress import Report, silent
 from ..quantities.units import FOOT
 from .channels import CONTROLS, FLOWN, RECORDED
+from .ordinary import FLAPS, SIMULATED
 from .pilot import Pilot
 
 # True airspeeds, m/s, from a light aircraft's to a jet's, at which level flight is tried if none is stated.
@@ -139,7 +140,8 @@ def fly(
 
     Parameters
     ----------
-    request : tas_m_s, altitude_m, rate_hz, tour (whether the pilot flies climbs and turns).
+    request : tas_m_s, altitude_m, rate_hz, tour (whether the pilot flies climbs and turns), ordinary (a list of cause,
+        at_s and size).
     sticks : (n, 4) added to the trimmed positions of `CONTROLS`, in parts of their travel, held between samples.
     gusts : (n, 3) headwind, gust from the right and upward, m/s, interpolated between samples; (0, 3) for calm air.
     report : called at every sample with the part of the flight that is done.
@@ -159,6 +161,7 @@ def fly(
     pilot = Pilot(
         tas_m_s=tas, pitch_rad=fdm["attitude/theta-rad"], step_s=1.0 / (rate * steps), tour=bool(request["tour"])
     )
+    causes = [(SIMULATED[made["cause"]].act, float(made["at_s"]), float(made["size"])) for made in request["ordinary"]]
     n = len(sticks)
     controls, outputs = np.empty((n, len(CONTROLS))), np.empty((n, len(RECORDED)))
     beyond = np.zeros(len(CONTROLS), dtype=bool)
@@ -169,7 +172,8 @@ def fly(
         report(k / n)
         controls[k], outputs[k] = _read(fdm, throttles)
         aoa, roll = fdm["aero/alpha-rad"], fdm["attitude/phi-rad"]
-        if not (abs(aoa) <= LARGEST_AOA and abs(roll) <= LARGEST_ROLL and np.isfinite(outputs[k]).all()):
+        flown = pilot.has_landed or abs(aoa) <= LARGEST_AOA  # a wing that stands has no angle of attack
+        if not (flown and abs(roll) <= LARGEST_ROLL and np.isfinite(outputs[k]).all()):
             raise FlightError(
                 f"leaves normal flight at {k / rate:.3g} s, angle of attack {math.degrees(aoa):.3g} and roll "
                 f"{math.degrees(roll):.3g} degrees; give a smaller --amplitude or --turbulence, or another --tas"
@@ -177,10 +181,16 @@ def fly(
         for i in range(steps if k < n - 1 else 0):
             if len(gusts):
                 _blow(fdm, gusts[k] + (gusts[k + 1] - gusts[k]) * i / steps)
-            wanted = start + sticks[k] + pilot.sticks(k / rate + i / (rate * steps), fdm)
+            time_s = k / rate + i / (rate * steps)
+            if causes:
+                wind = sum(act(fdm, pilot, time_s - at_s, size) for act, at_s, size in causes if time_s >= at_s)
+                fdm["atmosphere/wind-north-fps"] = wind / FOOT
+            wanted = start + sticks[k] + pilot.sticks(time_s, fdm)
             beyond |= (wanted < LEAST - ROUND_OFF) | (wanted > MOST + ROUND_OFF)
             _move(fdm, wanted, throttles)
             fdm.run()
+    if fdm[FLAPS] and not fdm["fcs/flap-pos-norm"]:
+        raise FlightError("has no flaps that move; leave out --ordinary flaps")
     return controls, outputs, tuple(name for name, held in zip(CONTROLS, beyond, strict=True) if held)
 
 

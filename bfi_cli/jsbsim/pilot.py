@@ -42,17 +42,30 @@ CLIMB_GAIN = 0.15  # rad/s of pitch per rad of climb angle
 PITCH_RANGE = 0.25  # rad about the trim, within which the pilot keeps the attitude
 # m/s of airspeed error over which the throttle moves all its way, as a part of the trimmed airspeed; and per second.
 THROTTLE_GAIN, THROTTLE_TRIM = 3.0, 0.1
+HOLD_GAIN, MOST_CLIMB = 0.1, 0.1  # of an altitude that is held, per s, and rad
+# An approach at 3 degrees, height and share at which it is flared, and the part of the brakes after it.
+GLIDE, FLARE_M, LEAST_GLIDE, BRAKES = -0.052, 15.0, 0.15, 0.3
 ROLL_RATE, CLIMB_RATE, SPEED_RATE = 0.08, 0.01, 0.01  # per s: how fast the wanted values change
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
 class Pilot:
-    """Feedback that adds to the controls of trim and manoeuvre; without a tour it only keeps the wings level."""
+    """Feedback that adds to the controls of trim and manoeuvre; without a tour it only keeps the wings level.
+
+    Attributes
+    ----------
+    held_m : altitude that an autopilot holds, wings level; runway_m : altitude of the runway that is approached;
+        sheared_m : above which the wind changes with height. None for none.
+    """
 
     tas_m_s: float
     pitch_rad: float
     step_s: float
     tour: bool
+    has_landed: bool = False
+    held_m: float | None = None
+    runway_m: float | None = None
+    sheared_m: float | None = None
     bank: float = 0.0
     climb: float = 0.0
     speed: float = 1.0
@@ -66,11 +79,30 @@ class Pilot:
         added = np.zeros(4)
         if self.tour:
             self._plan(time_s)
+        flies = self.tour or self.held_m is not None
+        if self.held_m is not None:
+            low = (self.held_m - float(fdm["position/h-sl-ft"]) * FOOT) / self.tas_m_s
+            self.bank, self.speed = 0.0, 1.0
+            self.climb = min(max(HOLD_GAIN * low, -MOST_CLIMB), MOST_CLIMB)
+        if self.runway_m is not None:
+            flies = self._approach(fdm)
         roll, roll_rate = fdm["attitude/phi-rad"], fdm["velocities/p-rad_sec"]
         added[1] = ROLL_GAIN * (self.bank - roll) - ROLL_DAMPING * roll_rate
-        if self.tour:
+        if flies:
             added[0], added[3] = self._elevator(fdm), self._throttle(fdm)
+        elif self.runway_m is not None:
+            added[3] = -1.0
         return added
+
+    def _approach(self, fdm: Any) -> bool:
+        """Want a glide to the runway and a flare, wings level; brake on it. Return whether the aircraft still flies."""
+        above_m = float(fdm["position/h-sl-ft"]) * FOOT - (self.runway_m or 0.0)
+        self.bank, self.speed = 0.0, 1.0
+        self.climb = GLIDE if above_m > FLARE_M else GLIDE * max(above_m / FLARE_M, LEAST_GLIDE)
+        self.has_landed = self.has_landed or bool(fdm["gear/wow"])
+        if self.has_landed:
+            fdm["fcs/left-brake-cmd-norm"] = fdm["fcs/right-brake-cmd-norm"] = BRAKES
+        return not self.has_landed
 
     def _plan(self, time_s: float) -> None:
         """Move the wanted bank, climb angle and airspeed towards those of the leg."""

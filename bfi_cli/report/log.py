@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 from ..decision.implausible import Implausible, in_words
@@ -231,7 +231,12 @@ def log_document(log: FlightLog, provenance: Provenance, *, kind: str) -> dict[s
             "n_samples": log.n_samples,
             "rate_hz": log.rate_hz,
             "channels": [{"name": channel.name, "unit": channel.unit} for channel in log.channels.values()],
-            "truth": None if log.truth is None else {"faults": [fault_to_dict(fault) for fault in log.truth.faults]},
+            "truth": None
+            if log.truth is None
+            else {
+                "faults": [fault_to_dict(fault) for fault in log.truth.faults],
+                "ordinary": [asdict(occurrence) for occurrence in log.truth.ordinary],
+            },
         }
     )
     return document_of(kind, body, log.notes, provenance)
@@ -251,7 +256,10 @@ def log_content(document: Plain, units: Units = SI, *, where: str = "result") ->
         title=str(document["path"]),
         heading="A log was written",
         verdict=f"{document['path']}: {document['n_samples']} samples at {document['rate_hz']:.6g} Hz",
-        facts=tuple(("Injected", describe_injected(fault, written.get(fault.channel, ""), units)) for fault in faults),
+        facts=(
+            *(("Ordinary", _made_in_words(entry["cause"], entry["at_s"])) for entry in truth.get("ordinary", ())),
+            *(("Injected", describe_injected(fault, written.get(fault.channel, ""), units)) for fault in faults),
+        ),
         tables=(Table(name="channels", title="Channels", heads=("name", "unit"), rows=rows),),
         notes=notes_of(document),
     )
@@ -266,9 +274,15 @@ def log_lines(log: FlightLog, units: Units = SI) -> list[str]:
     )
     return [
         f"{log.path}: {log.n_samples} samples at {log.rate_hz:.6g} Hz: {names}",
+        *(f"ordinary: {_made_in_words(made.cause, made.at_s)}" for made in (log.truth.ordinary if log.truth else ())),
         *(f"fault: {describe_injected(fault, unit_of.get(fault.channel, ''), units)}" for fault in faults),
         *(f"note: {units.sentence(note.text)}" for note in unique(log.notes)),
     ]
+
+
+def _made_in_words(cause: str, at_s: float) -> str:
+    """Return an ordinary cause that was made: "altimeter set at 400 s"."""
+    return f"{cause.replace('_', ' ')} at {instant(at_s)} s"
 
 
 def describe_injected(fault: Fault, unit: str, units: Units = SI) -> str:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bfi_cli.flight.report import TEXT_OF_CAUSE
 from bfi_cli.flight.tables import LEVELS, MANOEUVRE, ORDINARY, ROWS, STATES, Coefficients
 from bfi_cli.quantities.channels import STANDARD
 
@@ -58,11 +57,10 @@ def test_every_level_is_used_and_lies_in_its_range() -> None:
 @pytest.mark.parametrize("name", ORDINARY)
 def test_an_ordinary_cause_moves_a_row_and_has_its_words(name: str, coefficients: Coefficients) -> None:
     cause = ORDINARY[name]
-    assert cause.jumps
+    assert cause.text
     assert cause.jumps.keys() <= STATES.keys()
     assert all(sd > 0.0 for sd in cause.jumps.values())
     assert set(cause.needs) <= ROWS.keys()
     assert cause.unless in ("", *STANDARD)
     assert not cause.jumps.keys() & MANOEUVRE.keys()  # what a pilot does at any time explains nothing by itself
-    assert any(set(cause.jumps) & row.loads(coefficients).keys() for row in ROWS.values())
-    assert TEXT_OF_CAUSE[name] == cause.text
+    assert not cause.jumps or any(set(cause.jumps) & row.loads(coefficients).keys() for row in ROWS.values())

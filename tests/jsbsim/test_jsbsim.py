@@ -6,12 +6,14 @@ import importlib.util
 import json
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 import pytest
 from noted import texts
 
+from bfi_cli import library
 from bfi_cli.aircraft import MODELS, STICK, Dryden, FlightPlan, deviations, find_model, simulate, time_axis
 from bfi_cli.airdata import (
     G,
@@ -23,9 +25,11 @@ from bfi_cli.airdata import (
     total_temperature,
 )
 from bfi_cli.commands import run_command
+from bfi_cli.faults.ordinary import Making, Occurrence
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.jsbsim import flight, process
 from bfi_cli.jsbsim.channels import FLOWN
+from bfi_cli.jsbsim.ordinary import SIMULATED
 from bfi_cli.quantities.channels import INPUTS, STANDARD
 
 needs_jsbsim = pytest.mark.skipif(importlib.util.find_spec("jsbsim") is None, reason="the extra jsbsim")
@@ -273,7 +277,7 @@ def test_what_cannot_be_flown_is_one_line(
     [
         (["citation", "--tas", "90"], "citation: a linear model flies straight from its own trim, in still air; leave"),
         (["b747", "--manoeuvre", "tour"], "b747: a linear model flies straight from its own trim, in still air; leave"),
-        (["f16", "--wind", "3", "0"], "f16: flies straight, in still air; leave out --wind and the tour"),
+        (["f16", "--wind", "3", "0"], "f16: flies straight, in still air; leave out --wind, --ordinary and the tour"),
         (["f16", "--tas", "20"], "f16: no steady flight at 20 m/s and 3000 m; change the airspeed"),
         (
             ["citation", "--throttle", "0.1"],
@@ -322,3 +326,48 @@ def test_the_throttle_moves_after_the_manoeuvre():
     moves = time_s[np.flatnonzero(np.diff(u[:, 3])) + 1]
     np.testing.assert_allclose(moves, [12.0, 17.0, 22.0], rtol=1e-12)
     assert np.abs(u[:, 0]).max() == 0.02
+
+
+CAUSE_S = 20.0
+
+
+@cache
+def ordinary_flight(cause: str, size: float = 0.0) -> FlightLog:
+    """Return three minutes of a tour with an ordinary cause from `CAUSE_S` on, "" for none."""
+    made = (Occurrence(cause=cause, at_s=CAUSE_S, size=size),) if cause else ()
+    settings = {"manoeuvre": "tour", "duration_s": 180.0, "rate_hz": 5.0, "ordinary": made}
+    return library.simulate("jsbsim:c172p", **settings)
+
+
+@needs_jsbsim
+@pytest.mark.first_rows(1)
+@pytest.mark.parametrize(("cause", "making"), SIMULATED.items())
+def test_an_ordinary_cause_acts_from_its_time_on_and_is_in_the_truth(cause: str, making: Making):
+    calm, log = ordinary_flight(""), ordinary_flight(cause, making.size)
+    before, after = log.time_s <= CAUSE_S, log.time_s > CAUSE_S + 40.0
+    for name, channel in calm.channels.items():  # but for round-off in JSBSim's sum of the winds
+        np.testing.assert_allclose(log.channel(name).values[before], channel.values[before], rtol=1e-6, atol=1e-6)
+    assert log.truth is not None
+    assert log.truth.ordinary == (Occurrence(cause=cause, at_s=CAUSE_S, size=making.size),)
+    assert np.ptp(log.channel("tas").values[after] - calm.channel("tas").values[after]) > 0.01
+
+
+@needs_jsbsim
+@pytest.mark.slow
+def test_each_ordinary_cause_is_what_its_name_says():
+    logs = {cause: ordinary_flight(cause, making.size) for cause, making in SIMULATED.items()}
+    calm, after = ordinary_flight(""), ordinary_flight("").time_s > CAUSE_S + 40.0
+
+    def moved(cause: str, channel: str) -> np.ndarray:
+        return (logs[cause].channel(channel).values - calm.channel(channel).values)[after]
+
+    assert np.median(moved("flaps", "aoa")) < -0.005  # less of it for the same lift
+    held = logs["altitude_held"].channel("altitude").values[(calm.time_s > 60.0) & (calm.time_s < CAUSE_S + 120.0)]
+    assert np.ptp(held) < 2.0 < np.ptp(calm.channel("altitude").values)
+    landed = logs["on_ground"]
+    assert np.ptp(landed.channel("altitude").values[-50:]) < 0.5
+    assert np.hypot(*(landed.channel(f"velocity_{side}").values[-1] for side in ("north", "east"))) < 20.0
+    assert np.std(np.diff(logs["gusts"].channel("tas").values[after])) > 0.05
+    assert np.median(moved("wind", "velocity_north")) == pytest.approx(SIMULATED["wind"].size, abs=2.0)
+    climbed = calm.channel("altitude").values[after] - calm.channel("altitude").values[~after][-1]
+    assert np.corrcoef(climbed, moved("wind_shear", "velocity_north"))[0, 1] > 0.8

@@ -154,6 +154,7 @@ class Place:
     ----------
     first, end : seconds of the flight; onset, offset : seconds of the part, offset None where none is known.
     R, Q : variances at the noise before the onset.
+    jumps : seconds beside an onset or an end at which a state may jump.
     """
 
     bench: Bench
@@ -166,6 +167,17 @@ class Place:
     Q: FloatArray
     mean: FloatArray
     covariance: FloatArray
+    jumps: Sequence[int] = JUMP_S
+
+    def at(self, onset: int, offset: int | None, *, jumps: Sequence[int] = (0,)) -> Place:
+        """Return the part for a fault that begins, and ends, at other seconds of it, by default at once."""
+        return replace(self, onset=onset, offset=offset, jumps=jumps)
+
+    def until(self, n: int) -> Place:
+        """Return the first seconds of the part."""
+        n = min(n, self.n)
+        offset = None if self.offset is None or self.offset >= n else self.offset
+        return replace(self, end=self.first + n, offset=offset, R=self.R[:n], Q=self.Q[:n])
 
     @property
     def part(self) -> slice:
@@ -188,19 +200,22 @@ class Place:
         return (at >= self.onset) & (at < (self.n if self.offset is None else self.offset))
 
 
-def place_of(bench: Bench, onset_s: float, offset_s: float | None, until_s: float = np.inf) -> Place | None:
+def place_of(
+    bench: Bench, onset_s: float, offset_s: float | None, until_s: float = np.inf, *, earlier_s: int = 0
+) -> Place | None:
     """Return the part about a candidate; None where the aircraft is on the ground, or has just taken off.
 
     Parameters
     ----------
     until_s : when the part ends at the latest.
+    earlier_s : by how much the onset may be earlier.
     """
     model = bench.model
     at = int(np.searchsorted(model.time_s, onset_s - 0.5))
     if at >= model.n or not model.frame.airborne[min(at, model.n - 1)]:
         return None
-    first = at - CALM_BEFORE_S
-    earlier = [second for second in bench.checks if second <= max(at - BEFORE_S, min(bench.checks))]
+    first = at - earlier_s - CALM_BEFORE_S
+    earlier = [second for second in bench.checks if second <= max(at - earlier_s - BEFORE_S, min(bench.checks))]
     last = int(np.flatnonzero(model.frame.airborne)[-1]) + 1
     offset, end = None, at + AFTER_S
     if offset_s is not None and offset_s - onset_s <= LONGEST_S:
@@ -266,7 +281,7 @@ def jump(place: Place, at: int, sizes: Mapping[str, float]) -> FloatArray:
 
 def jump_seconds(place: Place, at: int) -> FloatArray:
     """Return the seconds after which a state may jump about a second of the part."""
-    seconds = np.array([at + beside - 1 for beside in JUMP_S])
+    seconds = np.array([at + beside - 1 for beside in place.jumps])
     return seconds[(seconds >= 0) & (seconds < place.n)]
 
 

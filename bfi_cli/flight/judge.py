@@ -12,11 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..kernels import FloatArray
+from ..kernels.bounded_filter import StackRun
 from .bench import FAULT_STATES, SHOWN_S, Bench, Place, jump, jump_seconds, place_of, run_place
 from .lines import line_weights
 from .model import second_airspeed
 from .tables import MANOEUVRE, ORDINARY, ROWS, Loads
-from .weight import Ordinary, Weight, against, beside, floored_density
+from .weight import Ordinary, Weight, against, beside, dispersion, floored_density
 
 # What air data are held against. A receiver of satellites errs by itself so much more rarely than a tube or a port that
 # it is no rival of theirs; where a finder names it, it is.
@@ -176,59 +178,77 @@ def _width(fault: str, loads: Loads) -> float:
 
 def _channel_weights(place: Place, ordinary: Ordinary, named: Collection[str]) -> Iterator[Weight]:
     """Yield what an error of every channel is worth: a step, one that grows for a while, one that grows on."""
-    model = place.bench.model
     faults = {name: loads for name, loads in channel_faults(place).items() if name not in REFERENCES or name in named}
     kinds = [
         (name, growth_s) for name in faults for growth_s in GROWTHS_S if name in named or growth_s in (0.0, np.inf)
     ]
-    extra = np.zeros((place.n, len(kinds), len(model.rows), FAULT_STATES))
-    moves = np.zeros((place.n, len(kinds), FAULT_STATES))
-    start = np.zeros((len(kinds), FAULT_STATES))
-    since = np.arange(place.n) - place.onset
-    lasts = (
-        np.ones(place.n) if place.offset is None else (np.arange(place.n) < place.offset + AT_END_S).astype(np.float64)
-    )
-    begins = jump_seconds(place, place.onset)
-    ends = jump_seconds(place, place.offset) if place.offset is not None else begins[:0]
-    ends = ends[ends < (place.offset or 0) + AT_END_S]
-    for h, (name, growth_s) in enumerate(kinds):
+    run = _run_of_channels(place, [(name, growth_s, place) for name, growth_s in kinds])
+    best = {
+        name: max((h for h, kind in enumerate(kinds) if kind[0] == name), key=lambda h: run.log_likelihood[h])
+        for name in faults
+    }
+    shocks = np.stack([beside(place, ordinary, list(faults[name])) for name in best], axis=1)
+    moved = _run_of_channels(place, [(*kinds[h], place) for h in best.values()], shocks=shocks)
+    for k, (name, h) in enumerate(best.items()):
+        which, at = (moved, k) if moved.log_likelihood[k] > run.log_likelihood[h] else (run, h)
+        yield _weight_of_channel(place, ordinary, which, at, (name, kinds[h][1]))
+
+
+def weights_of_channel(name: str, growth_s: float, places: Sequence[Place], ordinary: Ordinary) -> tuple[Weight, ...]:
+    """Return what an error of a channel is worth at places that differ in onset and end alone."""
+    run = _run_of_channels(places[0], [(name, growth_s, place) for place in places])
+    return tuple(_weight_of_channel(place, ordinary, run, h, (name, growth_s)) for h, place in enumerate(places))
+
+
+def _run_of_channels(
+    place: Place, hypotheses: Sequence[tuple[str, float, Place]], shocks: FloatArray | None = None
+) -> StackRun:
+    """Return the filter of errors of channels: name, seconds of growth, and place of each."""
+    faults = channel_faults(place)
+    model = place.bench.model
+    extra = np.zeros((place.n, len(hypotheses), len(model.rows), FAULT_STATES))
+    moves = np.zeros((place.n, len(hypotheses), FAULT_STATES))
+    start = np.zeros((len(hypotheses), FAULT_STATES))
+    seconds = np.arange(place.n)
+    for h, (name, growth_s, at_place) in enumerate(hypotheses):
         width = _width(name, faults[name])
-        course = np.clip(since / growth_s, 0.0, 1.0) if 0.0 < growth_s < np.inf else np.ones(place.n)
+        onset, offset = at_place.onset, at_place.offset
+        lasts = np.ones(place.n) if offset is None else (seconds < offset + AT_END_S).astype(np.float64)
+        course = np.clip((seconds - onset) / growth_s, 0.0, 1.0) if 0.0 < growth_s < np.inf else np.ones(place.n)
         for row, load in faults[name].items():
             at = np.asarray(load)[place.part] if np.ndim(load) else load
             extra[:, h, model.row(row), 0] = at * course * lasts
+        begins = jump_seconds(at_place, onset)
         if growth_s == 0.0:
             moves[begins, h, 0] = width**2 / begins.size
         elif growth_s == np.inf:
             moves[begins, h, 1] = (width / SLOW_S) ** 2 / begins.size
         else:
             start[h, 0] = width
+        ends = jump_seconds(at_place, offset) if offset is not None else begins[:0]
+        ends = ends[ends < (offset or 0) + AT_END_S]
         if ends.size:
             moves[ends, h, 0] += width**2 / ends.size
-    run = run_place(place, extra=extra, extra_Q=moves, extra_start=start)
-    best = {
-        name: max((h for h, kind in enumerate(kinds) if kind[0] == name), key=lambda h: run.log_likelihood[h])
-        for name in faults
-    }
-    chosen = list(best.values())
-    shocks = np.stack([beside(place, ordinary, list(faults[name])) for name in best], axis=1)
-    moved = run_place(place, shocks=shocks, extra=extra[:, chosen], extra_Q=moves[:, chosen], extra_start=start[chosen])
+    return run_place(place, shocks=shocks, extra=extra, extra_Q=moves, extra_start=start)
+
+
+def _weight_of_channel(place: Place, ordinary: Ordinary, run: StackRun, h: int, kind: tuple[str, float]) -> Weight:
+    name, growth_s = kind
+    loads = channel_faults(place)[name]
+    margin, shares = against(place, ordinary, run.log_density[:, h])
     end = min(place.n, place.n if place.offset is None else place.offset) - 1
-    for k, (name, h) in enumerate(best.items()):
-        which, at = (moved, k) if moved.log_likelihood[k] > run.log_likelihood[h] else (run, h)
-        margin, shares = against(place, ordinary, which.log_density[:, at])
-        size = float(which.mean[end, at, -FAULT_STATES])
-        # What grows on is beyond any instrument in the end: it is asked what it is after a minute.
-        early = min(end, place.onset + SHOWN_S) if kinds[h][1] == np.inf else end
-        yield Weight(
-            fault=name,
-            margin=margin,
-            shares=shares,
-            size=size,
-            sd=float(np.sqrt(max(which.final_covariance[at, -FAULT_STATES, -FAULT_STATES], 0.0))),
-            growth_s=kinds[h][1],
-            refused=_refused(name, faults[name], float(which.mean[early, at, -FAULT_STATES])),
-        )
+    # What grows on is beyond any instrument in the end: it is asked what it is after a minute.
+    early = min(end, place.onset + SHOWN_S) if growth_s == np.inf else end
+    return Weight(
+        fault=name,
+        margin=margin,
+        shares=shares,
+        size=float(run.mean[end, h, -FAULT_STATES]),
+        sd=float(np.sqrt(max(run.final_covariance[h, -FAULT_STATES, -FAULT_STATES], 0.0))),
+        growth_s=growth_s,
+        refused=_refused(name, loads, float(run.mean[early, h, -FAULT_STATES])),
+        dispersion=dispersion(place, run.innovation[:, h], list(loads)),
+    )
 
 
 def _frozen_weight(place: Place, ordinary: Ordinary, row: str) -> Weight:

@@ -10,7 +10,7 @@ filter's answer.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +22,7 @@ from .model import FlightModel, second_airspeed
 from .parity.record import STATIC_LEAK, without_fault
 from .seconds import filled, rate_of, smoothed
 from .tables import AIRSPEED_ROWS
-from .weight import Ordinary, Weight, against, beside, floored_density
+from .weight import Ordinary, Weight, against, beside, dispersion, floored_density
 
 PITOT_LEAK, PITOT_ICING, PITOT_BLOCKED, STATIC_BLOCKED = "pitot_leak", "pitot_icing", "pitot_blocked", "static_blocked"
 LINE_FAULTS = (PITOT_LEAK, PITOT_ICING, PITOT_BLOCKED, STATIC_LEAK, STATIC_BLOCKED)
@@ -38,7 +38,9 @@ class Law:
         height.
     rate : of what is lost or gained in a second from then on.
     walk : of a second's step after that: laws are rigid.
-    start : of what a trapped pressure is beside its first readings, Pa of the total one, m of the height.
+    start : of what a trapped pressure is beside its first readings, Pa of the total one, m of the height; of what a
+        leak with a time constant goes to.
+    time_constant_s : with which a line goes to another pressure, None of one that does not.
     """
 
     fault: str
@@ -46,6 +48,7 @@ class Law:
     rate: float = 0.0
     walk: float = 0.0
     start: float = 0.0
+    time_constant_s: float | None = None
 
 
 # A tube that leaks loses a part at once, or all of it within a minute: the logarithm falls by a sixtieth in a second.
@@ -60,6 +63,8 @@ LAWS = (
     Law(fault=STATIC_LEAK, sudden=60.0, rate=10.0, walk=0.03),
     Law(fault=STATIC_BLOCKED, start=10.0),
 )
+# A static line that goes to its cabin's pressure: time constants from what shows within a few seconds to a minute.
+LEAKS = tuple(Law(fault=STATIC_LEAK, start=2000.0, time_constant_s=seconds) for seconds in (4.0, 8.0, 16.0, 32.0, 64.0))
 PASSES = 3  # in which the course of a line is made from the filter's answer
 COURSE_S = 11  # over which a course is smoothed
 MOST_HEIGHT = 8000.0  # m between an aircraft and its cabin: a differential pressure of 0.6 bar
@@ -88,35 +93,66 @@ class _Rows:
 
 
 def line_weights(place: Place, ordinary: Ordinary) -> Iterator[Weight]:
-    """Yield what every fault of a pressure line is worth at a place: the best of the passes."""
+    """Yield what every fault of a pressure line is worth at a place: the best of its laws."""
     model = place.bench.model
-    if "tas" not in model.rows or "altitude" not in model.rows:
+    if not has_lines(model):
         return
-    courses = [_first_course(place, law.fault) for law in LAWS]
-    moves, starts = zip(*(_moves(place, law) for law in LAWS), strict=True)
+    shocks = np.stack([beside(place, ordinary, shown_rows(model, law.fault)) for law in LAWS], axis=1)
     best: dict[str, Weight] = {}
-    last = (place.n if place.offset is None else place.offset) - 1
+    for weight in weights_of_laws([(law, place) for law in LAWS], ordinary, shocks=shocks):
+        if weight.fault not in best or _rank(weight) > _rank(best[weight.fault]):
+            best[weight.fault] = weight
+    yield from best.values()
+
+
+def has_lines(model: FlightModel) -> bool:
+    """Return whether a model measures what the pressure lines make."""
+    return {"tas", "altitude"} <= {*model.rows}
+
+
+def _rank(weight: Weight) -> tuple[bool, float]:
+    return not weight.refused, weight.margin
+
+
+def weights_of_laws(
+    hypotheses: Sequence[tuple[Law, Place]], ordinary: Ordinary, *, shocks: FloatArray | None = None
+) -> tuple[Weight, ...]:
+    """Return what each law is worth, the best of the passes, at places that differ in onset and end alone.
+
+    Parameters
+    ----------
+    shocks : (n, n_laws, n_states) variances of what else may happen beside each, which the last pass asks for too.
+    """
+    first = hypotheses[0][1]
+    model = first.bench.model
+    courses = [_first_course(place, law.fault) for law, place in hypotheses]
+    growths = [_growth(place, law) for law, place in hypotheses]
+    moves, starts = zip(*(_moves(place, law) for law, place in hypotheses), strict=True)
+    best: list[Weight | None] = [None] * len(hypotheses)
     for k in range(PASSES):
         rows = [
             _ROWS_OF[law.fault](place, _corrected(place, law.fault, course), course, k)
-            for law, course in zip(LAWS, courses, strict=True)
+            for (law, place), course in zip(hypotheses, courses, strict=True)
         ]
-        # What else may happen beside the fault is asked for in the last pass.
-        freedoms = 2 if k == PASSES - 1 else 1
-        shocks = np.zeros((place.n, len(rows) * freedoms, len(model.states)))
-        if freedoms == 2:
-            shocks[:, len(rows) :] = np.stack([beside(place, ordinary, _shown(model, law)) for law in LAWS], axis=1)
+        freedoms = 2 if shocks is not None and k == PASSES - 1 else 1
+        freed = np.zeros((first.n, len(rows) * freedoms, len(model.states)))
+        if shocks is not None and freedoms == 2:
+            freed[:, len(rows) :] = shocks
         run = run_place(
-            place,
-            shocks=shocks,
+            first,
+            shocks=freed,
             y=np.stack([law_rows.y for law_rows in rows] * freedoms, axis=1),
             Z=np.stack([law_rows.Z for law_rows in rows] * freedoms, axis=1),
             R=np.stack([law_rows.R for law_rows in rows] * freedoms, axis=1),
-            extra=np.stack([law_rows.extra for law_rows in rows] * freedoms, axis=1),
+            extra=np.stack(
+                [law_rows.extra * growth[:, None, None] for law_rows, growth in zip(rows, growths, strict=True)]
+                * freedoms,
+                axis=1,
+            ),
             extra_Q=np.stack(moves * freedoms, axis=1),
             extra_start=np.stack(starts * freedoms),
         )
-        for j, (law, law_rows) in enumerate(zip(LAWS, rows, strict=True)):
+        for j, ((law, place), law_rows) in enumerate(zip(hypotheses, rows, strict=True)):
             fault = law.fault
             h = max(range(j, run.log_likelihood.size, len(rows)), key=lambda h: run.log_likelihood[h])
             density = floored_density(
@@ -125,22 +161,26 @@ def line_weights(place: Place, ordinary: Ordinary) -> Iterator[Weight]:
             anything = -np.log(UNREADABLE * model.frame.middle_speed)
             density = np.where(law_rows.unread, np.fmax(density, anything), density)
             margin, shares = against(place, ordinary, density, without=law_rows.free)
-            size = float(run.mean[last, h, -FAULT_STATES])
-            weight = Weight(fault=fault, margin=margin, shares=shares, size=size, refused=_refused(fault, size))
-            first = fault == STATIC_BLOCKED and k == 0  # it does not read the airspeeds yet
-            better = fault not in best or (not weight.refused, weight.margin) > (
-                not best[fault].refused,
-                best[fault].margin,
+            size = float(run.mean[(place.n if place.offset is None else place.offset) - 1, h, -FAULT_STATES])
+            weight = Weight(
+                fault=fault,
+                margin=margin,
+                shares=shares,
+                size=size,
+                refused=_refused(fault, size),
+                dispersion=dispersion(place, run.innovation[:, h], shown_rows(model, fault)),
             )
-            if better and not first:
-                best[fault] = weight
-            courses[j] = _next_course(place, fault, run.mean[:, h])
-    yield from best.values()
+            unread = fault == STATIC_BLOCKED and k == 0  # it does not read the airspeeds yet
+            known = best[j]
+            if not unread and (known is None or _rank(weight) > _rank(known)):
+                best[j] = weight
+            courses[j] = _next_course(place, fault, run.mean[:, h]) * growths[j]
+    return tuple(weight for weight in best if weight is not None)
 
 
-def _shown(model: FlightModel, law: Law) -> list[str]:
+def shown_rows(model: FlightModel, fault: str) -> list[str]:
     """Return the rows of what a fault of a line changes."""
-    heights = ("altitude", "altitude_rate") if law.fault in (STATIC_LEAK, STATIC_BLOCKED) else ()
+    heights = ("altitude", "altitude_rate") if fault in (STATIC_LEAK, STATIC_BLOCKED) else ()
     return [name for name in (*AIRSPEED_ROWS, *heights) if name in model.rows]
 
 
@@ -159,6 +199,14 @@ def _moves(place: Place, law: Law) -> tuple[FloatArray, FloatArray]:
     moves[begins] = np.array([law.sudden, law.rate]) ** 2 / begins.size
     moves[place.onset :, 0] += law.walk**2
     return moves, np.array([law.start, 0.0])
+
+
+def _growth(place: Place, law: Law) -> FloatArray:
+    """Return (n,) the share of what a line goes to that it has reached."""
+    if law.time_constant_s is None:
+        return np.ones(place.n)
+    since_s = np.maximum(np.arange(place.n) - place.onset + 0.5, 0.0)
+    return np.asarray(-np.expm1(-since_s / law.time_constant_s))
 
 
 def _first_course(place: Place, fault: str) -> FloatArray:
@@ -208,7 +256,7 @@ def _next_course(place: Place, fault: str, mean: FloatArray) -> FloatArray:
     value = mean[:, -FAULT_STATES]
     limits = LIMITS[fault]
     course = smoothed(np.clip(value, *limits), COURSE_S)
-    course[: max(place.onset - 20, 0)] = 0.0
+    course[: max(place.onset + min(place.jumps) - COURSE_S // 2 - 3, 0)] = 0.0
     return np.where(_acts(place), course, 0.0)
 
 

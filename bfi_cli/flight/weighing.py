@@ -28,6 +28,7 @@ from .result import Event, OrdinaryEvent
 from .seconds import seconds_of
 from .tables import ALTIMETER_SET, ON_GROUND
 from .tables import ORDINARY as CAUSES
+from .timing import timing_of
 from .weight import Weight
 
 # Log density over the best ordinary explanation above which a fault is declared: none of 14 healthy flights of seven
@@ -211,7 +212,7 @@ def _weighed(
     best = judgement.weights[0]
     may_be = _may_be_renamed(event, best.fault) and event.state == "declared"
     if may_be and best.margin > max(DECLARED, weight.margin + DECLARED):
-        return _renamed(bench, event, best, judgement.among)
+        return _renamed(bench, event, best, judgement.among, until_s)
     if weight.margin > DECLARED and not weight.refused:
         return _confirmed(event, weight, judgement, may_be_sure=may_be_sure)
     known = _stated_cause(bench, event, weight, causes)
@@ -221,7 +222,7 @@ def _weighed(
         return replace(event, margin=weight.margin)
     rival = _rival(bench, event, weight, judgement)
     if rival and weight.margin > -DECLARED:
-        named = event if weight.fault == event.fault else _renamed(bench, event, weight, (weight.fault,))
+        named = event if weight.fault == event.fault else _renamed(bench, event, weight, (weight.fault,), until_s)
         return replace(
             named,
             state="suspected",
@@ -329,8 +330,21 @@ def _without_rival(event: Event, weight: Weight) -> Event | Note:
     return replace(event, state="suspected", margin=weight.margin, refuted_by=against, note=note)
 
 
-def _renamed(bench: Bench, event: Event, best: Weight, among: tuple[str, ...]) -> Event:
-    """Return an event as the fault that explains its place best; its size is that of an error of one channel."""
+def _renamed(bench: Bench, event: Event, best: Weight, among: tuple[str, ...], until_s: float) -> Event:
+    """Return an event as the fault that explains its place best, from when that fault itself begins.
+
+    Its size is that of an error of one channel.
+    """
+    timing = timing_of(bench, best, event.onset_s, event.offset_s, until_s=until_s)
+    if timing is not None:
+        event = replace(
+            event,
+            onset_s=timing.onset_s,
+            onset_ci95=timing.onset_ci95,
+            offset_s=timing.offset_s,
+            seen_until_s=max(event.seen_until_s, timing.onset_s),
+        )
+        best = replace(timing.weight, margin=best.margin, shares=best.shares)
     line = best.growth_s is None
     channels = channels_of(best.fault, bench.model.seconds.recorded)
     lasts_s = (event.seen_until_s if event.offset_s is None else event.offset_s) - event.onset_s

@@ -25,6 +25,8 @@ class Weight:
         impact pressure, of a static line m of height. sd is None where it is not known.
     growth_s : seconds within which it grows, None of a pressure line.
     refused : why it can be none, "" where it can.
+    dispersion : twice the loss of a measurement of its channels while it lasts, in the mean; 1 of what it describes to
+        their noise.
     """
 
     fault: str
@@ -34,6 +36,7 @@ class Weight:
     sd: float | None = None
     growth_s: float | None = None
     refused: str = ""
+    dispersion: float = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -91,6 +94,14 @@ def against(
         shares[channel] = shares.get(channel, 0.0) + float(value)
     order = sorted(shares.items(), key=lambda share: -abs(share[1]))
     return float(by_row.sum()), dict(order)
+
+
+def dispersion(place: Place, innovation: FloatArray, rows: Collection[str]) -> float:
+    """Return twice the bounded loss of a measurement of some rows while a fault lasts, in the mean, at least 1."""
+    size = np.abs(innovation[place.during][:, [place.bench.model.row(name) for name in rows]])
+    inside = np.minimum(size, BOUND)
+    losses = inside * (2.0 * size - inside)
+    return max(1.0, float(np.nanmean(losses))) if np.isfinite(losses).any() else 1.0
 
 
 def floored_density(

@@ -8,7 +8,9 @@ from typing import Any
 import pytest
 
 from bfi_cli import diagnose
+from bfi_cli.faults import parse_spec
 from bfi_cli.flightlog import read_log
+from bfi_cli.flightlog.injection import inject
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 # By log of the project what is named and what is a deviation within its tolerance: fault, shape, size, onset, s.
@@ -52,6 +54,20 @@ def test_what_is_declared_of_a_small_log(flights: Path, name: str):
         if event.state == "declared" and event.fault != "q_impact"
     }
     assert events == expected
+
+
+@pytest.mark.realdata
+def test_a_leak_that_lands_no_aircraft_is_named_from_when_it_begins(flights: Path):
+    """The airspeed is gone within 15 s of the onset, with the ground speed as it was."""
+    path, onset_s = flights.parent / "cases" / "b747_healthy.h5", 310.7
+    if not path.exists():
+        pytest.skip(f"the small logs are not at {path.parent}")
+    log = inject(read_log(path), [parse_spec(f"static_leak,time_constant_s=8,onset_s={onset_s}")])
+    (event,) = diagnose(log).events
+    assert (event.fault, event.state, event.offset_s) == ("static_leak", "declared", None)
+    assert event.onset_s == pytest.approx(onset_s, abs=1.0)
+    assert event.onset_ci95[0] <= onset_s <= event.onset_ci95[1]
+    assert {"altitude", "altitude_rate", "tas", "cas", "mach"} <= {*event.channels}
 
 
 @pytest.mark.parametrize(

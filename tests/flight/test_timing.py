@@ -1,0 +1,90 @@
+"""When a fault begins and ends by its own likelihood: from a place that is proposed too early or too late."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from made_journeys import made_journey
+
+from bfi_cli.faults import parse_spec
+from bfi_cli.flight.bench import Bench, bench_of
+from bfi_cli.flight.judge import judge
+from bfi_cli.flight.model import flight_model
+from bfi_cli.flight.seconds import seconds_of
+from bfi_cli.flight.timing import timing_of
+from bfi_cli.flight.weight import Weight
+from bfi_cli.flightlog.injection import inject
+
+ONSET_S, OFFSET_S = 420.3, 500.8
+
+
+@cache
+def bench_with(spec: str) -> Bench:
+    log = made_journey(rate_hz=2.0)
+    log = inject(log, [parse_spec(spec, unit_of=lambda name: log.channel(name).unit)])
+    seconds = seconds_of(log)
+    assert seconds is not None
+    model = flight_model(seconds)
+    assert model is not None
+    return bench_of(model)
+
+
+def weight_of(bench: Bench, fault: str, onset_s: float, offset_s: float | None) -> Weight:
+    judgement = judge(bench, onset_s, offset_s, named=(fault,))
+    assert judgement is not None
+    weight = judgement.weight(fault)
+    assert weight is not None
+    return weight
+
+
+@pytest.mark.first_rows(1)
+@pytest.mark.parametrize(
+    ("spec", "fault", "early_s", "widest_s"),
+    [
+        ("bias,channel=tas,magnitude=4", "tas", 16.0, 4.0),
+        ("static_leak,time_constant_s=8", "static_leak", 16.0, 5.0),
+        ("static_leak,time_constant_s=8", "static_leak", -12.0, 5.0),
+        ("bias,channel=tas,magnitude=4", "tas", -12.0, 4.0),
+        ("pitot_leak,time_constant_s=30", "pitot_leak", 16.0, 10.0),
+        ("pitot_leak,time_constant_s=30", "pitot_leak", -12.0, 10.0),
+        ("pitot_icing,magnitude=0.003", "pitot_icing", 16.0, 60.0),
+        ("pitot_icing,magnitude=0.003", "pitot_icing", -12.0, 60.0),
+        ("bias,channel=aoa,magnitude=0.03", "aoa", 16.0, 4.0),
+        ("bias,channel=aoa,magnitude=0.03", "aoa", -12.0, 4.0),
+        ("static_blocked", "static_blocked", 16.0, 60.0),
+        ("static_blocked", "static_blocked", -12.0, 60.0),
+        ("pitot_blocked", "pitot_blocked", 16.0, 60.0),
+        ("pitot_blocked", "pitot_blocked", -12.0, 60.0),
+    ],
+)
+def test_an_onset_is_in_its_interval_wherever_it_was_proposed(
+    spec: str, fault: str, early_s: float, widest_s: float
+) -> None:
+    bench = bench_with(f"{spec},onset_s={ONSET_S}")
+    weight = weight_of(bench, fault, ONSET_S, None)
+    timing = timing_of(bench, weight, ONSET_S - early_s, None)
+    assert timing is not None
+    first_s, last_s = timing.onset_ci95
+    assert first_s <= ONSET_S <= last_s
+    assert first_s <= timing.onset_s <= last_s
+    assert last_s - first_s <= widest_s
+
+
+@pytest.mark.slow
+def test_an_end_is_found_with_the_onset():
+    bench = bench_with(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S},offset_s={OFFSET_S}")
+    weight = weight_of(bench, "tas", ONSET_S, OFFSET_S)
+    timing = timing_of(bench, weight, ONSET_S - 15.0, OFFSET_S + 20.0)
+    assert timing is not None
+    assert timing.onset_s == pytest.approx(ONSET_S, abs=1.0)
+    assert timing.offset_s == pytest.approx(OFFSET_S, abs=1.0)
+    assert timing.weight.size == pytest.approx(4.0, abs=0.3)
+
+
+def test_where_nothing_is_flown_nothing_begins():
+    bench = bench_with(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}")
+    weight = weight_of(bench, "tas", ONSET_S, None)
+    assert timing_of(bench, weight, 20.0, None) is None
+    assert timing_of(bench, weight, float(np.max(bench.model.time_s)), None) is None

@@ -13,9 +13,9 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..faults.filters import response_of
+from ..kernels.generalised_least_squares import least_squares
 from ..kernels.normal import MAD
 from ..kernels.quantisation import find_quantum, quantum_of_plateaus
 from ..kernels.running import interpolation_error, running_median, travel
@@ -119,6 +119,7 @@ BLOCK_S, OUTSIDE_S, MOST_ROWS = 10.0, 30.0, 300
 # Largest slope of a prediction, in that of the physics of one line, and the height in which a pressure falls to 1/e, m
 # (at 273 K; at 220 and 310 K 6400 and 9100). Beyond, an error of the channel is fitted as motion of the other.
 MOST_SLOPE, SCALE_HEIGHT_M = 1.3, 8000.0
+BLOCKS = 256  # predicted at once, for memory
 NOISE_S = 11  # s of the running median of the prediction's noise
 # Least scatter of a prediction over the quantum of the other channel.
 COARSE = 0.7
@@ -670,29 +671,35 @@ def _expected(
     known = np.interp(track.time_s, other.time_s, (other.known & is_calm).astype(np.float64)) > 0.99
     n, block, outside = len(other_values), track.size(BLOCK_S), track.size(OUTSIDE_S)
     course, spread = np.full(n, np.nan), np.full(n, np.inf)
-    for first in range(0, n, block):
-        low = max(0, first - before * outside)
-        wide = slice(low, first + block + after * outside)
-        rows = low + np.flatnonzero(known[wide] & track.known[wide])
-        if len(rows) < FEWEST_TICKS:
-            continue
-        rows = rows[:: max(1, len(rows) // MOST_ROWS)]
-        at = np.arange(first, min(n, first + block))
-        trend, level = float(rows.mean()), float(other_values[rows].mean())
-        columns, wanted = (_columns(k - trend, other_values[k] - level) for k in (rows, at))
-        factors = np.linalg.lstsq(columns, track.values[rows], rcond=None)[0]
-        error = np.abs(track.values[rows] - columns @ factors)
-        usual = error <= max(OUTLYING * _median(error), track.quantum)
-        factors = np.linalg.lstsq(columns[usual], track.values[rows[usual]], rcond=None)[0]
-        slope = _slope(track, other, float(np.median(track.values[rows])), level)
-        least, most = sorted((0.0, MOST_SLOPE * slope))
-        bounded = min(max(float(factors[2]), least), most)
-        if bounded != factors[2]:  # an error of the channel is taken for motion of the other
-            left = track.values[rows[usual]] - bounded * columns[usual, 2]
-            factors = np.append(np.linalg.lstsq(columns[usual, :2], left, rcond=None)[0], bounded)
-        scatter = MAD * _median(np.abs(track.values[rows] - columns @ factors))
-        spread[at] = max(scatter, COARSE * abs(float(factors[2])) * other.quantum)
-        course[at] = wanted @ factors
+    usable, starts = np.flatnonzero(known & track.known), np.arange(0, n, block)
+    begin = np.searchsorted(usable, np.maximum(0, starts - before * outside))
+    count = np.searchsorted(usable, np.minimum(n, starts + block + after * outside)) - begin
+    enough = np.flatnonzero(count >= FEWEST_TICKS)
+    for some in (enough[k : k + BLOCKS] for k in range(0, len(enough), BLOCKS)):
+        stride = np.maximum(1, count[some] // MOST_ROWS)[:, None]
+        k = begin[some, None] + stride * np.arange(int(np.max(-(-count[some] // stride[:, 0]))))
+        is_row = k < (begin + count)[some, None]
+        rows = usable[np.minimum(k, len(usable) - 1)]
+        values, x = track.values[rows], other_values[rows]
+        trend, level = (np.mean(of, axis=1, where=is_row) for of in (rows, x))
+        columns = np.stack([np.ones(x.shape), rows - trend[:, None], x - level[:, None]], axis=2)
+        factors = least_squares(columns, values, is_row)
+        error = np.abs(values - _combined(columns, factors))
+        usual = is_row & (error <= np.maximum(OUTLYING * _medians(error, is_row), track.quantum)[:, None])
+        factors = least_squares(columns, values, usual)
+        most = MOST_SLOPE * _slope(track, other, _medians(values, is_row), level)
+        bounded = np.clip(factors[:, 2], np.minimum(most, 0.0), np.maximum(most, 0.0))
+        (steep,) = np.nonzero(bounded != factors[:, 2])  # an error of the channel is taken for motion of the other
+        factors[:, 2] = bounded
+        left = values[steep] - bounded[steep, None] * columns[steep, :, 2]
+        factors[steep, :2] = least_squares(columns[steep, :, :2], left, usual[steep])
+        scatter = MAD * _medians(np.abs(values - _combined(columns, factors)), is_row)
+        at = starts[some, None] + np.arange(block)
+        inside, at = at < n, np.minimum(at, n - 1)
+        wanted = np.stack([np.ones(at.shape), at - trend[:, None], other_values[at] - level[:, None]], axis=2)
+        course[at[inside]] = _combined(wanted, factors)[inside]
+        scatter = np.maximum(scatter, COARSE * np.abs(factors[:, 2]) * other.quantum)
+        spread[at[inside]] = np.broadcast_to(scatter[:, None], at.shape)[inside]
     known &= np.isfinite(course)
     course = np.where(known, course, 0.0)
     # White noise makes the prediction travel by several of its standard deviations within seconds.
@@ -701,28 +708,27 @@ def _expected(
     return course, spread + noise, known
 
 
-def _slope(track: _Track, other: _Track, value: float, other_value: float) -> float:
-    """Return by how much a channel changes with another, at values of both: an airspeed, or a height."""
+def _slope(track: _Track, other: _Track, value: FloatArray, other_value: FloatArray) -> FloatArray:
+    """Return by how much a channel changes with another, (n,) at values of both, (n,): an airspeed, or a height."""
     name, relative = track.channel.name, other.channel.name
     if name in _AIRSPEEDS:
         power = {"q_impact": 2.0}
         share = power.get(name, 1.0) / power.get(relative, 1.0)
-        return share * max(abs(value), TINY) / max(abs(other_value), TINY)
-    slopes = {"p_static": -max(abs(value if name == "p_static" else other_value), TINY) / SCALE_HEIGHT_M}
-    return slopes.get(name, 1.0) / slopes.get(relative, 1.0)
+        return share * np.maximum(np.abs(value), TINY) / np.maximum(np.abs(other_value), TINY)
+    pressure = value if name == "p_static" else other_value
+    slopes = {"p_static": -np.maximum(np.abs(pressure), TINY) / SCALE_HEIGHT_M}
+    return np.asarray(slopes.get(name, np.ones(len(value))) / slopes.get(relative, 1.0))
 
 
-def _columns(trend: NDArray[np.floating[Any]], course: FloatArray) -> FloatArray:
-    columns = np.ones((len(trend), 3))
-    columns[:, 1], columns[:, 2] = trend, course
-    return columns
+def _combined(columns: FloatArray, factors: FloatArray) -> FloatArray:
+    """Return (n_blocks, n) sums of columns, (n_blocks, n, n_columns), times the factors of their block."""
+    return np.asarray((columns @ factors[:, :, None])[:, :, 0])
 
 
-def _median(x: FloatArray) -> float:
-    """Return the median of finite values: that of numpy, in a third of the time for some hundred of them."""
-    half = len(x) // 2
-    sides = np.partition(x, (half - 1, half))
-    return float(sides[half] if len(x) % 2 else 0.5 * (sides[half - 1] + sides[half]))
+def _medians(x: FloatArray, known: BoolArray) -> FloatArray:
+    """Return (n_rows,) the median of the known values of every row of x, (n_rows, n); each has one or more."""
+    ordered, count, row = np.sort(np.where(known, x, np.inf), axis=1), known.sum(axis=1), np.arange(len(x))
+    return np.asarray(0.5 * (ordered[row, (count - 1) // 2] + ordered[row, count // 2]))
 
 
 def _defects(flaws: Mapping[str, Sequence[_Flaw]], tracks: Mapping[str, _Track]) -> tuple[Defect, ...]:

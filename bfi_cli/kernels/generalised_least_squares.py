@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import FloatArray
+from . import BoolArray, FloatArray
 
 # RANK_TOLERANCE: share of the nuisances' largest singular value, columns of length 1, below which one is rounding.
 RANK_TOLERANCE = 1e-9
@@ -65,3 +65,21 @@ def regressions(y: FloatArray, courses: FloatArray, nuisances: FloatArray, prior
         shown=np.einsum("kij,ki->kj", courses, y),
         power=np.einsum("kij,kij->kj", courses, courses),
     )
+
+
+def least_squares(columns: FloatArray, y: FloatArray, rows: BoolArray) -> FloatArray:
+    """Return the smallest least-squares solutions (n_problems, n_columns) of many problems of few columns.
+
+    Parameters
+    ----------
+    columns : (n_problems, n, n_columns); y : (n_problems, n), finite, n > n_columns.
+    rows : (n_problems, n) that count in each problem.
+    """
+    augmented = np.concatenate([columns, y[:, :, None]], axis=2) * rows[:, :, None]
+    factor: FloatArray = np.asarray(np.linalg.qr(augmented, mode="r"))
+    left, singular, right = np.linalg.svd(factor[:, :-1, :-1])
+    # A direction that rounding leaves takes no part, as in LAPACK's gelsd.
+    least = np.finfo(float).eps * rows.sum(axis=1, keepdims=True) * singular[:, :1]
+    along = (factor[:, None, :-1, -1] @ left)[:, 0]
+    along = np.divide(along, singular, out=np.zeros_like(along), where=singular > least)
+    return np.asarray((along[:, None] @ right)[:, 0])

@@ -24,7 +24,7 @@ from .decision.implausible import Implausible
 from .dictionary import Dictionary
 from .engine import in_order
 from .errors import BfiError
-from .faults import Fault, FaultEstimate, build_up_s, has_channel
+from .faults import Fault, FaultEstimate, build_up_s, has_channel, unit_signal
 from .faults.filters import response_of
 from .faults.shapes import SHAPES, Kind, Shape
 from .flight import DiagnoseResult, FlightLimit, diagnose_flight
@@ -66,9 +66,12 @@ class Proving:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sighting:
-    """What an answer declares or suspects: a kind of fault, under its names, with the interval of its onset if any."""
+    """What an answer declares or suspects: kinds of fault, under its names, with the interval of its onset if any.
 
-    kind: Kind
+    A fault that cannot be told from some of other kinds is of all these.
+    """
+
+    kinds: frozenset[Kind]
     names: frozenset[str]
     onset_s: Span | None
 
@@ -277,7 +280,7 @@ def sightings_of(result: OnsetResult | IdentifyResult | DiagnoseResult) -> tuple
     if isinstance(result, DiagnoseResult):
         return tuple(
             Sighting(
-                kind=event.kind,
+                kinds=frozenset((event.kind,)),
                 names=frozenset((event.fault, *event.among, *event.channels)),
                 onset_s=event.onset_ci95,
             )
@@ -285,14 +288,16 @@ def sightings_of(result: OnsetResult | IdentifyResult | DiagnoseResult) -> tuple
         )
     declared = (
         Sighting(
-            kind=SHAPES[estimate.fault.shape].kind,
+            kinds=frozenset(SHAPES[shape].kind for shape in (estimate.fault.shape, *estimate.among) if shape in SHAPES),
             names=frozenset((estimate.fault.channel, estimate.fault.shape)),
             onset_s=estimate.onset_ci95 or (estimate.fault.onset_s, estimate.fault.onset_s),
         )
         for estimate in result.faults
     )
     suspected = (
-        Sighting(kind=candidate.kind, names=frozenset((candidate.channel, candidate.shape)), onset_s=None)
+        Sighting(
+            kinds=frozenset((candidate.kind,)), names=frozenset((candidate.channel, candidate.shape)), onset_s=None
+        )
         for candidate in result.candidates
         if candidate.state == "suspected"
     )
@@ -303,7 +308,7 @@ def sees(sightings: Sequence[Sighting], kind: Kind, channel: str, fault: Fault, 
     """Say whether sightings of its kind hold the onset of a fault, or a time until it is built up."""
     first_s, last_s = fault.onset_s - slack_s, fault.onset_s + (build_up_s(fault) or 0.0) + slack_s
     return any(
-        sighting.kind == kind
+        kind in sighting.kinds
         and channel in sighting.names
         and (sighting.onset_s is None or (sighting.onset_s[0] <= last_s and first_s <= sighting.onset_s[1]))
         for sighting in sightings
@@ -322,17 +327,17 @@ def window_claims(result: OfWindow, config: Config, entries: Mapping[str, Fault]
     for kind in KINDS:
         for channel in dict.fromkeys(candidate.channel for candidate in asked if candidate.kind == kind):
             alike = [candidate for candidate in asked if (candidate.kind, candidate.channel) == (kind, channel)]
-            limits = [candidate.effect for candidate in alike if candidate.effect and candidate.excluded_above]
-            if len(limits) < len(alike):
+            errors = [candidate.seen_above for candidate in alike if candidate.seen_above is not None]
+            if len(errors) < len(alike):
                 continue
-            worst = max(alike, key=lambda candidate: candidate.effect or 0.0)
-            draw = partial(_window_fault, alike=alike, effect=max(limits), result=result, config=config)
+            error = max(errors)
+            draw = partial(_window_fault, alike=alike, error=error, result=result, config=config)
             claims.append(
                 Claim(
                     kind=kind,
                     channel=channel,
-                    size=worst.excluded_above or 0.0,
-                    unit=worst.unit,
+                    size=error,
+                    unit=alike[0].channel_unit,
                     draw=partial(draw, entries=entries or {}),
                 )
             )
@@ -343,24 +348,22 @@ def _window_fault(
     rng: np.random.Generator,
     *,
     alike: Sequence[Candidate],
-    effect: float,
+    error: float,
     result: OfWindow,
     config: Config,
     entries: Mapping[str, Fault],
 ) -> Fault | None:
-    """Return a fault of one of some candidates, with the effect that excludes all of them; None where it does not fit.
+    """Return a fault of one of some candidates that makes an error within the window; None where it does not fit.
 
     Its onset is one that was searched, or that of its entry within what that is known to; its frequency, time constant
     or duration one that the claim covers, all equally likely, frequencies by their logarithm.
     """
     candidate = alike[int(rng.integers(len(alike)))]
-    assert candidate.excluded_above is not None
-    assert candidate.effect is not None
-    size = float(rng.choice([-1.0, 1.0])) * candidate.excluded_above * effect / candidate.effect
+    error *= float(rng.choice([-1.0, 1.0]))
     entry = entries.get(candidate.name)
     if entry is not None:
         shift_s = float(rng.uniform(-1.0, 1.0)) * config.onset_tolerance_s
-        return replace(entry.later(shift_s), magnitude=size)
+        return _with_error(entry.later(shift_s), error, result.log)
     if not candidate.onsets_checked:
         return None
     spans = candidate.onsets_checked
@@ -380,7 +383,15 @@ def _window_fault(
     if last_s <= first_s:
         return None
     onset_s = float(rng.uniform(first_s, last_s))
-    return Fault(shape=candidate.shape, channel=candidate.channel, magnitude=size, onset_s=onset_s, **parameter)
+    fault = Fault(shape=candidate.shape, channel=candidate.channel, magnitude=1.0, onset_s=onset_s, **parameter)
+    return _with_error(fault, error, result.log)
+
+
+def _with_error(fault: Fault, error: float, window: LogSummary) -> Fault | None:
+    """Return a fault with the magnitude that makes its largest error within a window; None where none does."""
+    time_s = np.linspace(window.start_s, window.stop_s, window.n_samples)
+    largest = float(np.abs(unit_signal(fault, time_s, window_start_s=window.start_s)).max())
+    return replace(fault, magnitude=error / largest) if largest > 0.0 else None
 
 
 def _flight_claims(result: DiagnoseResult, log: FlightLog) -> list[Claim]:

@@ -16,7 +16,7 @@ from bfi_cli import Config, merge, read_log, start_time
 from bfi_cli import proof as proving_module
 from bfi_cli.decision import Proof
 from bfi_cli.errors import ConfigError, LogError
-from bfi_cli.faults import Fault
+from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.faults.shapes import Kind
 from bfi_cli.journal import Journal, lines_of_journal
 from bfi_cli.model.onset import onset_content, onset_document
@@ -35,8 +35,8 @@ STEP = Fault(shape="bias", channel="tas", onset_s=10.0)
 LAG = Fault(shape="lagged_bias", channel="tas", onset_s=10.0, time_constant_s=2.0)
 
 
-def sighting(kind: Kind = "abrupt", name: str = "tas", onset_s: tuple[float, float] | None = None) -> Sighting:
-    return Sighting(kind=kind, names=frozenset([name]), onset_s=onset_s)
+def sighting(*kinds: Kind, name: str = "tas", onset_s: tuple[float, float] | None = None) -> Sighting:
+    return Sighting(kinds=frozenset(kinds or ("abrupt",)), names=frozenset([name]), onset_s=onset_s)
 
 
 @pytest.mark.parametrize(
@@ -47,7 +47,8 @@ def sighting(kind: Kind = "abrupt", name: str = "tas", onset_s: tuple[float, flo
         (STEP, sighting(onset_s=(10.05, 11.0)), True),  # within the slack
         (STEP, sighting(onset_s=(8.0, 9.5)), False),
         (STEP, sighting(), True),  # suspected, with no onset of its own
-        (STEP, sighting(kind="slow"), False),
+        (STEP, sighting("slow"), False),
+        (STEP, sighting("slow", "abrupt"), True),  # a drift that may be a step
         (STEP, sighting(name="aoa"), False),
         (LAG, sighting(onset_s=(13.0, 14.0)), True),  # a step while it builds up, in 4.6 s
         (LAG, sighting(onset_s=(15.0, 16.0)), False),
@@ -192,4 +193,5 @@ def test_what_is_added_lies_where_the_answer_claims_something_and_not_at_a_decla
         ]
         assert any(first_s <= trial.fault.onset_s <= last_s for first_s, last_s in spans)
         assert not sees(before, claim.kind, claim.channel, trial.fault)
-        assert abs(trial.fault.magnitude) == pytest.approx(claim.size)
+        signal = trial.fault.magnitude * unit_signal(trial.fault, result.time_s, window_start_s=result.log.start_s)
+        assert np.abs(signal).max() == pytest.approx(claim.size, rel=0.01)

@@ -43,6 +43,8 @@ class Candidate:
         minimal_detectable_scan : the same of the scan over all onsets, the median over these.
     excluded_above : magnitude beyond which the log excludes the fault, at the worst of the onsets covered.
     effect : largest error that this magnitude makes on the channel within the window; tolerance : of the channel.
+    seen_above : error, no less than `effect`, from which on a fault would be declared or suspected with 90 % power, at
+        95 % of the onsets covered; None where it is not known.
     onset_s : of an entry of a dictionary, on the log's axis; None where all onsets were looked at.
     note : why it is left out, suspected or not seen.
     onsets_checked : (from, to), s, of the onsets that were searched; None for an entry with a stated onset.
@@ -60,6 +62,7 @@ class Candidate:
     minimal_detectable_scan: float | None = None
     excluded_above: float | None = None
     effect: float | None = None
+    seen_above: float | None = None
     tolerance: float | None = None
     channel_unit: str = ""
     onset_s: float | None = None
@@ -104,12 +107,19 @@ def state_of(*, declared: bool, suspected: bool, effect: float | None, tolerance
     return "excluded"
 
 
-def with_limit(candidate: Candidate, effect: float | None, excluded_above: float | None, **changes: Any) -> Candidate:
+def with_limit(
+    candidate: Candidate,
+    effect: float | None,
+    excluded_above: float | None,
+    seen_above: float | None = None,
+    **changes: Any,
+) -> Candidate:
     """Return a candidate with another limit and the state that follows; a declared or suspected one keeps its own."""
     state = candidate.state
     if state in ("excluded", "not_seen"):
         state = state_of(declared=False, suspected=False, effect=effect, tolerance=candidate.tolerance)
-    return replace(candidate, **{"state": state, "effect": effect, "excluded_above": excluded_above, **changes})
+    limits = {"effect": effect, "excluded_above": excluded_above, "seen_above": seen_above}
+    return replace(candidate, **{"state": state, **limits, **changes})
 
 
 def beyond_tolerance(effect: float, magnitude: float, sd: float, tolerance: float | None) -> bool | None:

@@ -311,15 +311,15 @@ def _while_it_read(candidate: Candidate, faults: Sequence[FaultEstimate]) -> Can
     if not held or candidate.state in ("declared", None):
         return candidate
     note = f"{candidate.channel} tells nothing from {instant(held[0].fault.onset_s)} s on"
-    return replace(candidate, state="not_seen", effect=None, excluded_above=None, note=note)
+    return with_limit(candidate, None, None, state="not_seen", note=note)
 
 
 def _with_least_limit(candidate: Candidate, evidence: Sequence[Evidence]) -> Candidate:
     """Return a candidate of a slow fault with the smallest error that any source leaves on its channel."""
     if candidate.kind != "slow" or candidate.state not in ("excluded", "not_seen"):
         return candidate
-    effects = [
-        other.effect
+    bounds = [
+        (other.effect, other.seen_above)
         for source in evidence
         for other in source.candidates
         if other.kind == "slow"
@@ -327,9 +327,10 @@ def _with_least_limit(candidate: Candidate, evidence: Sequence[Evidence]) -> Can
         and other.state in ("excluded", "not_seen")
         and other.effect is not None
     ]
-    least = min(effects, default=None)
+    least = min((effect for effect, _ in bounds), default=None)
+    seen_above = min((seen for _, seen in bounds if seen is not None), default=None)
     if least is None or (candidate.effect is not None and candidate.effect <= least):
-        return candidate
+        return replace(candidate, seen_above=seen_above)
     scale = None if candidate.effect in (None, 0.0) else least / candidate.effect
     above = None if scale is None or candidate.excluded_above is None else scale * candidate.excluded_above
-    return with_limit(candidate, least, above)
+    return with_limit(candidate, least, above, seen_above)

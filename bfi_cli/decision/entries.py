@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ..faults import Fault, FaultEstimate
 from ..faults.shapes import SHAPES
-from .candidate import Candidate
+from .candidate import Candidate, with_limit
 from .evidence import Evidence
 
 # Samples by which an estimated onset may lie outside of its interval: one for the estimate, half a one for the
@@ -77,13 +77,4 @@ def _declared(candidate: Candidate, fault: FaultEstimate) -> Candidate:
     magnitude = fault.physical_value / scale
     sd = fault.sd * abs(magnitude / fault.magnitude) if fault.magnitude else fault.sd
     kind = SHAPES[candidate.shape].kind
-    return replace(
-        candidate,
-        kind=kind,
-        state="declared",
-        magnitude=magnitude,
-        sd=sd,
-        effect=None,
-        excluded_above=None,
-        note=None,
-    )
+    return with_limit(candidate, None, None, kind=kind, state="declared", magnitude=magnitude, sd=sd, note=None)

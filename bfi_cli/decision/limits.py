@@ -17,7 +17,7 @@ IN_PLACE = "in place of what is declared it would explain the log nearly as well
 class ScanLimit:
     """What a scan says of a fault of a dictionary, the worst of the onsets it may have; None where it has no limit.
 
-    Magnitudes and effect in SI, see `Candidate`.
+    Magnitudes and errors in SI, see `Candidate`.
 
     Attributes
     ----------
@@ -26,6 +26,7 @@ class ScanLimit:
 
     excluded_above: float | None = None
     effect: float | None = None
+    seen_above: float | None = None
     covered: bool = True
 
 
@@ -55,7 +56,7 @@ def untested(candidate: Candidate) -> Candidate:
     """
     if candidate.state not in ("excluded", "not_seen"):
         return candidate
-    return replace(candidate, state=None, effect=None, excluded_above=None, note=UNTESTED)
+    return with_limit(candidate, None, None, state=None, note=UNTESTED)
 
 
 def with_limit_of_scan(
@@ -74,8 +75,8 @@ def with_limit_of_scan(
     if limit is None:
         why = " and the window is not scanned" if covered_s is None else ": the scan does not look for it"
         note = f"no claim where its onset is not exact{why} (--onset-tolerance 0)"
-    effect, excluded = (None, None) if limit is None else (limit.effect, limit.excluded_above)
-    bounded = with_limit(candidate, effect, excluded, note=note)
+    sizes = (None, None, None) if limit is None else (limit.effect, limit.excluded_above, limit.seen_above)
+    bounded = with_limit(candidate, *sizes, note=note)
     too_late = covered_s is not None and onset_s is not None and not covered_s[0] <= onset_s <= covered_s[1]
     if too_late or (limit is not None and not limit.covered):
         bounded = untested(bounded)
@@ -91,7 +92,7 @@ def not_excluded(candidates: Sequence[Candidate], rivals: Collection[tuple[str, 
     rivals : shape and channel of what may.
     """
     return tuple(
-        replace(candidate, state="not_seen", excluded_above=None, effect=None, note=IN_PLACE)
+        with_limit(candidate, None, None, note=IN_PLACE)
         if candidate.state == "excluded" and (candidate.shape, candidate.channel) in rivals
         else candidate
         for candidate in candidates

@@ -253,6 +253,7 @@ def _candidate(
         sd=None if drift is None or not np.isfinite(drift.sd) else drift.sd,
         excluded_above=slope,
         effect=effect,
+        seen_above=effect,
         tolerance=tolerance,
         channel_unit=unit,
         note=note,

@@ -103,6 +103,7 @@ def _claim(
         minimal_detectable=finite(detectable),
         excluded_above=limit,
         effect=effect,
+        seen_above=effect,
         tolerance=tolerances[channel.name],
         onset_s=fault.onset_s,
         note=outcome.declined.get(n, note),

@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -67,9 +68,31 @@ WEIGHED: tuple[Shape, ...] = tuple(
 # Phi(-z / 2 - q^2 / 2 z), at most Phi(-q) = 5 %, which unknown onsets meet too (docs/theory.md, 8.5). A shape is
 # suspected where faults beyond the tolerance explain the record better than none does.
 EXCLUDED, SUSPECTED = 0.5 * math.exp(-0.5 * ONE_SIDED_95**2), 1.0
-# Errors at which the likelihood is asked, in tolerances: limits from a tenth to a hundred of them.
+# Errors at which the likelihood is asked, in tolerances: limits from a thousandth to a hundred of them.
 PER_DECADE = 6
-ERRORS = np.geomspace(0.1, 100.0, 3 * PER_DECADE + 1)
+ERRORS = np.geomspace(0.001, 100.0, 5 * PER_DECADE + 1)
+# Share of the onsets at which a fault of the size that an answer says it would see is seen.
+MOSTLY = 0.95
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Detectable:
+    """The sizes of a hypothesis that would be declared with 90 % power, by onset: scaled, (n_onsets,).
+
+    Attributes
+    ----------
+    onset_s : on the log's axis.
+    magnitude : infinite where none would be; error : that it makes within the window.
+    """
+
+    onset_s: FloatArray
+    magnitude: FloatArray
+    error: FloatArray
+
+    def mostly(self, near_s: FloatArray | None = None) -> float:
+        """Return the error that is declared at most onsets: of all, or of those nearest to `near_s` (n_near,)."""
+        nearest = slice(None) if near_s is None else np.abs(near_s[:, None] - self.onset_s).argmin(axis=1)
+        return float(np.quantile(self.error[nearest], MOSTLY, method="higher"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,13 +103,13 @@ class Limits:
     ----------
     profile : over the onsets.
     onset_s : on the log's axis.
-    detected : magnitude that would be declared with 90 % power.
+    detectable : at all of them.
     excluded : magnitude beyond which the record excludes the fault, infinite where none is; effect : its largest error.
     """
 
     profile: Profile
     onset_s: FloatArray
-    detected: FloatArray
+    detectable: Detectable
     excluded: FloatArray
     effect: FloatArray
 
@@ -108,7 +131,7 @@ class Likeliness:
         each.
     tolerance : of the channel, scaled.
     parameter : of the hypothesis: frequency, time constant or duration.
-    detected : magnitude that would be declared with 90 % power at half of the onsets; None where it was not asked for.
+    detectable : at some onsets; None where it was not asked for.
     """
 
     profile: Profile
@@ -117,7 +140,7 @@ class Likeliness:
     errors: FloatArray
     ratios: FloatArray
     tolerance: float
-    detected: float | None
+    detectable: Detectable | None
 
     def hidden(self, near: BoolArray | None = None) -> tuple[float, float]:
         """Return magnitude and error that are excluded at 95 %, at the onsets `near` (n_onsets,) or at all."""
@@ -246,11 +269,11 @@ def _sized(
     form_limits = [_limits(record, scan, claimed, rule.threshold(form.shape)) for claimed in forms]
     covered = [limits for limits in form_limits if limits is not None]
     if not covered:
-        return candidate if peak is None else _bounded(record, candidate, form.output, peak.profile, None)
+        return candidate if peak is None else _bounded(record, candidate, form.output, peak.profile, ())
     worst = max(covered, key=lambda limits: float(limits.effect.max()))
     likeliest = max((limits.profile for limits in covered), key=lambda profile: float(profile.statistic.max()))
-    detectable = float(np.median([np.median(limits.detected) for limits in covered]))
-    return _bounded(record, candidate, form.output, likeliest, detectable, *worst.hidden())
+    sizes = [limits.detectable for limits in covered]
+    return _bounded(record, candidate, form.output, likeliest, sizes, *worst.hidden())
 
 
 def _weighed(
@@ -275,7 +298,7 @@ def _weighed(
         return replace(candidate, note="the window is too short for an oscillation")
     assert candidate.tolerance is not None
     tolerance = candidate.tolerance / float(record.unit[form.output])
-    threshold = None if peak is None else rule.threshold(shape)
+    threshold = rule.threshold(shape)
     # Every onset counts for the hypotheses that hide most only: fewer onsets tell which these are.
     every = GLANCED if len(forms) > FULL else 1
     glances = {
@@ -285,7 +308,7 @@ def _weighed(
     covered = {claimed: glance for claimed, glance in glances.items() if glance is not None}
     if not covered:
         return candidate
-    detectable = None if peak is None else float(np.median([glance.detected for glance in covered.values()]))
+    sizes = [glance.detectable for glance in covered.values() if glance.detectable is not None]
     if every > 1:
         worst_forms = {
             claimed
@@ -312,7 +335,9 @@ def _weighed(
             f"all from {instant(likeliest.onset_s[likeliest.profile.best])} s on; see --shape {shape}"
         )
     hidden = max(likeliness.hidden() for likeliness in likelinesses)
-    return _bounded(record, candidate, form.output, likeliest.profile, detectable, *hidden, note=note)
+    # What is scanned as another shape is seen by the likelihood of faults beyond the tolerance.
+    least = 0.0 if peak is not None else tolerance
+    return _bounded(record, candidate, form.output, likeliest.profile, sizes, *hidden, least=least, note=note)
 
 
 def _bounded(
@@ -320,27 +345,34 @@ def _bounded(
     candidate: Candidate,
     output: int,
     profile: Profile,
-    detectable: float | None,
+    detectable: Sequence[Detectable],
     excluded: float = np.inf,
     effect: float = np.inf,
-    **changes: str | None,
+    *,
+    least: float = 0.0,
+    **changes: Any,
 ) -> Candidate:
     """Return a candidate with its likeliest magnitude and its limits.
 
     Parameters
     ----------
-    profile : over the onsets; detectable, excluded, effect : magnitudes and error, scaled, infinite for any.
+    profile : over the onsets; excluded, effect : magnitude and error, scaled, infinite for any.
+    detectable : of the hypotheses of the shape; least : error below which a fault of it is not declared, scaled.
     """
     scale, best = float(record.unit[output]), profile.best
+    median = float(np.median([np.median(sizes.magnitude) for sizes in detectable])) if detectable else np.inf
+    seen_above = max((least, *(sizes.mostly() for sizes in detectable))) if detectable else np.inf
     sized = replace(
         candidate,
         magnitude=finite(scale * float(profile.z[best])),
         sd=finite(scale * float(profile.sd[best])),
-        minimal_detectable_scan=None if detectable is None else finite(scale * detectable),
+        minimal_detectable_scan=None if least else finite(scale * median),
     )
     if is_any(scale * effect, record.window.log, candidate.channel):
         return with_limit(sized, None, None, **changes)
-    return with_limit(sized, scale * effect, finite(scale * excluded), **changes)
+    return with_limit(
+        sized, scale * effect, finite(scale * excluded), finite(scale * max(seen_above, effect)), **changes
+    )
 
 
 def _likeliness(
@@ -356,20 +388,21 @@ def _likeliness(
 
     Parameters
     ----------
-    threshold : of the statistic, of which `detected` is the size; None where it is not asked for.
+    threshold : of the statistic, of which `detectable` are the sizes; None where they are not asked for.
     every : of so many onsets one is looked at.
     """
     wave = waveform(form, replace(record.sampling, n_samples=scan.n_samples))
     onsets = _covered(record, scan, form)[::every]
     if onsets.size == 0:
         return None
-    errors, detected = tolerance * ERRORS, None
+    errors, detectable = tolerance * ERRORS, None
     magnitudes = errors[:, None] / wave.largest(scan.n_samples - onsets)
     profile, both_signs = profile_with_deviances(scan, wave, onsets, magnitudes)
     dispersion = profile.dispersion
     if threshold is not None:
         some = profile.take(np.linspace(0, len(onsets) - 1, min(SIZED, len(onsets))).astype(np.intp))
-        detected = float(np.median(_sizes(scan, wave, some, threshold, dispersion)[0]))
+        magnitude = _sizes(scan, wave, some, threshold, dispersion)[0]
+        detectable = _detectable(record, scan, wave, some.onsets, magnitude)
     return Likeliness(
         profile=profile,
         parameter=form.parameter or 0.0,
@@ -377,7 +410,15 @@ def _likeliness(
         errors=errors,
         ratios=likelihood_ratios(both_signs, dispersion=dispersion),
         tolerance=tolerance,
-        detected=detected,
+        detectable=detectable,
+    )
+
+
+def _detectable(record: ScanRecord, scan: Scan, wave: Waveform, onsets: IntArray, magnitude: FloatArray) -> Detectable:
+    return Detectable(
+        onset_s=record.onsets_s(onsets + record.sampling.lead),
+        magnitude=magnitude,
+        error=magnitude * wave.largest(scan.n_samples - onsets),
     )
 
 
@@ -418,7 +459,7 @@ def limits_near_onsets(
         if form not in form_limits:
             scan = scans[output]
             form_limits[form] = (
-                _likeliness(record, scan, form, tolerances[fault.channel] / scale)
+                _likeliness(record, scan, form, tolerances[fault.channel] / scale, rule.threshold(shape))
                 if shape in WEIGHED
                 else _limits(record, scan, form, rule.threshold(shape))
             )
@@ -426,24 +467,29 @@ def limits_near_onsets(
         if hidden is None:
             limits.append(ScanLimit(covered=False))
             continue
-        excluded, effect = hidden
+        excluded, effect, seen_above = hidden
+        if shape not in record.settings.shapes:
+            seen_above = max(seen_above, tolerances[fault.channel] / scale)
         known_size = not is_any(scale * effect, record.window.log, fault.channel)
         limits.append(
             ScanLimit(
                 excluded_above=scale / slope * excluded if known_size else None,
                 effect=scale * effect if known_size else None,
+                seen_above=finite(scale * max(seen_above, effect)),
             )
         )
     return tuple(limits)
 
 
-def _near(limits: Limits | Likeliness | None, onset_s: float, near_s: float) -> tuple[float, float] | None:
-    """Return the magnitude that is excluded near an onset and the error that it makes, scaled, infinite where none is.
+def _near(limits: Limits | Likeliness | None, onset_s: float, near_s: float) -> tuple[float, float, float] | None:
+    """Return the magnitude that is excluded near an onset, the error that it makes, and the error that is declared.
 
-    None where no onset near it is covered.
+    Scaled, infinite where there is none; None where no onset near it is covered.
     """
     near = np.zeros(0, dtype=bool) if limits is None else np.abs(limits.onset_s - onset_s) <= near_s
-    return limits.hidden(near) if limits is not None and near.any() else None
+    if limits is None or limits.detectable is None or not near.any():
+        return None
+    return *limits.hidden(near), limits.detectable.mostly(limits.onset_s[near])
 
 
 def _claimed(
@@ -544,7 +590,7 @@ def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: fl
     return Limits(
         profile=profile,
         onset_s=record.onsets_s(onsets + record.sampling.lead),
-        detected=detected,
+        detectable=_detectable(record, scan, wave, onsets, detected),
         excluded=excluded,
         effect=excluded * wave.largest(scan.n_samples - onsets),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -46,7 +47,7 @@ def test_a_fault_of_the_size_that_is_seen_exceeds_the_threshold_by_90_percent_po
     phi = float(limits.profile.statistic.mean())
     assert phi > 1.2
     for i in range(0, len(limits.onset_s), 60):
-        m, onset = limits.detected[i], int(limits.profile.onsets[i])
+        m, onset = limits.detectable.magnitude[i], int(limits.profile.onsets[i])
         without, kept = [], []
         for sign in (1.0, -1.0):
             faulty = y + sign * m * signal_of(record, BIAS, onset)
@@ -68,7 +69,7 @@ def test_a_size_is_excluded_at_95_percent_above_the_likeliest(record: ScanRecord
     assert limits.profile.onsets[i] == onset
     z, sd = float(limits.profile.z[i]), float(limits.profile.sd[i])
     assert (limits.excluded[i] - abs(z)) / (sd * np.sqrt(phi)) == pytest.approx(1.6448536, rel=0.02)
-    assert limits.excluded[i] > limits.detected[i]
+    assert limits.excluded[i] > limits.detectable.magnitude[i]
 
 
 def test_of_one_onset_5_percent_of_faults_of_the_worst_size_are_excluded():
@@ -118,10 +119,14 @@ def test_a_lag_is_suspected_where_the_record_is_likelier_with_one_beyond_the_tol
         assert (beyond(z) >= 1.0) is suspected
         assert 0.5 < beyond(z) < 2.0
         scan = scan_of(record, record.y + z * theta, ORDER, output=0)
-        rule = None  # of a shape that is not looked for no threshold is asked
+        rule = SimpleNamespace(threshold=lambda _shape: 30.0)
         looked_for = candidate_of(fault_of(LAG, "tas", magnitude=1.0, onset_s=0.0), "m/s", tolerance=tolerance)
         candidate = claims._weighed(record, scan, rule, looked_for, LAG, None, None, lambda _: None)
         assert (candidate.state == "suspected") is suspected
+        # What is scanned as a step is seen as a fault beyond the tolerance, or not at all.
+        assert candidate.minimal_detectable_scan is None
+        assert candidate.seen_above is not None
+        assert candidate.seen_above >= max(tolerance, candidate.effect or 0.0)
 
 
 def test_limits_near_an_onset_are_of_the_onsets_within_the_tolerance(record: ScanRecord):

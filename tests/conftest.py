@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
 from bfi_cli.commands import run_command
@@ -23,6 +24,9 @@ if TYPE_CHECKING:
 # Tests of the laboratory, which no analysis of a log needs.
 LABORATORY = ("tests/lab/", "tests/aircraft/f16/")
 
+# Examples drawn by hypothesis are those of every other run, unless all trials are asked for; none has a time limit.
+settings.register_profile("bfi", deadline=None, derandomize=os.environ.get("BFI_FULL") != "1")
+settings.load_profile("bfi")
 threadpool_limits(1)
 # Answers are as wide as in a pipe, whatever terminal the tests are started from.
 os.environ.pop("COLUMNS", None)

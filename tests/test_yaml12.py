@@ -21,7 +21,7 @@ JSON = st.recursive(
 
 
 @pytest.mark.slow
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(JSON)
 def test_json_is_yaml(data):
     read = load_yaml(json.dumps(data, ensure_ascii=False))
@@ -102,7 +102,7 @@ def complaint_about(text):
     return ""
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.text(st.sampled_from("ab1 :-[]{},&*!?|>'\"%#\n\t.~<"), max_size=30) | st.text(max_size=20))
 def test_any_text_is_data_or_one_line_of_complaint(text):
     assert "\n" not in complaint_about(text)

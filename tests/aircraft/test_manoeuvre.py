@@ -39,7 +39,7 @@ def test_nothing_moves_before_the_start(name: str):
     assert not moving[TIME < 2.0].any()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     name=st.sampled_from(sorted(MANOEUVRES)),
     start=st.integers(0, 1000),

@@ -238,7 +238,7 @@ def test_the_signals_compared_without_a_log_are_those_defined():
     assert all(entry.minimal_detectable is None for entry in found.atoms)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(
     st.lists(
         st.builds(

@@ -131,7 +131,7 @@ def test_a_log_without_channels_is_refused(tmp_path: Path):
         read_log(tmp_path / "a.bin")
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_a_damaged_dataflash_log_is_read_or_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / "damaged.bin"

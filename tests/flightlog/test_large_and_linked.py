@@ -59,7 +59,7 @@ WRITTEN = {
 
 @pytest.mark.first_rows(2)
 @pytest.mark.parametrize("options", WRITTEN)
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(ends=st.lists(st.none() | st.floats(0.0, 320.0), min_size=2, max_size=2))
 def test_a_window_of_a_large_log_is_that_of_the_whole(options, ends, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / f"{options}.h5"

@@ -131,7 +131,7 @@ def test_attitude_and_incidence_say_what_the_altitude_says() -> None:
     assert names == [one.phase for one in phases(signals, "cas", "altitude")]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     seed=st.integers(0, 2**32 - 1),
     size=st.integers(2, 400),
@@ -455,7 +455,7 @@ def test_an_approach_is_no_ground_for_an_airspeed_that_grows_with_altitude(name:
     assert airborne_stretches(log_of(time_s, {name: speed, "altitude": altitude})) == [(0.0, 3600.0)]
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     start=st.floats(640.0, 2200.0),
     length=st.floats(20.0, 600.0),

@@ -310,7 +310,7 @@ def test_arbitrary_bytes_are_read_or_refused(data: bytes, head: bytes, tmp_path_
 
 
 @pytest.mark.first_rows(1)
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(data=st.data())
 @pytest.mark.parametrize("write", [as_csv, as_semicolon_csv, as_matlab, as_matlab_structs])
 def test_mutated_files_are_read_or_refused(write, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):
@@ -337,7 +337,7 @@ def test_mutated_hdf5_files_are_read_or_refused(write, tmp_path_factory: pytest.
 
 
 @pytest.mark.first_rows(2)
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(data=st.data())
 @pytest.mark.parametrize("write", [as_hdf5, as_hdf5_group, as_matlab_73])
 def test_truncated_hdf5_files_are_refused(write, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):

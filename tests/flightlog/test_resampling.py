@@ -28,7 +28,7 @@ def smooth(t: np.ndarray, rate: float = 10.0) -> np.ndarray:
     return 80.0 + np.sin(2.0 * np.pi * frequency * t + 0.3)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(rate=st.floats(2.0, 50.0))
 def test_a_slow_sine_is_reproduced_at_any_rate(rate: float):
     log = resample(made_log(T, tas=smooth(T, rate)), rate)
@@ -63,7 +63,7 @@ def test_the_same_rate_changes_nothing():
     np.testing.assert_array_equal(same.time_s, log.time_s)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(jitter=st.floats(0.05, 0.3), rate=st.sampled_from([10.0, 7.0, 50.0, 2.0]), seed=st.integers(0, 99))
 def test_an_uneven_axis_gives_the_same_signal_on_a_uniform_one(jitter: float, rate: float, seed: int):
     uneven = T + jitter / RATE * np.random.default_rng(seed).uniform(-1, 1, T.size)
@@ -96,7 +96,7 @@ def test_a_rate_above_that_of_a_held_channel_is_a_note():
     assert texts(log.notes) == ("'tas' has new values at 1 Hz only; at 10 Hz those between are interpolated",)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(rate=st.sampled_from([10.0, 7.0]), magnitude=st.floats(-5.0, 5.0).filter(lambda z: abs(z) > 0.1))
 def test_the_clean_signal_goes_the_same_way(rate: float, magnitude: float):
     clean = made_log(T, tas=np.random.default_rng(0).normal(size=T.size))

@@ -114,7 +114,7 @@ def test_dropouts_are_said(tmp_path: Path):
     assert any("lost data 1 times, 0.25 s in all" in note for note in texts(read_log(tmp_path / "a").notes))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(data=st.data())
 def test_a_damaged_ulog_is_read_or_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / "damaged.ulg"

@@ -26,7 +26,7 @@ def test_gain_at_zero_frequency_is_one(lowpass, factor):
 
 
 @EVERY
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(factor=st.integers(2, 12), n=st.integers(250, 400), slope=st.floats(-5, 5))
 def test_a_ramp_comes_out_at_the_times_of_the_rows(lowpass, factor, n, slope):
     """A linear-phase filter leaves a ramp alone; a causal one delays it by a constant."""
@@ -72,7 +72,7 @@ def test_a_difference_equation_survives_the_filter_exactly(lowpass):
 
 
 @EVERY
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(a=st.floats(-10, 10), b=st.floats(-10, 10), factor=st.integers(1, 9))
 def test_decimation_is_linear_and_acts_channel_by_channel(lowpass, a, b, factor):
     x = np.random.default_rng(1).standard_normal((200, 2, 3))

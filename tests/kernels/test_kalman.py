@@ -92,7 +92,7 @@ def test_last_estimate_is_the_state_conditioned_on_all_outputs(seed):
 
 
 @pytest.mark.slow
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=st.integers(0, 10_000))
 def test_gain_settles_at_the_solution_of_the_riccati_equation(seed):
     plant = system(seed)

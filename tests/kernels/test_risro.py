@@ -92,7 +92,7 @@ def test_residual_is_orthogonal_to_the_tangent_space(rank):
     assert np.abs(gradient.T @ left).max() < scale * np.linalg.norm(left)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(rank=st.integers(1, 3), scale=st.floats(1e-3, 1e3), seed=st.integers(0, 99))
 def test_scaled_rotated_and_permuted_data_give_the_same_iterates(rank, scale, seed):
     A, y, T, X = low_rank(rank, noise=0.2)

@@ -79,7 +79,7 @@ def test_beside_a_missing_sample_nothing_is_said():
     assert not error.any()
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40), st.integers(2, 9))
 def test_travel_is_the_range_of_every_stretch(values: list[float], size: int):
     x = np.array(values)

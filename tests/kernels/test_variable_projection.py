@@ -188,7 +188,7 @@ def test_two_sensors_of_one_fault_add_their_information():
     assert abs(both.z[0] - np.average([fit.z[0] for fit in alone], weights=weights)) < 2.0 * sd
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 50), m=st.floats(-30, 30), n_y=st.sampled_from([1, 2]), base=st.sampled_from([(), (0,)]))
 def test_relaxed_fit_is_never_worse_than_any_magnitude(seed, m, n_y, base):
     u, y, theta, _ = faulty(seed, n=80, n_y=n_y, noise_sd=0.5)

@@ -77,7 +77,7 @@ def test_arrays_read_back_are_read_only(provenance):
 
 
 @given(value=st.floats(allow_nan=True, allow_infinity=True))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_every_number_survives_or_becomes_null(value):
     made = no_fault_result()
     candidate = replace(made.candidates[0], magnitude=value)

@@ -166,7 +166,7 @@ def test_noise_free_residuals_are_drawn():
     x=arrays(np.float64, st.integers(1, 400), elements=st.floats(-1e6, 1e6) | st.just(np.nan)),
     max_points=st.integers(4, 100),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_thinning_keeps_ends_and_extremes(x, max_points):
     kept = thinned(x, max_points=max_points)
     assert np.all(np.diff(kept) > 0)

@@ -23,7 +23,7 @@ def level(false_alarm: float = 0.01, scale: float = 1.0, **other) -> float:
     return threshold_of([TABLE], replace(KEY, **other), false_alarm=false_alarm, scale=scale).level
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.floats(1e-4, 0.3), st.floats(1e-4, 0.3))
 def test_a_rarer_false_alarm_has_a_higher_threshold(first, second):
     low, high = sorted((first, second))

@@ -87,7 +87,7 @@ def test_a_second_output_that_shares_the_noise_helps():
     assert both.statistic.max() > 5.0 * alone.statistic.max()
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(
     name=st.sampled_from(SHAPES),
     scale=st.floats(1e-3, 1e3),
@@ -107,7 +107,7 @@ def test_units_signs_and_levels_do_not_matter(name, scale, sign, level, gain):
     np.testing.assert_allclose(moved.z[k], sign * scale * plain.z[k], rtol=1e-5)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(name=st.sampled_from(SHAPES), onset=st.integers(12, N - 20), added=st.floats(-50.0, 50.0))
 def test_a_fault_added_at_an_onset_moves_its_profile_by_its_magnitude(name, onset, added):
     u, y = record(N)
@@ -268,7 +268,7 @@ def test_tails_are_what_is_left_of_the_shape(name):
         np.testing.assert_allclose(left[: N - duration], waveform.samples[duration:], atol=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(m=st.integers(1, 8), r=st.integers(1, 3), n=st.integers(1, 5), seed=st.integers(0, 999))
 def test_elimination_is_the_schur_complement(m, r, n, seed):
     A = np.random.default_rng(seed).standard_normal((n, m + r, m + r + 2))
@@ -283,7 +283,7 @@ def test_elimination_is_the_schur_complement(m, r, n, seed):
     np.testing.assert_allclose(norm.transpose(2, 0, 1), -G.transpose(0, 2, 1) @ V, atol=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(m=st.integers(2, 8), seed=st.integers(0, 999), dependent=st.integers(0, 7))
 def test_a_row_that_depends_on_earlier_ones_takes_no_part(m: int, seed: int, dependent: int):
     """The Schur complement is that of the matrix without the row, whatever rounding left of it."""
@@ -299,7 +299,7 @@ def test_a_row_that_depends_on_earlier_ones_takes_no_part(m: int, seed: int, dep
     assert np.isfinite(solve_last(stack, m)).all()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(width=st.integers(2, 6), seed=st.integers(0, 999), scale=st.sampled_from([1e-6, 1.0, 1e6]))
 def test_inner_products_of_rounding_have_a_start_that_is_a_number(width: int, seed: int, scale: float):
     """A signature that the regressors explain leaves rounding for pivots; eliminations squared it up to an overflow."""

@@ -223,7 +223,7 @@ names = st.text(st.characters(exclude_categories=["C"]), min_size=1, max_size=8)
 sizes = st.dictionaries(names, st.floats(allow_nan=False, allow_infinity=False), max_size=3)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.builds(
         Row,

@@ -48,7 +48,7 @@ def cosines(found: FirResult, taps: np.ndarray, z: np.ndarray) -> list[float]:
     ]
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), n_taps=st.integers(1, 8), n_atoms=st.integers(1, 6))
 def test_risro_recovers_the_product_exactly_without_noise(seed, n_taps, n_atoms):
     rng = np.random.default_rng(seed)

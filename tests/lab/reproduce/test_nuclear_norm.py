@@ -42,7 +42,7 @@ def test_orthonormal_covariates_soft_threshold_the_unpenalised_answer(fraction):
     np.testing.assert_allclose(singular_values(found), expected, rtol=0, atol=1e-5)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), exponent=st.floats(-4.0, -0.1), condition=st.sampled_from([1.0, 30.0, 1e3]))
 def test_the_gradient_is_a_subgradient_of_the_nuclear_norm(seed, exponent, condition):
     A, y, _ = problem(seed, condition=condition)
@@ -54,7 +54,7 @@ def test_the_gradient_is_a_subgradient_of_the_nuclear_norm(seed, exponent, condi
     assert np.sum(gradient * found.X) == pytest.approx(np.linalg.norm(found.X, "nuc"), rel=1e-2)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10_000), direction=st.integers(0, 10_000))
 def test_no_other_matrix_has_a_smaller_objective_than_the_gap_allows(seed, direction):
     A, y, truth = problem(seed)

@@ -33,7 +33,7 @@ def conditioned(fault: Fault, sampling: Sampling) -> np.ndarray:
 
 
 @shapes
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     factor=st.integers(1, 12),
     onset=st.integers(10, 60),
@@ -52,7 +52,7 @@ def test_a_shape_is_the_conditioned_fault(form, factor, onset, part, lowpass):
 
 
 @shapes
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(factor=st.integers(1, 12), onset=st.integers(10, 30), duration=st.integers(20, 30))
 def test_a_shape_less_its_tail_is_the_conditioned_fault_that_ends(form, factor, onset, duration):
     sampling = Sampling(n_samples=N, rate_hz=RATE_HZ, factor=factor, lowpass=WHITE)

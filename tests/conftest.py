@@ -24,8 +24,9 @@ if TYPE_CHECKING:
 # Tests of the laboratory, which no analysis of a log needs.
 LABORATORY = ("tests/lab/", "tests/aircraft/f16/")
 
-# Examples drawn by hypothesis are those of every other run, unless all trials are asked for; none has a time limit.
-settings.register_profile("bfi", deadline=None, derandomize=os.environ.get("BFI_FULL") != "1")
+# Of a property 25 examples are tried, those of every other run; BFI_FULL=1 draws 500 new ones. None has a time limit.
+FULL = os.environ.get("BFI_FULL") == "1"
+settings.register_profile("bfi", deadline=None, derandomize=not FULL, max_examples=500 if FULL else 25)
 settings.load_profile("bfi")
 threadpool_limits(1)
 # Answers are as wide as in a pipe, whatever terminal the tests are started from.

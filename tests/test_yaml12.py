@@ -4,7 +4,7 @@ import json
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.errors import ConfigError, DictionaryError
@@ -21,7 +21,6 @@ JSON = st.recursive(
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
 @given(JSON)
 def test_json_is_yaml(data):
     read = load_yaml(json.dumps(data, ensure_ascii=False))
@@ -102,7 +101,6 @@ def complaint_about(text):
     return ""
 
 
-@settings(max_examples=200)
 @given(st.text(st.sampled_from("ab1 :-[]{},&*!?|>'\"%#\n\t.~<"), max_size=30) | st.text(max_size=20))
 def test_any_text_is_data_or_one_line_of_complaint(text):
     assert "\n" not in complaint_about(text)

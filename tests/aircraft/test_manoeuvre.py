@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.aircraft import MANOEUVRES, manoeuvre, time_axis
@@ -39,7 +39,6 @@ def test_nothing_moves_before_the_start(name: str):
     assert not moving[TIME < 2.0].any()
 
 
-@settings(max_examples=40)
 @given(
     name=st.sampled_from(sorted(MANOEUVRES)),
     start=st.integers(0, 1000),

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from noted import texts
 from scipy import stats
@@ -238,7 +238,6 @@ def test_the_signals_compared_without_a_log_are_those_defined():
     assert all(entry.minimal_detectable is None for entry in found.atoms)
 
 
-@settings(max_examples=25)
 @given(
     st.lists(
         st.builds(

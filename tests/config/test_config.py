@@ -6,7 +6,7 @@ import pickle
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import BaseModel, ValidationError
 
@@ -165,7 +165,6 @@ def value_at(config, dotted):
     return list(config) if isinstance(config, tuple) else config
 
 
-@settings(max_examples=60)
 @given(OVERRIDES, OVERRIDES)
 def test_the_last_one_wins_and_the_others_stay(first, second):
     base = merge(Config(), first)
@@ -275,7 +274,6 @@ ANYTHING = st.recursive(
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
 @given(st.dictionaries(st.sampled_from(list(keys_of(Config()))) | st.text(max_size=6), ANYTHING, max_size=4))
 def test_any_data_is_a_configuration_or_a_config_error(overrides):
     before = repr(overrides)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.decision.calibration import (
@@ -43,7 +43,6 @@ def table(n: int = 100, seed: int = 0, **changed: object) -> CalibrationTable:
     return CalibrationTable(settings=replace(MADE, **changed), statistics=statistics, logs=("a.h5",))
 
 
-@settings(max_examples=30)
 @given(alpha=st.floats(1e-3, 0.14), seed=st.integers(0, 50))
 def test_the_p_value_of_a_threshold_is_the_false_alarm_rate(alpha: float, seed: int):
     null = null_of(table(seed=seed), ("bias", "drift"))
@@ -53,7 +52,6 @@ def test_the_p_value_of_a_threshold_is_the_false_alarm_rate(alpha: float, seed: 
         assert null.p_value(reached) == pytest.approx(max(alpha, 1 / 101))
 
 
-@settings(max_examples=30)
 @given(seed=st.integers(0, 50), scale=st.floats(0.1, 50))
 def test_each_shape_has_a_scale_of_its_own(seed: int, scale: float):
     one = table(seed=seed)

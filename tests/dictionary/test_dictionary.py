@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.dictionary import MAX_ATOMS, dead_reason, dead_sentences, json_schema, load_dictionary, signals
@@ -47,7 +47,6 @@ VALUE = st.one_of(
 
 
 @pytest.mark.slow
-@settings(max_examples=200)
 @given(
     st.sampled_from(sorted(set(IN_DICTIONARY) - {"samples", "free"})),
     st.dictionaries(st.sampled_from([*COMMON_KEYS[1:], *KEY_RULES, "onset"]), VALUE, max_size=4),
@@ -92,7 +91,6 @@ ANYTHING = st.recursive(
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
 @given(
     ANYTHING
     | st.fixed_dictionaries(
@@ -113,7 +111,6 @@ def test_any_data_is_a_dictionary_or_a_dictionary_error(data):
     assert all(math.isfinite(atom.onset_s) for atom in dictionary.atoms)
 
 
-@settings(max_examples=60)
 @given(st.integers(-50, 50), st.integers(0, 60), st.sampled_from([0.1, 0.25, 1.3, 2.6]))
 def test_a_range_reaches_every_step_up_to_its_stop(start, count, step):
     stop = start * step + count * step

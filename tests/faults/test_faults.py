@@ -69,7 +69,6 @@ def signal(shape, time_s=TIME_S, *, window_start_s=0.0, **keys):
     return unit_signal(Fault(shape=shape, **keys), time_s, window_start_s=window_start_s)
 
 
-@settings(max_examples=60)
 @given(fault_objects(tuple(set(SHAPES) - {"samples"})))
 def test_a_fault_is_zero_before_its_onset_and_from_its_offset_on(data):
     fault = fault_from_dict(data)
@@ -101,7 +100,6 @@ def test_shifting_all_times_leaves_the_signal(shape, shift_s):
     np.testing.assert_allclose(there, here, atol=1e-12)
 
 
-@settings(max_examples=200)
 @given(st.integers(0, 3171), st.sampled_from([10.0, 50.0, 100.0]), st.sampled_from([0.0, 2400.0, 1.7e9]))
 def test_an_onset_written_in_decimals_hits_its_sample(k, rate_hz, start_s):
     axis = start_s + np.arange(3172) / rate_hz
@@ -369,7 +367,6 @@ def test_specs_that_are_refused(text, complaint):
     assert str(refusal.value).startswith("--fault")
 
 
-@settings(max_examples=100)
 @given(fault_objects())
 def test_spec_and_json_object_say_the_same_fault(data):
     fault = fault_from_dict(data)
@@ -387,7 +384,6 @@ ANYTHING = st.recursive(
 
 
 @pytest.mark.slow
-@settings(max_examples=150)
 @given(fault_objects(), st.dictionaries(st.sampled_from([*VALUES, "shape", "onset"]), ANYTHING, max_size=3))
 def test_any_object_is_a_fault_or_a_dictionary_error(data, spoilt):
     try:

@@ -8,7 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_dataflash import dataflash_bytes
 from made_tlog import tlog_bytes
@@ -20,7 +20,6 @@ from bfi_cli.flightlog.rates import boot_starts, in_order
 from bfi_cli.flightlog.raw import Track
 
 
-@settings(max_examples=60)
 @given(
     boots=st.lists(st.tuples(st.integers(30, 90), st.floats(0.0, 2.0)), min_size=1, max_size=4),
     rate_hz=st.sampled_from([1.0, 5.0, 10.0]),
@@ -32,7 +31,6 @@ def test_every_boot_of_a_clock_is_found(boots: list[tuple[int, float]], rate_hz:
     assert boot_starts(time_s) == [0, *np.cumsum(lengths)[:-1].tolist()]
 
 
-@settings(max_examples=60)
 @given(wrong=st.sets(st.integers(0, 299), max_size=2), by=st.sampled_from([-500.0, -3.0, 3.0, 5000.0]))
 def test_single_wrong_times_are_no_boot(wrong: set[int], by: float):
     time_s = 100.0 + np.arange(300) / 10.0
@@ -46,7 +44,6 @@ def test_times_in_no_order_or_reversed_are_no_boots():
     assert boot_starts(np.arange(1000.0)[::-1]) == [0]
 
 
-@settings(max_examples=40)
 @given(times=st.lists(st.integers(0, 12), min_size=2, max_size=9))
 def test_as_many_samples_as_can_be_are_kept_in_order(times: list[int]):
     """The first 900 are in order, so that few are not."""

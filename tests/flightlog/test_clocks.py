@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from noted import texts
 
@@ -60,7 +60,6 @@ def length(missing: set[int], k: int) -> int:
     return last - first + 1
 
 
-@settings(max_examples=40)
 @given(missing=st.sets(st.integers(1, N - 2), max_size=12), rate_hz=st.sampled_from([1.0, 4.0]))
 def test_what_is_straight_stays_so_where_few_samples_are_missing(missing: set[int], rate_hz: float) -> None:
     """Those in a row for more than half a second are a gap, and stay one."""

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_dataflash import airspeed, dataflash_bytes, fmt
 from noted import texts
@@ -131,7 +131,6 @@ def test_a_log_without_channels_is_refused(tmp_path: Path):
         read_log(tmp_path / "a.bin")
 
 
-@settings(max_examples=25)
 @given(data=st.data())
 def test_a_damaged_dataflash_log_is_read_or_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / "damaged.bin"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from noted import texts
 
@@ -56,7 +56,6 @@ def test_a_window_phase_counts_from_the_first_sample():
     np.testing.assert_allclose(added(inject(log, [SINE]), log), expected, rtol=0, atol=1e-12)
 
 
-@settings(max_examples=25)
 @given(first=faults, second=faults)
 def test_faults_superpose_and_two_steps_are_one(first: Fault, second: Fault):
     log = log_of()
@@ -71,7 +70,6 @@ def test_faults_superpose_and_two_steps_are_one(first: Fault, second: Fault):
         np.testing.assert_allclose(added(both, log, name), parts, rtol=0, atol=1e-11)
 
 
-@settings(max_examples=25)
 @given(several=st.lists(faults, min_size=1, max_size=4))
 def test_measured_is_clean_plus_the_true_faults(several: list[Fault]):
     log = log_of()

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_px4 import START_S, pitch, px4_topics, tas, write_ulog2csv
 from noted import texts
@@ -36,7 +36,6 @@ def columns(*tracks: Track) -> dict[str, np.ndarray]:
     return {column.source: column.values for column in one_base("a.log", tracks).columns}
 
 
-@settings(max_examples=40)
 @given(rate_hz=st.floats(0.5, 200.0), start=st.floats(0.0, 1e5), slope=st.floats(-5.0, 5.0), fast=st.integers(1, 12))
 def test_a_straight_line_stays_one_at_every_rate(rate_hz: float, start: float, slope: float, fast: int):
     """Interpolation and a symmetric low-pass of unit gain reproduce a line away from its ends."""
@@ -127,7 +126,6 @@ def test_odd_steps_do_not_change_the_rate_of_a_regular_clock():
     assert mean_rate(t) == pytest.approx(5.0, rel=1e-9)
 
 
-@settings(max_examples=60)
 @given(wrong=st.lists(st.integers(2, 197), max_size=2, unique=True), by=st.floats(-1e3, 1e3))
 def test_samples_out_of_order_are_left_out_and_the_rest_is_right(wrong: list[int], by: float):
     t = np.arange(200) / 10.0
@@ -309,7 +307,6 @@ def test_a_step_that_suits_two_units_is_refused(step: float, tmp_path: Path):
     assert read_log(tmp_path / "a.csv", unit_map={"timestamp": "ns"}).n_samples == 50
 
 
-@settings(max_examples=20)
 @given(
     rate_hz=st.sampled_from([3.0, 7.0, 15.0, 30.0, 60.0]), decimals=st.sampled_from([2, 3]), start=st.floats(0.0, 1e4)
 )

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.io import savemat
 from scipy.sparse import csc_array
@@ -36,7 +36,6 @@ def saved(written: dict[str, Any], *, compressed: bool = False) -> bytes:
     return file.getvalue()
 
 
-@settings(max_examples=30)
 @given(written=st.dictionaries(NAMES, VALUES, min_size=1, max_size=4), compressed=st.booleans())
 def test_what_is_saved_passes(written: dict[str, Any], compressed: bool):
     found = variables(saved(written, compressed=compressed))
@@ -67,7 +66,6 @@ def test_classes_without_signals_are_told_apart():
     }
 
 
-@settings(max_examples=60)
 @given(cut=st.integers(1, 200), compressed=st.booleans())
 def test_a_truncated_file_does_not_pass(cut: int, compressed: bool):
     file = saved({"tas": np.arange(50.0)}, compressed=compressed)

@@ -131,7 +131,6 @@ def test_attitude_and_incidence_say_what_the_altitude_says() -> None:
     assert names == [one.phase for one in phases(signals, "cas", "altitude")]
 
 
-@settings(max_examples=30)
 @given(
     seed=st.integers(0, 2**32 - 1),
     size=st.integers(2, 400),

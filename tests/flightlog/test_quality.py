@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_logs import made_log
 
@@ -21,7 +21,6 @@ TAS = 90.0 + 3.0 * np.sin(2 * np.pi * T / 20.0) + 0.1 * RNG.normal(size=T.size)
 STEPS = sum(0.02 * way * ((a <= T) & (b > T)) for a, b, way in ((20, 23, 1), (23, 25, -1), (25, 26, 1), (26, 27, -1)))
 
 
-@settings(max_examples=50)
 @given(rate=st.floats(0.1, 1000.0), start=st.floats(0.0, 5000.0), single=st.booleans())
 def test_a_uniform_axis_is_uniform_also_in_single_precision(rate: float, start: float, single: bool):
     time_s = start + np.arange(300) / rate
@@ -31,7 +30,6 @@ def test_a_uniform_axis_is_uniform_also_in_single_precision(rate: float, start: 
         assert is_uniform(time_s)
 
 
-@settings(max_examples=50)
 @given(at=st.integers(1, 298), missing=st.integers(1, 50))
 def test_a_missing_sample_is_a_gap_where_it_is(at: int, missing: int):
     time_s = np.delete(np.arange(350) * 0.02, slice(at, at + missing))
@@ -81,7 +79,6 @@ def test_the_manoeuvre_is_the_suggested_window():
     assert 0.1 < (excitation.bandwidth_hz or 0.0) < 5.0
 
 
-@settings(max_examples=20)
 @given(frequency=st.floats(0.2, 1.0))
 def test_the_bandwidth_of_a_sine_is_its_frequency_and_it_moves_twice_a_period(frequency: float):
     report = inspect_log(made_log(T, elevator=np.sin(2 * np.pi * frequency * T)))

@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_logs import write_hdf5, write_text
 from noted import texts
@@ -298,7 +298,6 @@ def read_or_refuse(path: Path) -> None:
     assert all(channel.values.size == log.n_samples for channel in log.channels.values())
 
 
-@settings(max_examples=60)
 @given(
     data=st.binary(max_size=300),
     head=st.sampled_from([b"", b"time,tas\n", b"MATLAB 5.0 MAT-file", b"\x89HDF\r\n\x1a\n"]),
@@ -310,7 +309,6 @@ def test_arbitrary_bytes_are_read_or_refused(data: bytes, head: bytes, tmp_path_
 
 
 @pytest.mark.first_rows(1)
-@settings(max_examples=40)
 @given(data=st.data())
 @pytest.mark.parametrize("write", [as_csv, as_semicolon_csv, as_matlab, as_matlab_structs])
 def test_mutated_files_are_read_or_refused(write, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):
@@ -337,7 +335,6 @@ def test_mutated_hdf5_files_are_read_or_refused(write, tmp_path_factory: pytest.
 
 
 @pytest.mark.first_rows(2)
-@settings(max_examples=20)
 @given(data=st.data())
 @pytest.mark.parametrize("write", [as_hdf5, as_hdf5_group, as_matlab_73])
 def test_truncated_hdf5_files_are_refused(write, data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):

@@ -28,7 +28,6 @@ def smooth(t: np.ndarray, rate: float = 10.0) -> np.ndarray:
     return 80.0 + np.sin(2.0 * np.pi * frequency * t + 0.3)
 
 
-@settings(max_examples=20)
 @given(rate=st.floats(2.0, 50.0))
 def test_a_slow_sine_is_reproduced_at_any_rate(rate: float):
     log = resample(made_log(T, tas=smooth(T, rate)), rate)

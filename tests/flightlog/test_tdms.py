@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_tdms import START, waveform, write_tdms
 from noted import texts
@@ -185,7 +185,6 @@ def test_without_the_extra_it_says_what_to_install(tmp_path: Path, monkeypatch: 
         read_log(path)
 
 
-@settings(max_examples=30)
 @given(data=st.data())
 def test_a_damaged_tdms_is_read_or_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / "damaged.tdms"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_logs import write_text
 from noted import texts
@@ -149,7 +149,6 @@ def test_a_line_of_units(tmp_path: Path):
     assert log.channels["what"].unit == ""
 
 
-@settings(max_examples=20)
 @given(values=st.lists(st.floats(-1e6, 1e6).map(lambda x: round(x, 3)), min_size=2, max_size=20))
 def test_decimal_commas_are_the_numbers_with_points(values: list[float], tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / "commas.csv"
@@ -239,7 +238,6 @@ NUMBERS = st.floats(allow_nan=False, width=64).map(repr) | st.integers(-(10**25)
 NUMBERS |= st.tuples(st.text("0123456789", min_size=1, max_size=25), st.text("0123456789", max_size=25)).map(".".join)
 
 
-@settings(max_examples=60)
 @given(rows=st.lists(st.tuples(NUMBERS, NUMBERS | st.sampled_from(["", " ", "-", "NaN"])), min_size=2, max_size=9))
 def test_numbers_are_those_of_float_to_the_last_bit(rows, tmp_path_factory: pytest.TempPathFactory):
     path = write_text(
@@ -269,7 +267,6 @@ def test_a_text_of_many_blocks_is_read_as_row_by_row(tmp_path: Path):
     assert "'x': 1 cell is not a number, the first '---' in line 40003: left out" in texts(log.notes)
 
 
-@settings(max_examples=30)
 @given(data=st.data())
 def test_a_damaged_garmin_log_is_read_or_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / "damaged.csv"

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_tlog import packet, tlog_bytes
 from noted import texts
@@ -57,7 +57,6 @@ def test_a_wrong_check_sum_is_skipped_and_said(tmp_path: Path):
     assert sum(one.time_s.size for one in topics) >= 478
 
 
-@settings(max_examples=25)
 @given(data=st.data())
 def test_a_damaged_telemetry_log_is_read_or_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / "damaged.tlog"

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_px4 import message, px4_topics, tas, ulog_bytes, write_ulog, write_ulog2csv
 from noted import texts
@@ -114,7 +114,6 @@ def test_dropouts_are_said(tmp_path: Path):
     assert any("lost data 1 times, 0.25 s in all" in note for note in texts(read_log(tmp_path / "a").notes))
 
 
-@settings(max_examples=25)
 @given(data=st.data())
 def test_a_damaged_ulog_is_read_or_refused(data: st.DataObject, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / "damaged.ulg"

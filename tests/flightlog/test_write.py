@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_logs import made_log, write_text
 
@@ -44,7 +44,6 @@ def logs(draw: st.DrawFn) -> FlightLog:
     return log
 
 
-@settings(max_examples=25)
 @given(log=logs(), suffix=st.sampled_from([".h5", ".csv"]))
 def test_round_trip_is_exact(log: FlightLog, suffix: str, tmp_path_factory: pytest.TempPathFactory):
     path = tmp_path_factory.getbasetemp() / f"round{suffix}"
@@ -66,7 +65,6 @@ def test_round_trip_is_exact(log: FlightLog, suffix: str, tmp_path_factory: pyte
             np.testing.assert_array_equal(clean, was)
 
 
-@settings(max_examples=25)
 @given(log=logs())
 def test_any_log_can_be_inspected_and_its_report_is_json(log: FlightLog):
     report = json.loads(to_json({"report": inspect_log(log)}))["report"]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
@@ -31,7 +31,6 @@ SIGNALS = {
 gaussian = st.integers(0, 2**32 - 1).map(lambda seed: np.random.default_rng(seed).normal(size=(40, 5)))
 
 
-@settings(max_examples=40)
 @given(gaussian)
 def test_coherence_is_symmetric_with_a_unit_diagonal_and_within_0_and_1(G):
     coherence = mutual_coherence(G)
@@ -40,7 +39,6 @@ def test_coherence_is_symmetric_with_a_unit_diagonal_and_within_0_and_1(G):
     assert np.all((coherence >= 0.0) & (coherence <= 1.0))
 
 
-@settings(max_examples=40)
 @given(
     gaussian,
     st.lists(st.floats(1e-150, 1e150), min_size=5, max_size=5),
@@ -52,7 +50,6 @@ def test_neither_scale_nor_sign_changes_anything(G, scales, signs):
     assert dependence(other).condition_number == pytest.approx(dependence(G).condition_number, rel=1e-9)
 
 
-@settings(max_examples=20)
 @given(gaussian)
 def test_an_orthogonal_change_of_rows_changes_nothing(G):
     Q = np.linalg.qr(np.random.default_rng(1).normal(size=(40, 40)))[0]
@@ -134,7 +131,6 @@ def test_a_signal_too_short_to_tell_is_not_judged():
     assert homogeneous_order(np.array([1.0, 5.0]), 6) is None
 
 
-@settings(max_examples=30)
 @given(st.floats(0.02, 1.5), st.floats(-3.0, 3.0), st.floats(-3.0, 3.0))
 def test_shifting_a_sinusoid_in_time_keeps_its_order(frequency, phase, offset):
     assert homogeneous_order(np.sin(frequency * K + phase), 6) == 2

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.kernels.quantisation import find_hold, find_quantum, repeat_fraction
@@ -32,7 +32,6 @@ def three_two_one_one(times: int = 1) -> np.ndarray:
     return elevator
 
 
-@settings(max_examples=40)
 @given(period=st.floats(2.0, 40.0), phase=st.floats(0.0, 1.0), seed=st.integers(0, 99))
 def test_any_clock_is_found(period: float, phase: float, seed: int):
     n = int(60 * period)
@@ -41,7 +40,6 @@ def test_any_clock_is_found(period: float, phase: float, seed: int):
     assert hold.period == pytest.approx(period, rel=0.01)
 
 
-@settings(max_examples=20)
 @given(period=st.integers(2, 20), phase=st.integers(0, 19), quantum=st.sampled_from([KNOT_16TH, 0.01]))
 def test_a_whole_period_is_exact_also_when_quantised(period: int, phase: int, quantum: float):
     phase %= period
@@ -66,7 +64,6 @@ def test_rest_between_two_moving_parts_does_not_hide_the_clock():
     assert find_hold(x, np.arange(1200.0)) is not None
 
 
-@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), digits=st.integers(1, 3))
 def test_a_signal_that_is_new_at_every_sample_is_not_held(seed: int, digits: int):
     x = np.round(np.random.default_rng(seed).normal(size=500), digits)
@@ -92,7 +89,6 @@ def test_repeats_without_a_clock_are_not_held(x: np.ndarray):
     assert find_hold(x, np.arange(x.size, dtype=float)) is None
 
 
-@settings(max_examples=60)
 @given(quantum=st.floats(1e-3, 10.0), offset=st.floats(-100.0, 100.0), seed=st.integers(0, 999))
 def test_the_quantum_is_recovered(quantum: float, offset: float, seed: int):
     levels = np.random.default_rng(seed).integers(-200, 200, 2000)
@@ -106,7 +102,6 @@ def test_the_quantum_survives_single_precision_and_a_few_other_samples():
     assert find_quantum(x) == pytest.approx(KNOT_16TH, rel=1e-3)
 
 
-@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), single=st.booleans())
 def test_a_continuous_signal_has_no_quantum(seed: int, single: bool):
     x = 90.0 + np.random.default_rng(seed).normal(size=3000)

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import solve_discrete_are
 from scipy.stats import chi2, multivariate_normal
@@ -92,7 +92,6 @@ def test_last_estimate_is_the_state_conditioned_on_all_outputs(seed):
 
 
 @pytest.mark.slow
-@settings(max_examples=20)
 @given(seed=st.integers(0, 10_000))
 def test_gain_settles_at_the_solution_of_the_riccati_equation(seed):
     plant = system(seed)

@@ -6,7 +6,7 @@ import tracemalloc
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.kernels.lagged import compress, lagged, restrict, with_fault
@@ -65,7 +65,6 @@ def test_dependent_columns_lose_nothing_where_there_are_fewer_rows_than_columns(
     assert_same_gram(lower.R, stacked(u, y, theta, order=2, first=4, feedthrough=False))
 
 
-@settings(max_examples=20)
 @given(block_rows=st.integers(1, 300), order=st.integers(1, 9))
 def test_block_size_does_not_matter(block_rows, order):
     u, y, theta = record(250)
@@ -96,7 +95,6 @@ def test_a_lower_order_shares_the_rows(order):
     assert_same_gram(there.R, here.R)
 
 
-@settings(max_examples=20)
 @given(z=st.lists(st.floats(-100, 100), min_size=3, max_size=3))
 def test_a_fault_added_to_the_factor_is_the_fault_added_to_the_record(z):
     u, y, theta = record(90)

@@ -42,7 +42,6 @@ def squares(values: np.ndarray, columns: np.ndarray, prior_sd: np.ndarray, level
     return float(left @ precision @ left), amounts
 
 
-@settings(max_examples=20)
 @given(seeds, st.lists(st.floats(-1e4, 1e4), min_size=2, max_size=2))
 def test_what_a_free_nuisance_adds_changes_nothing(seed, amounts):
     values = drawn(seed)
@@ -53,7 +52,6 @@ def test_what_a_free_nuisance_adds_changes_nothing(seed, amounts):
     assert moved.cost == pytest.approx(plain.cost, abs=1e-6)
 
 
-@settings(max_examples=20)
 @given(seeds)
 def test_the_unit_of_a_nuisance_is_of_no_account(seed):
     values = drawn(seed)
@@ -105,7 +103,6 @@ def test_residuals_of_other_noise_weigh_by_what_they_truly_have():
     np.testing.assert_allclose((same, 0.5 * twice), answer.weighted(np.ones(2)), rtol=1e-12)
 
 
-@settings(max_examples=20)
 @given(seeds, st.floats(0.05, 20.0))
 def test_the_unit_of_a_fault_changes_its_magnitude_and_nothing_else(seed, scale):
     residual = Residual.of(NOISE, drawn(seed) + 0.1 * RAMPS[:, 0], NUISANCES, FREE, RAMPS)

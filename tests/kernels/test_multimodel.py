@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
@@ -51,7 +51,6 @@ def record(seed: int = 0, *, fault: float = 0.0) -> tuple[np.ndarray, np.ndarray
     return y, u
 
 
-@settings(max_examples=50)
 @given(p=probabilities, shift=st.floats(-1e6, 1e6), seed=st.integers(0, 99))
 def test_probabilities_follow_bayes_and_ignore_a_common_factor(p, shift, seed):
     likelihood = np.random.default_rng(seed).uniform(0.1, 10.0, p.size)
@@ -60,7 +59,6 @@ def test_probabilities_follow_bayes_and_ignore_a_common_factor(p, shift, seed):
     np.testing.assert_allclose(after, expected, rtol=1e-8)
 
 
-@settings(max_examples=50)
 @given(p=probabilities, seed=st.integers(0, 99))
 def test_probabilities_sum_to_one_and_keep_to_the_floor(p, seed):
     log_likelihood = -(10.0 ** np.random.default_rng(seed).uniform(0, 8, p.size))

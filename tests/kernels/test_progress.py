@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.kernels.progress import Report, parts, shares, steps
@@ -22,7 +22,6 @@ def work(loop: list | int, report: Report) -> None:
         work(inner, own)
 
 
-@settings(max_examples=30)
 @given(LOOPS.filter(bool))
 def test_loops_within_loops(loop: list | int):
     told: list[float] = []
@@ -32,7 +31,6 @@ def test_loops_within_loops(loop: list | int):
     assert (told[-1] == 1.0) if isinstance(loop, list) else (told[-1] < 1.0)
 
 
-@settings(max_examples=30)
 @given(WEIGHTS)
 def test_shares_follow_each_other_and_are_as_long_as_their_weights(weights: list[int]):
     told: list[float] = []

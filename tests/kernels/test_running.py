@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
@@ -57,7 +57,6 @@ def test_the_noise_is_that_of_white_noise_beside_slow_motion():
     assert noise_of_second_differences(x[:5], 10, 0.5) == 0.0
 
 
-@settings(max_examples=50)
 @given(
     coefficients=st.lists(st.floats(-3.0, 3.0), min_size=4, max_size=4), half=st.integers(1, 8), height=st.floats(1, 9)
 )
@@ -79,7 +78,6 @@ def test_beside_a_missing_sample_nothing_is_said():
     assert not error.any()
 
 
-@settings(max_examples=50)
 @given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=40), st.integers(2, 9))
 def test_travel_is_the_range_of_every_stretch(values: list[float], size: int):
     x = np.array(values)

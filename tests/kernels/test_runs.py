@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.kernels.runs import bridged, joined, runs, runs_with, shared, within
@@ -11,7 +11,6 @@ from bfi_cli.kernels.runs import bridged, joined, runs, runs_with, shared, withi
 MASKS = st.lists(st.booleans(), max_size=60).map(lambda bits: np.array(bits, dtype=bool))
 
 
-@settings(max_examples=30)
 @given(mask=MASKS)
 def test_runs_are_the_mask_and_never_touch(mask: np.ndarray):
     marked = np.zeros_like(mask)
@@ -21,7 +20,6 @@ def test_runs_are_the_mask_and_never_touch(mask: np.ndarray):
     assert joined(runs(mask), 0) == runs(mask)
 
 
-@settings(max_examples=30)
 @given(mask=MASKS, apart=st.integers(0, 5))
 def test_joined_runs_bridge_the_gaps_that_are_short_enough_and_no_others(mask: np.ndarray, apart: int):
     bridged = mask.copy()
@@ -30,7 +28,6 @@ def test_joined_runs_bridge_the_gaps_that_are_short_enough_and_no_others(mask: n
     assert joined(runs(mask), apart) == runs(bridged)
 
 
-@settings(max_examples=30)
 @given(mask=MASKS)
 def test_hysteresis_keeps_the_weak_runs_that_hold_something_strong(mask: np.ndarray):
     assert runs_with(mask, mask) == runs(mask)
@@ -44,7 +41,6 @@ def test_the_end_of_a_stretch_is_no_part_of_it_and_what_is_shared_is_what_lies_i
     assert shared((2.0, 10.0), [(0.0, 3.0), (5.0, 6.0), (11.0, 12.0)]) == 2.0
 
 
-@settings(max_examples=30)
 @given(mask=MASKS, most=st.integers(0, 5))
 def test_lines_bridge_what_is_missing_up_to_a_length_and_leave_the_rest(mask: np.ndarray, most: int):
     line = 3.0 - 0.5 * np.arange(mask.size)

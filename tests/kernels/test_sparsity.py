@@ -75,7 +75,6 @@ def test_what_survives_obeys_the_equation_of_the_fixed_point(kind):
 
 
 @each_stage
-@settings(max_examples=25)
 @given(price=st.floats(2.0, 60.0))
 def test_the_smallest_magnitude_that_survives_is_the_square_root_of_the_price(kind, price):
     """The derivation: the least over x of x + rho'(x) / (2 R) is sqrt(price), at the least survivor."""
@@ -184,7 +183,6 @@ def test_equal_atoms_do_not_stop_it():
 
 
 @each_kind
-@settings(max_examples=25)
 @given(z=magnitudes)
 def test_gradient_is_that_of_the_norm(kind, z):
     stage, step = SparseStage(kind=kind, alpha=0.7), 1e-6
@@ -195,7 +193,6 @@ def test_gradient_is_that_of_the_norm(kind, z):
 
 
 @each_kind
-@settings(max_examples=25)
 @given(z=magnitudes)
 def test_a_small_update_lowers_the_norm_it_claims_to_measure(kind, z):
     stage = SparseStage(kind=kind, r=1e5)
@@ -204,7 +201,6 @@ def test_a_small_update_lowers_the_norm_it_claims_to_measure(kind, z):
     assert pseudo_norm(after, stage)[0] < pseudo_norm(z, stage)[0]
 
 
-@settings(max_examples=25)
 @given(z=magnitudes, r=st.floats(0.1, 100), p0=st.floats(0.1, 10))
 def test_one_l1_update_shrinks_the_signed_sum_by_a_known_factor(z, r, p0):
     after, _ = published_updates(z, SparseStage(kind="l1", r=r, p0=p0))
@@ -213,7 +209,6 @@ def test_one_l1_update_shrinks_the_signed_sum_by_a_known_factor(z, r, p0):
 
 
 @each_kind
-@settings(max_examples=25)
 @given(z=magnitudes, seed=st.integers(0, 9))
 def test_the_published_stage_is_equivariant_to_sign_and_order(kind, z, seed):
     stage = SparseStage(kind=kind, updates=3)
@@ -239,7 +234,6 @@ def test_updates_are_counted(kind, updates):
     assert published_updates(np.array([3.0, -2.0, 1.0]), SparseStage(kind=kind, updates=updates))[1] == updates
 
 
-@settings(max_examples=25)
 @given(z=magnitudes, updates=st.integers(1, 6))
 def test_many_l1_updates_are_one_of_so_much_less_variance(z, updates):
     weak = 1e4

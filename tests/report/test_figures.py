@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from made_results import fault_result, no_fault_result, two_output_result
@@ -166,7 +166,6 @@ def test_noise_free_residuals_are_drawn():
     x=arrays(np.float64, st.integers(1, 400), elements=st.floats(-1e6, 1e6) | st.just(np.nan)),
     max_points=st.integers(4, 100),
 )
-@settings(max_examples=60)
 def test_thinning_keeps_ends_and_extremes(x, max_points):
     kept = thinned(x, max_points=max_points)
     assert np.all(np.diff(kept) > 0)

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.quantities.text import axis_label, duration, instant, interval, number, quantity, shortened
@@ -18,7 +18,6 @@ def test_two_times_of_an_axis_from_1970_are_told_apart(time_s, text):
 
 
 @given(value=st.floats(-1e6, 1e6), spread=st.floats(1e-6, 1e4))
-@settings(max_examples=100)
 def test_rounding_never_moves_a_number_by_more_than_its_spread(value, spread):
     assert abs(float(number(value, spread=spread)) - value) <= 0.5001 * spread + 1e-9
 
@@ -63,7 +62,6 @@ def test_interval_of_the_unknown_is_absent():
 
 @pytest.mark.slow
 @given(text=st.text(max_size=60), width=st.integers(3, 30))
-@settings(max_examples=60)
 def test_shortened_fits_on_one_line(text, width):
     assert len(shortened(text, width)) <= width
     assert shortened(text, width).isprintable()

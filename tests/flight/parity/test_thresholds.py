@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.flight.parity import LENGTHS_S, RESIDUALS, ParityTable, ScanKey, shipped_tables, table_for, threshold_of
@@ -23,7 +23,6 @@ def level(false_alarm: float = 0.01, scale: float = 1.0, **other) -> float:
     return threshold_of([TABLE], replace(KEY, **other), false_alarm=false_alarm, scale=scale).level
 
 
-@settings(max_examples=50)
 @given(st.floats(1e-4, 0.3), st.floats(1e-4, 0.3))
 def test_a_rarer_false_alarm_has_a_higher_threshold(first, second):
     low, high = sorted((first, second))

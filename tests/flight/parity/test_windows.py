@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from made_flight import ZERO_LIFT, made_record
 
@@ -55,7 +55,6 @@ def test_no_window_has_a_take_off_an_approach_a_landing_or_a_parabola(length_s):
     assert any(overlaps(one, FLIGHT[6]) for one in windows)
 
 
-@settings(max_examples=60)
 @given(spans, st.floats(20.0, 300.0), st.floats(5.0, 100.0))
 def test_windows_cover_their_stretch_without_a_gap(span_s, length_s, step_s):
     windows = windows_in(phases(("cruise", 50.0, 50.0 + span_s)), length_s, step_s=min(step_s, length_s))

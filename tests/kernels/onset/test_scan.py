@@ -268,7 +268,6 @@ def test_tails_are_what_is_left_of_the_shape(name):
         np.testing.assert_allclose(left[: N - duration], waveform.samples[duration:], atol=1e-9)
 
 
-@settings(max_examples=20)
 @given(m=st.integers(1, 8), r=st.integers(1, 3), n=st.integers(1, 5), seed=st.integers(0, 999))
 def test_elimination_is_the_schur_complement(m, r, n, seed):
     A = np.random.default_rng(seed).standard_normal((n, m + r, m + r + 2))
@@ -283,7 +282,6 @@ def test_elimination_is_the_schur_complement(m, r, n, seed):
     np.testing.assert_allclose(norm.transpose(2, 0, 1), -G.transpose(0, 2, 1) @ V, atol=1e-9)
 
 
-@settings(max_examples=20)
 @given(m=st.integers(2, 8), seed=st.integers(0, 999), dependent=st.integers(0, 7))
 def test_a_row_that_depends_on_earlier_ones_takes_no_part(m: int, seed: int, dependent: int):
     """The Schur complement is that of the matrix without the row, whatever rounding left of it."""
@@ -299,7 +297,6 @@ def test_a_row_that_depends_on_earlier_ones_takes_no_part(m: int, seed: int, dep
     assert np.isfinite(solve_last(stack, m)).all()
 
 
-@settings(max_examples=20)
 @given(width=st.integers(2, 6), seed=st.integers(0, 999), scale=st.sampled_from([1e-6, 1.0, 1e6]))
 def test_inner_products_of_rounding_have_a_start_that_is_a_number(width: int, seed: int, scale: float):
     """A signature that the regressors explain leaves rounding for pivots; eliminations squared it up to an overflow."""

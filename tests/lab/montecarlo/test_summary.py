@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from noted import texts
 
@@ -23,7 +23,6 @@ def test_published_intervals(count: int, of: int, low: float, high: float):
     assert wilson(count, of) == pytest.approx((low, high), abs=5e-5)
 
 
-@settings(max_examples=40)
 @given(st.integers(1, 500).flatmap(lambda of: st.tuples(st.integers(0, of), st.just(of))))
 def test_its_ends_are_where_the_score_test_is_at_its_level(counts: tuple[int, int]):
     count, of = counts

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.flightlog import FlightLog
@@ -223,7 +223,6 @@ names = st.text(st.characters(exclude_categories=["C"]), min_size=1, max_size=8)
 sizes = st.dictionaries(names, st.floats(allow_nan=False, allow_infinity=False), max_size=3)
 
 
-@settings(max_examples=40)
 @given(
     st.builds(
         Row,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.dictionary import load_dictionary, signals
@@ -48,7 +48,6 @@ def cosines(found: FirResult, taps: np.ndarray, z: np.ndarray) -> list[float]:
     ]
 
 
-@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), n_taps=st.integers(1, 8), n_atoms=st.integers(1, 6))
 def test_risro_recovers_the_product_exactly_without_noise(seed, n_taps, n_atoms):
     rng = np.random.default_rng(seed)

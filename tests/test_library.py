@@ -41,7 +41,7 @@ ROADS = {
         bfi_cli.identify, dictionary=THESIS, config=merge(Config(), QUICK)
     ),
     ("start-time", BIAS, *QUICKLY): partial(bfi_cli.start_time, config=merge(Config(), QUICK)),
-    ("diagnose", BIAS, "--workers", "1"): bfi_cli.diagnose,
+    ("diagnose", DATA / "citation_clean.h5", "--workers", "1"): bfi_cli.diagnose,
     ("detect", BIAS): bfi_cli.detect,
     ("compare", BIAS, "-d", THESIS, "--only", PEER): partial(
         bfi_cli.compare, dictionary=THESIS, peers={PEER: PEERS[PEER]}
@@ -50,6 +50,7 @@ ROADS = {
         bfi_cli.identify, dictionary="airdata", config=merge(Config(), QUICK)
     ),
     ("identify", DATA / "citation_two_faults.h5", *QUICKLY): partial(bfi_cli.identify, config=merge(Config(), QUICK)),
+    ("diagnose", BIAS, "--workers", "1"): bfi_cli.diagnose,
     ("diagnose", DATA / "px4_bias.ulg", "--workers", "1"): bfi_cli.diagnose,
 }
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -19,7 +19,7 @@ from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.faults.shapes import Kind
 from bfi_cli.journal import Journal, lines_of_journal
-from bfi_cli.model.onset import onset_content, onset_document
+from bfi_cli.model.onset import OnsetResult, onset_content, onset_document
 from bfi_cli.model.onset.report import onset_from_document
 from bfi_cli.proof import JOURNAL, Proving, Sighting, sees, sightings_of
 from bfi_cli.provenance import provenance
@@ -28,8 +28,9 @@ from bfi_cli.report.first_screen import proof_in_words
 from bfi_cli.report.proof import with_plain_proofs, with_proof_entries
 
 DATA = Path(__file__).parents[1] / "data"
-QUICK = {"conditioning.rate_hz": 4.0, "model.order": 2}
-QUICKLY = ("--rate", "4", "--order", "2")
+COARSE: dict[str, Any] = {"conditioning.rate_hz": 4.0, "model.order": 2}
+QUICK = {**COARSE, "start_time.shapes": ["bias"]}
+QUICKLY = ("--rate", "4", "--order", "2", "--shape", "bias")
 PROOF = Proof(kind="abrupt", channel="tas", size=0.3, unit="m/s", n_seen=19, n_added=20)
 STEP = Fault(shape="bias", channel="tas", onset_s=10.0)
 LAG = Fault(shape="lagged_bias", channel="tas", onset_s=10.0, time_constant_s=2.0)
@@ -126,16 +127,24 @@ def test_a_journal_keeps_whole_lines_and_leaves_a_torn_one_out(tmp_path: Path):
     assert lines_of_journal(tmp_path / "none") == []
 
 
-@pytest.fixture
-def few(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(scope="module", autouse=True)
+def few() -> Iterator[None]:
     """Add two faults of each kind."""
-    monkeypatch.setattr(proving_module, "ADDED", 2)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(proving_module, "ADDED", 2)
+        yield
 
 
-@pytest.mark.usefixtures("few")
-def test_a_stopped_proof_continues_and_ends_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+@pytest.fixture(scope="module")
+def whole(few: None) -> OnsetResult:
+    """Return the answer of a log without a fault, whose limits are tried."""
+    return start_time(read_log(DATA / "citation_clean.h5"), merge(Config(), QUICK), prove=True)
+
+
+def test_a_stopped_proof_continues_and_ends_the_same(
+    whole: OnsetResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
     log, config = read_log(DATA / "citation_clean.h5"), merge(Config(), QUICK)
-    whole = start_time(log, config, prove=True)
     assert {proof.n_added for proof in whole.proved} == {2}
     analysed: list[Fault] = []
     finds = proving_module.finds
@@ -159,17 +168,15 @@ def test_a_stopped_proof_continues_and_ends_the_same(tmp_path: Path, monkeypatch
     assert len(analysed) == 2 * n_trials
 
 
-@pytest.mark.usefixtures("few")
-def test_the_command_counts_what_the_call_counts(bfi: Callable, tmp_path: Path):
+def test_the_command_counts_what_the_call_counts(whole: OnsetResult, bfi: Callable):
     path = DATA / "citation_clean.h5"
     outcome = bfi("start-time", path, *QUICKLY, "--prove", "--workers", "1", "--json")
     assert outcome.code == 0
-    result = start_time(read_log(path), merge(Config(), QUICK), prove=True)
-    document = onset_document(result, provenance(log_sha256=""))
+    document = onset_document(whole, provenance(log_sha256=""))
     proved = json.loads(outcome.stdout)["proved"]
     assert proved == document["proved"]
     assert all(0 <= entry["found"] <= entry["of"] == 2 for entry in proved)
-    assert onset_from_document(document).proved == result.proved
+    assert onset_from_document(document).proved == whole.proved
     content = onset_content(document)
     assert any(table.name == "proved" and len(table.rows) == len(proved) for table in content.tables)
     assert content.screen is not None
@@ -177,7 +184,7 @@ def test_the_command_counts_what_the_call_counts(bfi: Callable, tmp_path: Path):
 
 
 def test_what_is_added_lies_where_the_answer_claims_something_and_not_at_a_declared_fault():
-    config = merge(Config(), QUICK)
+    config = merge(Config(), COARSE)
     result = start_time(read_log(DATA / "citation_bias.csv"), config)
     claims = proving_module.window_claims(result, config)
     before = sightings_of(result)

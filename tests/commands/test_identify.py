@@ -207,6 +207,7 @@ def test_a_key_of_the_configuration(
     assert expected(found) if callable(expected) else found == expected
 
 
+@pytest.mark.first_rows(2)
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize("i", range(len(SPARSITY)), ids=[text.partition(":")[0] for text in SPARSITY])
 def test_a_key_of_the_sparsity_stage(identify: Callable, once: Callable, tmp_path: Path, i: int):
@@ -220,6 +221,7 @@ def test_a_key_of_the_sparsity_stage(identify: Callable, once: Callable, tmp_pat
     assert magnitudes(SPARSITY[i]) != once("risro-as-published", magnitudes)
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize("text", ["sparsity: l1", "alpha: 0.1", "r: 10.0", "p0: 0.01"])
 def test_a_key_of_the_derived_stage_changes_where_it_goes(
@@ -235,6 +237,7 @@ def test_a_key_of_the_derived_stage_changes_where_it_goes(
     assert went(text) != once("risro", went)
 
 
+@pytest.mark.first_rows(2)
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize("kind", ["none", "l1", "lp", "exp-l0"])
 def test_the_option_of_the_stage(identify: Callable, kind: str):
@@ -256,7 +259,7 @@ def test_strict_refuses_an_answer_of_a_solver_that_did_not_converge(identify: Ca
     assert {fault["ci95"] for fault in document["faults"]} == {None}
 
 
-@pytest.mark.first_rows(1)
+@pytest.mark.slow
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize("text", DMAE, ids=[text.partition(":")[0] for text in DMAE])
 def test_a_key_of_the_double_model_estimator(identify: Callable, once: Callable, tmp_path: Path, text: str):
@@ -366,7 +369,7 @@ def as_csv(path: Path, header: str, *, tas: float = 1.0, elevator: float = 1.0) 
     return path
 
 
-@pytest.mark.first_rows(3)
+@pytest.mark.first_rows(1)
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize(
     ("header", "options"),
@@ -403,6 +406,7 @@ def test_a_window_moves_the_faults_of_a_dictionary_relative_to_it(identify: Call
     assert found[0] == (13.8, pytest.approx(4.0, abs=0.05))
 
 
+@pytest.mark.first_rows(2)
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize(("rate", "rate_hz"), [("none", 100.0), ("auto", 10.0), ("20", 20.0), ("7.5", 7.5)])
 def test_rate(identify: Callable, rate: str, rate_hz: float):

@@ -274,7 +274,7 @@ ABSURD = {
 }
 
 
-@pytest.mark.first_rows(4)
+@pytest.mark.first_rows(2)
 @pytest.mark.usefixtures("vectors")
 @pytest.mark.parametrize("kind", ABSURD)
 def test_absurd_values_are_left_out_of_the_curve_and_named(bfi: Callable, tmp_path: Path, kind: str) -> None:
@@ -298,6 +298,7 @@ def test_a_time_axis_of_any_length_is_drawn(bfi: Callable, tmp_path: Path, step_
     assert outcome.code == 0, outcome.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("vectors")
 def test_logs_of_clocks_decades_apart_are_laid_over_each_other(bfi: Callable, log: Path, tmp_path: Path) -> None:
     other = write_flight(tmp_path / "other.h5")

@@ -80,7 +80,7 @@ def lines_of(shape: str, folder: Path) -> list[list[str]]:
     return [*lines, ["diagnose", log, "--workers", "1", "--json", "--series"]]
 
 
-@pytest.mark.first_rows(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.usefixtures("undrawn")
 def test_every_shape_goes_through_every_command(shape: str, folder: Path, capsys: pytest.CaptureFixture[str]):

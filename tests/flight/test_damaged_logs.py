@@ -141,6 +141,7 @@ def test_gps_that_comes_and_goes_is_not_used(cruise: FlightLog):
     assert all("ground_speed" not in look.residuals for look in result.windows)
 
 
+@pytest.mark.first_rows(2)
 @pytest.mark.parametrize("keep", [("tas",), ("mach",), ("tas", "altitude"), ("tas", *GROUND)])
 def test_an_airspeed_that_nothing_bounds_is_said(cruise: FlightLog, keep: tuple[str, ...]):
     result = diagnosed(replace(cruise, channels={name: cruise.channels[name] for name in keep}))
@@ -175,7 +176,7 @@ def thinned(log: FlightLog, step: int) -> FlightLog:
     return replace(log, time_s=frozen_array(log.time_s[::step]), channels=channels)
 
 
-@pytest.mark.first_rows(1)
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [10, 25])
 def test_a_slow_log(cruise: FlightLog, step: int):
     result = diagnosed(lacking(thinned(cruise, step)))

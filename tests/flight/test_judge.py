@@ -77,7 +77,7 @@ def test_nothing_wins_on_a_healthy_flight(healthy: Bench, at_s: float) -> None:
     assert all(one.margin < DECLARED for one in judgement.weights if not one.refused)
 
 
-@pytest.mark.first_rows(2)
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize(
     ("spec", "fault", "size"),
     [
@@ -154,6 +154,7 @@ def test_margins_are_the_sums_of_their_shares_and_the_set_is_within_ten_to_one(
     )
 
 
+@pytest.mark.slow
 def test_rows_of_a_known_fault_testify_no_more(with_fault: Callable[[str], Bench]) -> None:
     bench = with_fault(STEP)
     known = bench.without(rows_of(bench, ("tas",)), ONSET_S - 20.0, np.inf)

@@ -77,6 +77,7 @@ def test_what_was_left_out_is_said_and_shown(document: dict[str, Any]):
     assert np.nanmin(tas[(time_s > AT_S[0]) & (time_s < AT_S[0] + 2.0)]) < 1.0
 
 
+@pytest.mark.slow
 def test_the_report_counts_them(document: dict[str, Any]):
     content = diagnose_content(document)
     assert "true airspeed drops out 2 times from 420 to 507 s, 4 s in all" in content.verdict

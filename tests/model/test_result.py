@@ -246,6 +246,7 @@ def test_a_combination_of_entries_is_left_out_where_all_are_estimated_at_once(fl
     assert result.faults[0].magnitude == pytest.approx(2.0, abs=3.0 * result.faults[0].sd)
 
 
+@pytest.mark.slow
 def test_a_dictionary_denser_than_the_rate_declares_the_entries_that_are_there(flight, faulty):
     """Entries three to a sample combine to each other, and each is still told from its neighbours."""
     atoms = [{"name": f"step_{k}", "shape": "bias", "onset_s": 6.0 + k / 30.0} for k in range(600)]

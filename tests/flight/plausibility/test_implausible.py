@@ -57,7 +57,7 @@ def plus(offset: float) -> Change:
     return lambda values: values + offset
 
 
-@pytest.mark.first_rows(3)
+@pytest.mark.first_rows(2)
 @pytest.mark.parametrize(
     ("changes", "what", "unit", "factor"),
     [
@@ -89,7 +89,7 @@ def test_a_unit_and_a_sign_are_named(flight, changes: dict[str, Change], what: s
     assert set(one.agrees_with).isdisjoint(changes)
 
 
-@pytest.mark.first_rows(3)
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize(
     ("channel", "offset", "within"),
     [
@@ -118,7 +118,7 @@ def test_a_scale_is_measured(flight):
     assert one.factor == pytest.approx(1.0 / 1.1, rel=0.01)
 
 
-@pytest.mark.first_rows(2)
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("pair", [("tas", "cas"), ("pitch", "roll"), ("pitch_rate", "roll_rate"), ("tat", "sat")])
 def test_channels_in_each_others_place_are_named(flight, pair: tuple[str, str]):
     values = {one: flight.channels[other].values for one, other in (pair, pair[::-1])}
@@ -161,6 +161,7 @@ def test_a_constant_error_that_changes_is_what_it_is_before(flight):
     assert one.offset == pytest.approx(-10.0, abs=0.5)
 
 
+@pytest.mark.slow
 def test_a_constant_error_has_an_interval_and_a_scale_too(flight):
     one = found(changed(flight, tas=plus(10.0)))
     assert one.offset_ci95 is not None

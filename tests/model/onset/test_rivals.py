@@ -126,6 +126,7 @@ def state_of_shape(candidates: tuple[Candidate, ...], shape: Shape) -> str | Non
     return next((one.state for one in candidates if one.shape == shape), None)
 
 
+@pytest.mark.first_rows(2)
 @pytest.mark.parametrize(("true", "taken_for"), MISTAKEN)
 def test_the_true_kind_stands_among_the_rivals_of_a_wrong_one_and_is_not_excluded(flown, true: Shape, taken_for: Shape):
     assert mistaken(flown, true, taken_for, seed=0)[1] in ("suspected", "not_seen")

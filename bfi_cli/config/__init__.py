@@ -28,7 +28,7 @@ from ..dictionary import Dictionary, DictionaryDocument, expand, is_shipped, loa
 from ..errors import ConfigError, LogError
 from ..faults import did_you_mean, shown
 from ..faults.shapes import SCANNED, Kind, ScannedShape
-from ..faults.validation import Number, Positive, Rules, Text, Whole, editor_schema, path_beside, validate
+from ..faults.validation import Deferred, Number, Positive, Rules, Text, Whole, editor_schema, path_beside, validate
 from ..methods import METHODS
 from ..quantities.channels import STANDARD
 from ..quantities.display_units import UnitsName
@@ -339,7 +339,7 @@ def _registered(name: str) -> str:
 DictionarySource = Annotated[
     Annotated[PathText, AfterValidator(_dictionary_of_config), Tag("<path>")]
     | Annotated[
-        DictionaryDocument,
+        Deferred[DictionaryDocument],
         AfterValidator(lambda document: expand(document) and document),  # which refuses what no fault can be made of
         Tag("<document>"),
     ],
@@ -374,29 +374,29 @@ class Config(Rules):
     """Which part of a log whose clock starts again, counted from 1; default the one with the longest flight."""
     shown_units: UnitsName = "si"
     """Units of tables, figures and reports; JSON, CSV and logs stay SI."""
-    window: Window = Window()
+    window: Deferred[Window] = Window.model_construct()
     tolerances: Tolerances = Field(default_factory=dict)
     """Output: the largest error that may stay unseen, SI or with a unit as 5kt; default by the channel."""
     onset_tolerance_s: Annotated[Number, Field(ge=0)] = 1.0
     """How well the onsets of the dictionary are known, s: what can be detected is stated for the worst within it."""
     require: Annotated[tuple[Kind, ...], Field(min_length=1), AfterValidator(_distinct)] = KINDS
     """The kinds of fault that must be excluded for the decision no_fault; default all."""
-    recorder: Recorder = Recorder()
-    conditioning: Conditioning = Conditioning()
-    model: Model = Model()
+    recorder: Deferred[Recorder] = Recorder.model_construct()
+    conditioning: Deferred[Conditioning] = Conditioning.model_construct()
+    model: Deferred[Model] = Model.model_construct()
     method: Annotated[Text, AfterValidator(_registered)] = "ml"
     """How faults are identified: ml, maximum likelihood, or another registered method, see bfi identify --help."""
-    risro: Risro = Risro()
-    dmae: Dmae = Dmae()
-    selection: Selection = Selection()
+    risro: Deferred[Risro] = Risro.model_construct()
+    dmae: Deferred[Dmae] = Dmae.model_construct()
+    selection: Deferred[Selection] = Selection.model_construct()
     dictionary: DictionarySource | None = None
     """A file, relative to this one, or the dictionary itself."""
-    start_time: StartTime = StartTime()
-    calibrate: Calibrate = Calibrate()
-    detect: Detect = Detect()
-    diagnose: Diagnose = Diagnose()
-    diagnosability: Diagnosability = Diagnosability()
-    audit: AuditOfDictionary = AuditOfDictionary()
+    start_time: Deferred[StartTime] = StartTime.model_construct()
+    calibrate: Deferred[Calibrate] = Calibrate.model_construct()
+    detect: Deferred[Detect] = Detect.model_construct()
+    diagnose: Deferred[Diagnose] = Diagnose.model_construct()
+    diagnosability: Deferred[Diagnosability] = Diagnosability.model_construct()
+    audit: Deferred[AuditOfDictionary] = AuditOfDictionary.model_construct()
     seed: Annotated[Whole, Field(ge=0)] = 0
     strict: StrictBool = False
     """Whether an answer that cannot be trusted is exit code 4."""

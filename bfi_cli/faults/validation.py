@@ -7,14 +7,23 @@ import inspect
 import json
 import re
 import textwrap
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, Strict, StrictInt, ValidationError, ValidationInfo
-from pydantic_core import ErrorDetails
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    Strict,
+    StrictInt,
+    ValidationError,
+    ValidationInfo,
+)
+from pydantic_core import ErrorDetails, core_schema
 
 from ..errors import BfiError
 from ..printable import shortened
@@ -53,6 +62,39 @@ class Rules(BaseModel):
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=False, defer_build=True)
+
+
+class _Deferred:
+    """Marks a part of a document whose rules are compiled when a document holds it, not with the whole."""
+
+    def __get_pydantic_core_schema__(self, source: type[BaseModel], _handler: object) -> core_schema.CoreSchema:
+        return deferred(lambda: source)
+
+
+def deferred(model: Callable[[], type[BaseModel]]) -> core_schema.CoreSchema:
+    """Return rules that make a model, and compile it, when the first value is validated by them.
+
+    Compiled with the whole, the sections of the configuration and the shapes of a dictionary that no document of a run
+    holds took a tenth of a second of every command.
+    """
+
+    def json_schema(_schema: core_schema.CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        made = model()
+        made.model_rebuild()
+        rules, parts = made.__pydantic_core_schema__, []
+        if rules["type"] == "definitions":
+            rules, parts = rules["schema"], rules["definitions"]
+        # With a reference, so that the schema names the model among its definitions.
+        named = {**rules, "ref": f"{made.__module__}.{made.__qualname__}:{id(made)}"}
+        return handler(core_schema.definitions_schema(named, parts))
+
+    return core_schema.with_info_plain_validator_function(
+        lambda value, info: model().model_validate(value, context=info.context),
+        metadata={"pydantic_js_annotation_functions": [json_schema]},
+    )
+
+
+Deferred = Annotated[M, _Deferred()]
 
 
 def validate(

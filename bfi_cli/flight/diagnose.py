@@ -296,13 +296,11 @@ def _glances(
     answers = glance_at_flight(flight.log, windows, used, workers=workers, report=report)
     drafts = []
     for window, answer in answers:
-        if isinstance(answer, str) or not answer.stands_out or answer.shape == "drift":
+        if answer is None or isinstance(answer, str):
             continue
         relations = intact_channels(static, window)
         whole = output in relations and relations[output]
-        finding = finding_of_glance(
-            answer, flight.recorded, relations=whole, to_s=window[1], unit=STANDARD[output].unit
-        )
+        finding = finding_of_glance(answer, flight.recorded, relations=whole, unit=STANDARD[output].unit)
         drafts.append(Draft(finding=finding, window=window, until_s=window[1]))
     failed = summary_of(answers)
     missing = [f"{n} of {len(answers)} windows were not scanned for steps: {why}" for why, n in failed.items()]

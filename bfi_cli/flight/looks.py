@@ -204,8 +204,8 @@ def inputs_for(log: FlightLog) -> tuple[str, ...]:
 
 def glance_at_flight(
     log: FlightLog, windows: Sequence[Window], config: Config, *, workers: int = 1, report: Report = silent
-) -> list[tuple[Window, Glance | str]]:
-    """Return what stands out in every window, or why it could not be analysed.
+) -> list[tuple[Window, Glance | str | None]]:
+    """Return what stands out in every window, None where nothing does, or why it could not be analysed.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ def glance_at_flight(
     slim = replace(log, channels={name: log.channels[name] for name in names}, truth=None, notes=())
     parts = [slim.window(from_s, to_s) for from_s, to_s in windows]
     whole = merge(config, {"window": {"from_s": None, "to_s": None}})
-    answers: list[tuple[Window, Glance | str]] = []
+    answers: list[tuple[Window, Glance | str | None]] = []
     workers = workers if len(parts) >= FEWEST_FOR_WORKERS else 1
     with closing(in_order(partial(_glance_in, config=whole), parts, workers=workers, chunk=CHUNK)) as results:
         for window, (answer, _) in zip(windows, results, strict=True):
@@ -235,13 +235,13 @@ def search_stretch(log: FlightLog, window: Window, config: Config) -> OnsetSearc
         return str(unusable)
 
 
-def _glance_in(part: FlightLog, *, config: Config) -> Glance | str:
+def _glance_in(part: FlightLog, *, config: Config) -> Glance | str | None:
     try:
         return glance(part, config)
     except BfiError as unusable:
         return str(unusable)
 
 
-def summary_of(glances: Sequence[tuple[Window, Glance | str]]) -> Mapping[str, int]:
+def summary_of(glances: Sequence[tuple[Window, Glance | str | None]]) -> Mapping[str, int]:
     """Return how many windows failed for each reason."""
     return Counter(answer for _, answer in glances if isinstance(answer, str))

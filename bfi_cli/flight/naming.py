@@ -105,8 +105,8 @@ def finding_of_fit(
     )
 
 
-def finding_of_glance(glance: Glance, recorded: Collection[str], *, relations: bool, to_s: float, unit: str) -> Finding:
-    """Return the finding of a window in which a step, a drift or an oscillation of the airspeed stands out.
+def finding_of_glance(glance: Glance, recorded: Collection[str], *, relations: bool, unit: str) -> Finding:
+    """Return the finding of a window in which a step or an oscillation of the airspeed stands out.
 
     Parameters
     ----------
@@ -114,7 +114,6 @@ def finding_of_glance(glance: Glance, recorded: Collection[str], *, relations: b
         the pressure that all are computed from.
     """
     among = _names_of_scan(glance.shape, glance.channel, recorded, relations=relations)
-    seconds = to_s - glance.onset_s if glance.shape == "drift" else 1.0
     return Finding(
         fault=among[0],
         among=among,
@@ -125,7 +124,7 @@ def finding_of_glance(glance: Glance, recorded: Collection[str], *, relations: b
         magnitude=glance.magnitude,
         sd=glance.sd,
         unit=SHAPES[glance.shape].magnitude_unit(unit, slope=None),
-        effect={glance.channel: glance.magnitude * seconds},
+        effect={glance.channel: glance.magnitude},
         onset_s=glance.onset_s,
         onset_ci95=(glance.onset_s - ONSET_STEP_S, glance.onset_s + ONSET_STEP_S),
         statistic=glance.statistic,

@@ -364,9 +364,18 @@ def largest_statistic(scan: Scan, waveform: Waveform, onsets: IntArray | None = 
     """Return the largest statistic of `scan_shape` among the onsets that a screen at one magnitude ranks first."""
     onsets = default_onsets(scan) if onsets is None else onsets
     tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
-    F = in_blocks(scan, len(bound), lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]))
-    first = np.sort(np.argsort(F)[:FINALISTS])
+    first = np.sort(np.argsort(_screened(scan, tables, onsets, bound))[:FINALISTS])
     return float(-scan.n_rows * minimise(stack_onsets(scan, tables, onsets[first]), bound[first])[1].min())
+
+
+def screen_shape(scan: Scan, waveform: Waveform, onsets: IntArray) -> float:
+    """Return the largest statistic over onsets (n_onsets,) at one magnitude each, at most that of `scan_shape`."""
+    tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
+    return float(-scan.n_rows * _screened(scan, tables, onsets, bound).min(initial=0.0))
+
+
+def _screened(scan: Scan, tables: ShapeTables, onsets: IntArray, bound: FloatArray) -> FloatArray:
+    return in_blocks(scan, len(bound), lambda b: screen(stack_onsets(scan, tables, onsets[b]), bound[b]))
 
 
 def stack_onsets(scan: Scan, tables: ShapeTables, onsets: IntArray) -> ProfilePolynomial:

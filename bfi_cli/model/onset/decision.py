@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from importlib import resources
 from pathlib import Path
 
@@ -236,6 +236,7 @@ def shipped_rule(record: ScanRecord, config: Config) -> Rule:
     return _nearest_rule(_shipped_tables(), "shipped", record, config)
 
 
+@cache
 def _shipped_tables() -> tuple[CalibrationTable, ...]:
     """Return the tables that come with the program."""
     with resources.as_file(resources.files(__package__).joinpath(SHIPPED)) as path:

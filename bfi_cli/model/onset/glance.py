@@ -11,23 +11,24 @@ from ...flightlog import FlightLog
 from .confirmation import unconfirmed
 from .decision import shipped_rule
 from .estimate import as_scanned
-from .scan import scan_hypotheses
+from .scan import may_exceed, scan_hypotheses
 from .scan_record import prepare_record
+
+# Shapes that windows of minutes show better by other relations than by a model of the airspeed.
+GROWING = ("drift",)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Glance:
-    """What stands out most in a window.
+    """What is declared in a window, as it stands out most.
 
     Attributes
     ----------
-    stands_out : whether it is declared.
     shape, channel, magnitude, sd, unit, onset_s, frequency_hz : as the scan has them, on its grid of onsets.
     statistic, threshold : of its shape; p_value is None where no shipped table fits the settings.
     doubt : a sentence where the other trusted channels of the log explain it, else "".
     """
 
-    stands_out: bool
     shape: str
     channel: str
     magnitude: float
@@ -40,8 +41,8 @@ class Glance:
     doubt: str = ""
 
 
-def glance(log: FlightLog, config: Config) -> Glance:
-    """Return what stands out most in the window of the configuration.
+def glance(log: FlightLog, config: Config) -> Glance | None:
+    """Return what is declared and stands out most in the window of the configuration; None where it is no abrupt fault.
 
     The threshold is that of the shipped table which fits, or of the nearest, with a wider tail. What stands out is
     confirmed as `bfi start-time` does it: with all trusted channels of the log as inputs, too.
@@ -57,16 +58,18 @@ def glance(log: FlightLog, config: Config) -> Glance:
     """
     with threadpool_limits(1):
         record = prepare_record(log, config)
-        scan = scan_hypotheses(record, record.y)
         rule = shipped_rule(record, config)
+        abrupt = [shape for shape in rule.shapes if shape not in GROWING]
+        if not may_exceed(record, record.y, {shape: rule.threshold(shape) for shape in abrupt}):
+            return None
+        scan = scan_hypotheses(record, record.y)
         verdict = rule.verdict(scan)
-        peak = verdict.significant[0] if verdict.significant else scan.of(verdict.shape)
-        doubts: dict[int, str] = {}
-        if verdict.significant:
-            doubts = unconfirmed(log, record, [as_scanned(record, peak)], config, order=scan.order)
+        if not verdict.significant or verdict.significant[0].form.shape in GROWING:
+            return None
+        peak = verdict.significant[0]
+        doubts = unconfirmed(log, record, [as_scanned(record, peak)], config, order=scan.order)
     best = peak.profile.best
     return Glance(
-        stands_out=bool(verdict.significant),
         shape=peak.form.shape,
         channel=config.outputs[0],
         magnitude=float(peak.profile.z[best]),

@@ -13,7 +13,15 @@ from trials import sized
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.kernels.onset import waveform as shapes
 from bfi_cli.kernels.onset.profile import eliminate, minimise, profile_polynomial, solve_last, solved_norm
-from bfi_cli.kernels.onset.scan import default_onsets, padded_length, prepare_scan, scan_shape, stack_onsets, tabulate
+from bfi_cli.kernels.onset.scan import (
+    default_onsets,
+    padded_length,
+    prepare_scan,
+    scan_shape,
+    screen_shape,
+    stack_onsets,
+    tabulate,
+)
 
 N = 400
 MAGNITUDES = (-50.0, -1.0, 0.01, 3.0, 50.0)
@@ -129,6 +137,18 @@ def test_all_onsets_at_once_are_the_onsets_one_by_one(name):
     single = scan_shape(scan, waveform, whole.onsets[picked])
     np.testing.assert_allclose(single.statistic, whole.statistic[picked], rtol=1e-9, atol=1e-9)
     assert (whole.statistic >= 0.0).all()
+
+
+@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("carried", [0.0, 5.0])
+def test_a_screen_shows_no_more_than_the_scan_and_most_of_a_clear_fault(name, carried):
+    u, y = record(N)
+    waveform = waveforms(N)[name]
+    y[:, 0] += carried * signal(waveform, 170)
+    scan = prepare_scan(u, y, order=4)
+    onsets = default_onsets(scan)
+    exact = scan_shape(scan, waveform, onsets).statistic.max()
+    assert (0.9 * exact if carried else 0.0) <= screen_shape(scan, waveform, onsets) <= exact * (1.0 + 1e-9)
 
 
 @pytest.mark.parametrize("order", [1, 4, 10])

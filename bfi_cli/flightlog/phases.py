@@ -18,6 +18,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from ..airdata import G
 from ..kernels.runs import BoolArray, FloatArray, Run, bridged, joined, left_of, runs, runs_with, within
 from ..notes import Note
 from ..quantities.channels import quantity_of
@@ -26,7 +27,6 @@ from .record import LARGEST_VALUE, FlightLog
 from .signs import (
     ABOVE_GROUND,
     AIRSPEEDS,
-    GRAVITY,
     HEIGHTS,
     LONG,
     METRES_PER_SECOND,
@@ -154,11 +154,11 @@ class _Flight:
 
     @property
     def scale_s(self) -> float:
-        return self.cruise / GRAVITY
+        return self.cruise / G
 
     @property
     def scale_m(self) -> float:
-        return self.cruise**2 / GRAVITY
+        return self.cruise**2 / G
 
     def samples(self, scales: float) -> int:
         """Return the number of steps of the grid, at least one, in `scales` times V / g."""
@@ -250,7 +250,7 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     if first is None:
         end_s = round(float(log.time_s[-1]) + 1.0 / log.rate_hz, 3)
         ground = Phase(phase="ground", from_s=round(float(log.time_s[0]), 3), to_s=end_s)
-        return FlightPhases(phases=tuple(_around((ground,), hovering, ())), disagreements=())
+        return FlightPhases(phases=tuple(_around((ground,), hovering, (), 0.0)), disagreements=())
     ordered = {first: speeds.pop(first), **speeds}
     if over_ground is not None:
         over_ground = np.where(rotors, np.nan, smoothed_speed(over_ground, log.rate_hz))
@@ -266,7 +266,7 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     stages.sort(key=lambda stage: (stage[1][0], order.index(stage[0])))
     phases = tuple(flight.phase(name, run) for name, run in stages)
     if hovering:
-        phases = tuple(_around(phases, hovering, flight.low_stretches()))
+        phases = tuple(_around(phases, hovering, flight.low_stretches(), flight.step_s))
     disagreements = (replace(run, channel=sensors.get(run.channel, run.channel)) for run in flight.disagreements)
     return FlightPhases(phases=phases, disagreements=tuple(disagreements))
 
@@ -284,12 +284,15 @@ def _hovering(log: FlightLog) -> tuple[Phase, ...]:
     return tuple(phases)
 
 
-def _around(phases: Sequence[Phase], hovering: Sequence[Phase], low: Sequence[tuple[float, float]]) -> list[Phase]:
+def _around(
+    phases: Sequence[Phase], hovering: Sequence[Phase], low: Sequence[tuple[float, float]], step_s: float
+) -> list[Phase]:
     """Return the phases with the parts of flight on rotors in place of what they overlap.
 
     Parameters
     ----------
     low : stretches, (from_s, to_s), in which the aircraft is as low as on the ground; flight on rotors there is ground.
+    step_s : length of a block of the phases; what is left of one beside the rotors belongs to the phase before.
     """
     rotors = spans_of(hovering, (HOVER, TRANSITION))
     parts = [
@@ -304,7 +307,8 @@ def _around(phases: Sequence[Phase], hovering: Sequence[Phase], low: Sequence[tu
     parts.sort(key=lambda phase: (phase.from_s, (*PARTS, *MANOEUVRES).index(phase.phase)))
     whole: list[Phase] = []
     for part in parts:
-        if whole and part.phase == whole[-1].phase == "ground" and part.from_s <= whole[-1].to_s:
+        joins = part.phase == "ground" == whole[-1].phase and part.from_s <= whole[-1].to_s if whole else False
+        if joins or (whole and part.phase == NO_AIRSPEED and part.to_s - part.from_s < step_s):
             part = replace(whole.pop(), to_s=part.to_s)
         whole.append(part)
     return whole
@@ -366,8 +370,8 @@ def _on_grid(
     ----------
     speeds : (n_samples,) airspeeds, the one that is used first; over_ground : ground speed; cruise : of the first.
     """
-    step_s = max(BLOCK * cruise / GRAVITY, 1.0 / log.rate_hz)
-    mean, long = _block_means(log.time_s, step_s), max(2, round(LONG * cruise / GRAVITY / step_s))
+    step_s = max(BLOCK * cruise / G, 1.0 / log.rate_hz)
+    mean, long = _block_means(log.time_s, step_s), max(2, round(LONG * cruise / G / step_s))
 
     def channel(name: str) -> FloatArray | None:
         if name in suspects or name not in log.channels:
@@ -396,7 +400,7 @@ def _on_grid(
         satellites=satellites,
         levels=[] if thrust is None else [thrust],
         moving=[group for group in (attitude, [] if load is None else [load]) if group],
-        scale_m=cruise**2 / GRAVITY,
+        scale_m=cruise**2 / G,
         long=long,
     )
     speed, lost = _right_speed(means, verdict)
@@ -417,7 +421,7 @@ def _on_grid(
         height=height,
         pitch=pitch,
         bank=bank,
-        load=None if load is None else load / GRAVITY + 1.0,
+        load=None if load is None else load / G + 1.0,
         incidence=aoa,
         configured=sum((_is_out(position) for position in out), np.zeros(speed.size)) if out else None,
     )
@@ -633,7 +637,7 @@ def _turns(flight: _Flight, first: int, end: int) -> Iterator[Run]:
     if flight.bank is None:
         return
     bank = np.nan_to_num(_smoothed(flight.bank[first:end], flight.samples(0.5)))
-    rate = GRAVITY * np.tan(np.clip(bank, -1.4, 1.4)) / np.maximum(flight.speed[first:end], TAXI * flight.cruise)
+    rate = G * np.tan(np.clip(bank, -1.4, 1.4)) / np.maximum(flight.speed[first:end], TAXI * flight.cruise)
     for side in (1.0, -1.0):
         banked = runs_with(side * bank > BANKED, side * bank > LEVEL)
         for low, high in joined(banked, flight.samples(SAME_TURN) - 1):

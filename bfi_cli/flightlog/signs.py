@@ -25,7 +25,6 @@ Says = Literal["ground", "flight"]
 # Airspeeds that determine the lift first: true airspeed and Mach number grow with altitude at the same lift.
 AIRSPEEDS = ("cas", "ias", "tas", "mach")
 METRES_PER_SECOND = {"mach": 340.0}
-GRAVITY = 9.8  # m/s^2
 # Time of a running median, against gusts and the noise of a pitot tube at rest.
 SMOOTHING_S = 5.0
 # Below a quarter of the fastest speed, a quantile since single samples may be wrong, the aircraft does not fly: it has

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ...airdata import IMPACT_SOURCES, STATIC_SOURCES, air_data_of, zero_lift_angle
+from ...airdata import IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of, zero_lift_angle
 from ...flightlog.phases import Phase
 from ...flightlog.phases import flight_stretches as flight_stretches
 from ...kernels.runs import within as within
@@ -18,7 +18,7 @@ Window = tuple[float, float]
 LENGTHS_S = (60.0, 120.0, 240.0)
 OVERLAP = 0.5  # of two windows, so that every onset lies well inside of one; the rate of a window counts it
 # Flaps and gear move after take-off, for so many V / g or seconds, and from the last descent on.
-CLEAN_UP, CLEAN_UP_S, GRAVITY = 10.0, 120.0, 9.8
+CLEAN_UP, CLEAN_UP_S = 10.0, 120.0
 ROUNDING = 1e-9  # of a length, of times that are computed
 # Seconds of flight that tell the angle of zero lift: shorter ones hold too few angles of attack.
 LEAST_S = 300.0
@@ -61,7 +61,7 @@ def clean_up_time(phases: Sequence[Phase], record: Record) -> float:
     flown = within(record.time_s, flight_stretches(phases))
     speeds = record.channels["tas"][flown] if "tas" in record.channels else np.empty(0)
     known = speeds[np.isfinite(speeds)]
-    return min(CLEAN_UP * float(np.median(known)) / GRAVITY, CLEAN_UP_S) if known.size else CLEAN_UP_S
+    return min(CLEAN_UP * float(np.median(known)) / G, CLEAN_UP_S) if known.size else CLEAN_UP_S
 
 
 def configuration_changes(phases: Sequence[Phase], *, clean_up_s: float | None = None) -> list[Window]:

@@ -141,11 +141,11 @@ def fleet_table() -> str:
 
 def relations_table() -> str:
     """Return what is held against what over a whole log: a row for each reading and tolerance."""
-    from bfi_cli.flight.plausibility.relations import RELATIONS
+    from bfi_cli.airdata.relations import RELATIONS
     from bfi_cli.quantities.channels import STANDARD
 
     rows: dict[tuple[str, str, str], list[str]] = {}
-    for relation in RELATIONS:
+    for relation in (row for row in RELATIONS if row.lasts):
         reading, *others = relation.needs
         unit = STANDARD[reading].unit
         scale, unit = (180.0 / math.pi, unit.replace("rad", "deg")) if unit.startswith("rad") else (1.0, unit)

@@ -14,17 +14,9 @@ from operator import itemgetter
 
 import numpy as np
 
-from ...airdata import (
-    SEA_LEVEL_SPEED_OF_SOUND,
-    SENSORS,
-    altitude_of,
-    calibrated_airspeed,
-    impact_pressure_of_cas,
-    mach_number,
-    pressure_at,
-    speed_of_sound,
-    static_temperature,
-)
+from ...airdata import SENSORS
+from ...airdata.relations import DOMAIN, RELATIONS, State, mach_by
+from ...airdata.relations import Relation as Row
 from ...faults.shapes import SHAPES
 from ...flightlog import FlightLog
 from ...flightlog.phases import airborne
@@ -76,17 +68,6 @@ POSITION_ERROR = 0.1
 SLOWEST = 0.3
 # `FOLLOWS` in units of other relations, about what 1 m/s of airspeed is worth.
 WORTH = {"m/s": 1.0, "K": 1.0, "m": 10.0, "Pa": 100.0, "rad": 0.02, "1": 0.003}
-# K, m/s, m, Pa: beyond what any flight has that these relations are for.
-DOMAIN: dict[str, tuple[float, float]] = {
-    **dict.fromkeys(("tat", "sat"), (150.0, 400.0)),
-    **dict.fromkeys(("cas", "ias"), (0.0, SEA_LEVEL_SPEED_OF_SOUND)),
-    "tas": (0.0, 400.0),
-    "mach": (0.0, 1.0),
-    "altitude": (-5_000.0, 20_000.0),
-    "p_static": (5_475.0, 177_000.0),
-    "q_impact": (0.0, 90_000.0),
-    "p_total": (5_475.0, 267_000.0),
-}
 # What an airspeed is made of beside its own line.
 AIR = frozenset(("p_static", "altitude", "tat", "sat"))
 # Channels of which `FOLLOWS` is made.
@@ -96,7 +77,7 @@ COMPARED = frozenset(REPEATED) - {"yaw", "baro_altitude"}
 
 
 @dataclass(frozen=True, slots=True)
-class Relation:
+class Comparison:
     """A channel less what others make of it: 0, or smooth in the flight, while every channel is right.
 
     Attributes
@@ -105,7 +86,6 @@ class Relation:
     channel, others : its two sides; `value` makes the one of the others.
     scale : what one unit of the channel counts in `unit`.
     declares : whether a change of it is a fault; else it only tells channels apart.
-    beside : channels that the log must have too.
     twins : whether its sides are two sensors of one quantity.
     """
 
@@ -116,7 +96,6 @@ class Relation:
     value: Callable[[Values], FloatArray | float]
     scale: float = 1.0
     declares: bool = True
-    beside: tuple[str, ...] = ()
     twins: bool = False
 
     @property
@@ -142,54 +121,30 @@ class Relation:
         return np.asarray(self.scale * (values[self.channel] - self.value(values)))
 
 
-def _mach(values: Values) -> FloatArray:
-    p_static = pressure_at(values["altitude"]) if "altitude" in values else values["p_static"]
-    q_impact = impact_pressure_of_cas(values["cas"] if "cas" in values else values["ias"])
-    return mach_number(np.where(q_impact < 0.89 * p_static, q_impact, np.nan), p_static)  # 0.893 is Mach 1
-
-
-def _tas(values: Values) -> FloatArray:
-    mach = values["mach"] if "mach" in values else _mach(values)
-    # The mean of two readings of one temperature: their quantisation is most of the noise.
-    sat = [static_temperature(values["tat"], mach)] if "tat" in values else []
-    sat += [values["sat"]] if "sat" in values else []
-    return np.asarray(mach * speed_of_sound(sum(sat) / len(sat)))
-
-
-def _table(static: str, heats: tuple[str, ...]) -> tuple[Relation, ...]:
-    """Return every relation, of those of one name the better one first.
-
-    Parameters
-    ----------
-    static : what shows the static pressure; heats : the temperatures.
-    """
-    return (
-        Relation("tas", "m/s", "tas", ("mach", *heats), _tas),
-        Relation("tas", "m/s", "tas", ("cas", static, *heats), _tas),
-        Relation("tas", "m/s", "tas", ("ias", static, *heats), _tas),
-        Relation("mach", "m/s", "mach", ("cas", static), _mach, scale=340.0),
-        Relation("sat", "K", "sat", ("tat", "mach"), lambda v: static_temperature(v["tat"], v["mach"])),
-        *(
-            Relation("lapse", "K", heat, (), lambda v: 0.0, declares=False, beside=("tas", static))
-            for heat in heats
-            if len(heats) == 1
-        ),
-        Relation("altitude", "m", "altitude", ("p_static",), lambda v: altitude_of(v["p_static"])),
-        Relation("cas", "m/s", "cas", ("q_impact",), lambda v: calibrated_airspeed(v["q_impact"])),
-        Relation("p_total", "Pa", "p_total", ("p_static", "q_impact"), lambda v: v["p_static"] + v["q_impact"]),
-        Relation("ias - cas", "m/s", "ias", ("cas",), itemgetter("cas")),
+def _comparison(row: Row) -> Comparison:
+    """Return a row of the table that an air-data computer keeps as a comparison of quantities."""
+    channel, *others = row.needs
+    scale, unit = row.worth
+    return Comparison(
+        row.name, unit or STANDARD[channel].unit, channel, tuple(others), lambda v: row.expected(_state(v)), scale=scale
     )
 
 
-def _relations(log: FlightLog) -> tuple[list[Relation], list[str]]:
+def _state(values: Values) -> State:
+    return State(values=values, rates={}, time_s=np.empty(0))
+
+
+def _relations(log: FlightLog) -> tuple[list[Comparison], list[str]]:
     """Return the relations between the channels of a log, and what is missing for others."""
     sensors = _by_quantity(log)
     static = next((name for name in ("altitude", "p_static") if name in sensors), "altitude")
     heats = tuple(name for name in ("tat", "sat") if name in sensors) or ("tat",)
-    known: dict[str, Relation] = {}
-    for base in _table(static, heats):
-        if {*base.needs, *base.beside} <= sensors.keys():
-            known.setdefault(base.name, base)
+    known: dict[str, Comparison] = {}
+    for row in RELATIONS:
+        if row.name and {*row.needs} <= sensors.keys():
+            known.setdefault(row.name, _comparison(row))
+    if len(heats) == 1 and {"tas", static, *heats} <= sensors.keys():
+        known["lapse"] = Comparison("lapse", "K", heats[0], (), lambda v: 0.0, declares=False)
     is_there = {name: name in sensors for name in ("tas", "mach", "cas")}
     is_there |= {"altitude": static in sensors, "tat or sat": heats[0] in sensors}
     is_there["mach, or cas and altitude"] = "mach" in sensors or (
@@ -217,7 +172,7 @@ def _by_quantity(log: FlightLog) -> dict[str, list[str]]:
     return sensors
 
 
-def _sensor_relations(relation: Relation, sensors: Mapping[str, list[str]]) -> list[Relation]:
+def _sensor_relations(relation: Comparison, sensors: Mapping[str, list[str]]) -> list[Comparison]:
     """Return a relation between quantities for their first sensors, their second ones, and so on.
 
     Two air-data computers are thus each held against their own channels; a quantity that is measured less often gives
@@ -242,7 +197,7 @@ def _sensor_relations(relation: Relation, sensors: Mapping[str, list[str]]) -> l
     return expanded
 
 
-def _second_sensors(log: FlightLog) -> list[Relation]:
+def _second_sensors(log: FlightLog) -> list[Comparison]:
     """Return the differences of channels that measure the same quantity: tas and tas_2, of two air-data computers."""
     sensors: dict[str, list[str]] = {}
     for name in log.channels:
@@ -254,7 +209,7 @@ def _second_sensors(log: FlightLog) -> list[Relation]:
             unit = unit_of(log, first)
             if unit == unit_of(log, other):
                 unit = unit if unit in WORTH else STANDARD[quantity].unit
-                pairs.append(Relation(f"{first} - {other}", unit, first, (other,), itemgetter(other), twins=True))
+                pairs.append(Comparison(f"{first} - {other}", unit, first, (other,), itemgetter(other), twins=True))
     return pairs
 
 
@@ -286,7 +241,7 @@ class RelationSeries:
     readings : (n,) of the two sensors, where it is their difference, and of the air about them; else empty.
     """
 
-    relation: Relation
+    relation: Comparison
     time_s: FloatArray
     values: FloatArray
     nuisances: FloatArray
@@ -514,7 +469,7 @@ def _follows(values: Values, time_s: FloatArray) -> FloatArray:
     height = values.get("altitude", none)
     # Not tas where there is another: a relation that follows its steps has lost its own noise.
     if "altitude" in values and ("cas" in values or ("ias" in values and "mach" not in values)):
-        speed = 340.0 * _mach(values)
+        speed = 340.0 * mach_by(_state(values), "cas" if "cas" in values else "ias", "altitude")
     else:
         speed = 340.0 * values["mach"] if "mach" in values else values.get("tas", none)
     rates = (np.gradient(x, time_s) if len(time_s) > 1 else none for x in (speed, height))
@@ -527,7 +482,7 @@ def _with_position_error(follows: FloatArray) -> FloatArray:
     return np.column_stack([follows, typical**2 / np.maximum(follows[:, 1], SLOWEST * typical)])
 
 
-def _effect(relation: Relation, values: Values, name: str) -> FloatArray:
+def _effect(relation: Comparison, values: Values, name: str) -> FloatArray:
     """Return what one unit of a channel's error adds to a relation, by a difference."""
     known = np.abs(values[name][np.isfinite(values[name])])
     size = 1e-4 * max(float(np.median(known)) if known.size else 0.0, 1e-6)

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ...airdata.relations import NAMES, RELATIONS, Relation, State
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
 from ...kernels.normal import TWO_SIDED_95
 from ...quantities.channels import STANDARD
 from .circling import FEWEST, NEEDS, circle_scales
-from .relations import NAMES, RELATIONS, Relation, State
 from .seconds import seconds_of
 
 # What has the wind, which is another in each flight, in the relations of `relations`; circles are free of it.

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...airdata.relations import NAMES, RELATIONS, State
 from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.plausible import impossible_median, sentence_of_impossible
@@ -19,7 +20,6 @@ from ...quantities.channels import STANDARD
 from ...quantities.text import quantity
 from .changes import RANKS, Change
 from .circling import scale_by_circles
-from .relations import NAMES, RELATIONS, State
 from .search import Blame, blames, known_relations
 from .seconds import seconds_of
 from .settings import with_settings

@@ -8,10 +8,10 @@ from itertools import product
 
 import numpy as np
 
+from ...airdata.relations import Relation, State
 from ...kernels import BoolArray, FloatArray, IntArray
 from .changes import Change, named_changes
 from .constancy import ConstantPart, constant_part
-from .relations import Relation, State
 
 # Pieces of a flight in each of which a relation fails that fails throughout; what begins during a flight is a fault
 # with an onset, which the analyses find. Slopes need longer pieces than medians.
@@ -186,7 +186,7 @@ def known_relations(relations: Sequence[Relation], seconds: State) -> list[Known
     """Return the relations that a log tells of, with the seconds in which it does."""
     usable = []
     for relation in relations:
-        if not set(relation.needs) <= seconds.values.keys():
+        if not relation.lasts or not set(relation.needs) <= seconds.values.keys():
             continue
         channels = relation.channels(seconds.values)
         known = np.flatnonzero(np.all([np.isfinite(seconds.values[name]) for name in channels], axis=0))

@@ -6,13 +6,13 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
+from ...airdata.relations import State
 from ...flightlog import FlightLog
 from ...flightlog.record import LARGEST_VALUE
 from ...flightlog.signs import BORNE, FASTEST, METRES_PER_SECOND, MOVING, WALK
 from ...kernels import BoolArray, FloatArray, IntArray
 from ...kernels.runs import runs
 from ...quantities.channels import STANDARD
-from .relations import State
 
 # Samples of a large log that are looked at, from its middle: three hours at 100 Hz take a tenth of a second.
 LOOKED_AT = 1_000_000

@@ -7,7 +7,7 @@ import pytest
 
 from bfi_cli.flight.parity import Finding
 from bfi_cli.flight.parity.relation_course import with_course
-from bfi_cli.flight.parity.static_relations import Relation, RelationSeries
+from bfi_cli.flight.parity.static_relations import Comparison, RelationSeries
 
 T = np.arange(160.0) + 0.45  # means of seconds
 WINDOW = (0.0, 160.0)
@@ -35,7 +35,7 @@ def told(error: np.ndarray, *, effect: float = 1.0, noise: float = 0.015, seed: 
     for k in range(1, T.size):
         slow[k] = 0.9 * slow[k - 1] + np.sqrt(1.0 - 0.81) * rng.standard_normal()
     series = RelationSeries(
-        relation=Relation("tas", "m/s", "tas", ("mach",), lambda values: 0.0),
+        relation=Comparison("tas", "m/s", "tas", ("mach",), lambda values: 0.0),
         time_s=T,
         values=effect * error.reshape(-1, 10).mean(axis=1) + noise * slow,
         nuisances=np.column_stack([np.ones(T.size), np.zeros((T.size, 4))]),

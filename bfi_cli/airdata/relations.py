@@ -1,4 +1,7 @@
-"""What the channels of a flight imply of each other, in absolute terms: one row a relation.
+"""What the channels of a flight imply of each other: one row a relation, of which every analysis takes what it needs.
+
+Plausibility takes the rows with a `tolerance` or a `least`, for errors that last throughout a flight; parity those with
+a `name`, which an air-data computer keeps sample by sample, for errors that begin in it.
 
 Tolerances are of the medians of pieces of a flight, in which gusts and manoeuvres have no part: of rounding and of the
 recovery of a probe (1 % of what a temperature rises by, half a percent of the airspeed) within one air-data computer,
@@ -10,45 +13,45 @@ Those of `cas` by Mach number, of `q_impact` and of `aoa` had to be widened for 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from functools import partial
 from itertools import product
 
 import numpy as np
 
-from ...airdata import (
-    EARTH_RADIUS,
-    HIGHEST,
-    KINEMATICS,
-    LOWEST,
-    PRESSURES,
-    G,
-    altitude_of,
+from .airspeed import (
+    SEA_LEVEL_SPEED_OF_SOUND,
     calibrated_airspeed,
     impact_pressure_of_cas,
     impact_pressure_of_mach,
-    isa_temperature,
-    longitudinal_acceleration,
     mach_number,
-    normal_acceleration,
-    pressure_at,
     speed_of_sound,
+    static_temperature,
     total_temperature,
-    true_airspeed,
-    vane_angle,
 )
-from ...kernels import FloatArray
+from .atmosphere import HIGHEST, LOWEST, PRESSURES, FloatArray, G, altitude_of, isa_temperature, pressure_at
+from .motion import EARTH_RADIUS, KINEMATICS, longitudinal_acceleration, normal_acceleration, vane_angle
+from .system import COLDEST, HOTTEST
 
 Values = Mapping[str, FloatArray]
 Make = Callable[["State"], FloatArray]
 
 # rad; a vane that flaps or a nose that points straight up is no flight that these relations know.
 STEEPEST = 1.4
-# K, between which all air lies that an aircraft meets, and what its probes show of it.
-TEMPERATURES = (150.0, 420.0)
-# Calibrated airspeed, m/s, and impact pressure, Pa and as a share of the static one: of just below Mach 1.
-FASTEST, LARGEST_IMPACT, SUBSONIC = 340.0, 90_000.0, 0.89
+# DOMAIN [K, m/s, 1, m, Pa]: by channel, between which its equations hold, up to just below Mach 1.
+DOMAIN: Mapping[str, tuple[float, float]] = {
+    **dict.fromkeys(("tat", "sat"), (COLDEST, HOTTEST)),
+    **dict.fromkeys(("cas", "ias"), (0.0, SEA_LEVEL_SPEED_OF_SOUND)),
+    "tas": (0.0, 400.0),
+    "mach": (0.0, 1.0),
+    "altitude": (LOWEST, HIGHEST),
+    "p_static": (PRESSURES[0], PRESSURES[1]),
+    "q_impact": (0.0, 90_000.0),
+    "p_total": (PRESSURES[0], PRESSURES[1] + 90_000.0),
+}
+# SUBSONIC [static pressure]: impact pressure of just below Mach 1, which has 0.893.
+SUBSONIC = 0.89
 # CS/FAR 25.1323(b), m/s: 5 kt of an indicated airspeed, of which a tenth in slow flight with flaps.
 INDICATED = (2.6, 0.1)
 DEGREE = np.pi / 180.0
@@ -99,17 +102,21 @@ class Relation:
 
     Attributes
     ----------
+    name : under which parity has it, of relations of one name the first that a log has; "" where no computer keeps it
+        sample by sample.
     reading, expected : from the channels, (n,) what it reads and what it should.
     needs : the channels that it takes, the one that is read first; beside : those that it takes where they are known.
     tolerance, share : by which the medians of both may differ, in the channel's unit and of what is expected.
     least : standard deviation of what is expected in a piece, from which the reading should follow it; None where the
         level alone counts. `tolerance` is None where the motion alone does.
     has_scale : whether it follows one to one; timed : whether it takes the rate of a channel by the time axis.
+    worth : what one unit of the reading counts in `unit`, in which parity has it.
     """
 
     reading: Make
     expected: Make
     _: KW_ONLY
+    name: str = ""
     needs: tuple[str, ...]
     beside: tuple[str, ...] = ()
     tolerance: float | None = None
@@ -117,6 +124,12 @@ class Relation:
     least: float | None = None
     has_scale: bool = True
     timed: bool = False
+    worth: tuple[float, str] = (1.0, "")
+
+    @property
+    def lasts(self) -> bool:
+        """Whether it tells of errors that are there throughout a flight."""
+        return self.tolerance is not None or self.least is not None
 
     def channels(self, known: Collection[str]) -> tuple[str, ...]:
         """Return the channels of the log that have a part in it."""
@@ -128,44 +141,45 @@ def _within(values: FloatArray, low: float, high: float | FloatArray) -> FloatAr
     return np.where((values >= low) & (values <= high), values, np.nan)
 
 
-def _temperature(state: State, name: str) -> FloatArray:
-    return _within(state.values[name], *TEMPERATURES)
+def _known(state: State, name: str) -> FloatArray:
+    """Return a channel within its domain."""
+    return _within(state.values[name], *DOMAIN[name])
 
 
 def _pressure(state: State, name: str) -> FloatArray:
-    if name == "p_static":
-        return _within(state.values[name], *PRESSURES)
-    return pressure_at(_within(state.values[name], LOWEST, HIGHEST))
+    return _known(state, name) if name == "p_static" else pressure_at(_within(state.values[name], LOWEST, HIGHEST))
 
 
-def _mach(state: State, name: str, static: str) -> FloatArray:
+def mach_by(state: State, name: str, static: str) -> FloatArray:
     """Return the Mach number of a calibrated airspeed at the pressure of another channel."""
     pressure = _pressure(state, static)
-    impact = impact_pressure_of_cas(_within(state.values[name], 0.0, FASTEST))
+    impact = impact_pressure_of_cas(_known(state, name))
     return mach_number(_within(impact, 0.0, SUBSONIC * np.nan_to_num(pressure, nan=1.0)), pressure)
 
 
-def _tas_of(mach: FloatArray, state: State, temperature: str) -> FloatArray:
-    mach, kelvin = _within(mach, 0.0, 1.0), _temperature(state, temperature)
-    return true_airspeed(mach, kelvin) if temperature == "tat" else mach * speed_of_sound(kelvin)
+def _tas_of(mach: FloatArray, state: State, heats: Sequence[str]) -> FloatArray:
+    """Return the true airspeed at the mean of the readings of one temperature: their rounding is most of its noise."""
+    mach = _within(mach, *DOMAIN["mach"])
+    kelvin = [static_temperature(_known(state, name), mach) if name == "tat" else _known(state, name) for name in heats]
+    return np.asarray(mach * speed_of_sound(sum(kelvin) / len(kelvin)))
 
 
 def _true_airspeed(state: State, name: str, static: str) -> FloatArray:
     """Return the true airspeed of a calibrated one, in standard air where no temperature is recorded."""
-    mach = _mach(state, name, static)
+    mach = mach_by(state, name, static)
     heat = next((channel for channel in ("sat", "tat") if channel in state.values), None)
-    known = np.full(mach.shape, np.nan) if heat is None else _tas_of(mach, state, heat)
+    known = np.full(mach.shape, np.nan) if heat is None else _tas_of(mach, state, (heat,))
     standard = mach * speed_of_sound(isa_temperature(altitude_of(_pressure(state, static))))
     return np.where(np.isfinite(known), known, standard)
 
 
 def _cas_of_mach(state: State, static: str) -> FloatArray:
-    impact = impact_pressure_of_mach(_within(state.values["mach"], 0.0, 1.0), _pressure(state, static))
-    return calibrated_airspeed(_within(impact, 0.0, LARGEST_IMPACT))
+    impact = impact_pressure_of_mach(_known(state, "mach"), _pressure(state, static))
+    return calibrated_airspeed(_within(impact, *DOMAIN["q_impact"]))
 
 
 def _standard_air(state: State) -> FloatArray:
-    return isa_temperature(_within(state.values["altitude"], LOWEST, HIGHEST))
+    return isa_temperature(_known(state, "altitude"))
 
 
 def _climb_rate(state: State, source: str) -> FloatArray:
@@ -173,7 +187,7 @@ def _climb_rate(state: State, source: str) -> FloatArray:
     rate = state.rates["altitude"] if source == "altitude" else state.values["altitude_rate"]
     if "sat" not in state.values or "altitude" not in state.values:
         return rate
-    warmth = _temperature(state, "sat") / _standard_air(state)
+    warmth = _known(state, "sat") / _standard_air(state)
     return rate * np.where(np.isfinite(warmth), np.clip(warmth, 0.8, 1.2), 1.0)
 
 
@@ -236,52 +250,79 @@ def _rate(name: str) -> Make:
     return lambda state: state.rates[name]
 
 
+STATICS = ("altitude", "p_static")
+
+
+def _true_airspeeds() -> Iterator[Relation]:
+    """Yield what the true airspeed should be by the others and the temperature."""
+    for heats in (("tat", "sat"), ("sat",), ("tat",)):
+
+        def by_mach(state: State, heats: tuple[str, ...] = heats) -> FloatArray:
+            return _tas_of(state.values["mach"], state, heats)
+
+        tas = partial(Relation, _value("tas"), name="tas")
+        lasts = len(heats) == 1  # of what lasts, both temperatures say no more than each
+        yield tas(by_mach, needs=("tas", "mach", *heats), tolerance=0.5 if lasts else None, share=0.0075)
+        for name, static in product(("cas", "ias"), STATICS):
+
+            def by_pressure(
+                state: State, name: str = name, static: str = static, heats: tuple[str, ...] = heats
+            ) -> FloatArray:
+                return _tas_of(mach_by(state, name, static), state, heats)
+
+            tolerance, share = (0.5, 0.0075) if name == "cas" else INDICATED
+            needs = ("tas", name, static, *heats)
+            yield tas(by_pressure, needs=needs, tolerance=tolerance if lasts else None, share=share)
+
+
 def _air_data() -> Iterator[Relation]:
     """Yield what pressures, temperatures and airspeeds of one air say of each other."""
-    for warm in ("sat", "tat"):
-
-        def by_mach(state: State, warm: str = warm) -> FloatArray:
-            return _tas_of(state.values["mach"], state, warm)
-
-        yield Relation(_value("tas"), by_mach, needs=("tas", "mach", warm), tolerance=0.5, share=0.0075)
-        limit = 35.0 if warm == "sat" else 60.0  # K; up to Mach 0.7 the total temperature is 25 K more
-        yield Relation(_value(warm), _standard_air, needs=(warm, "altitude"), tolerance=limit)
-        for static in ("altitude", "p_static"):
-            for name, tolerance, share in (("cas", 0.5, 0.0075), ("ias", *INDICATED)):
-
-                def by_pressure(state: State, name: str = name, static: str = static, warm: str = warm) -> FloatArray:
-                    return _tas_of(_mach(state, name, static), state, warm)
-
-                needs = ("tas", name, static, warm)
-                yield Relation(_value("tas"), by_pressure, needs=needs, tolerance=tolerance, share=share)
-    for static in ("altitude", "p_static"):
-        cas_of_mach = partial(_cas_of_mach, static=static)
+    for static in STATICS:
+        mach, cas_of_mach = partial(mach_by, name="cas", static=static), partial(_cas_of_mach, static=static)
+        yield Relation(_value("mach"), mach, name="mach", needs=("mach", "cas", static), worth=(340.0, "m/s"))
         for name, tolerance, share in (("cas", 0.3, 0.001), ("ias", *INDICATED)):
             yield Relation(_value(name), cas_of_mach, needs=(name, "mach", static), tolerance=tolerance, share=share)
-    yield Relation(_value("cas"), _value("ias"), needs=("cas", "ias"), tolerance=INDICATED[0], share=INDICATED[1])
+    yield Relation(
+        _value("sat"),
+        lambda s: static_temperature(_known(s, "tat"), _known(s, "mach")),
+        name="sat",
+        needs=("sat", "tat", "mach"),
+    )
     yield Relation(
         _value("tat"),
-        lambda s: total_temperature(_temperature(s, "sat"), _within(s.values["mach"], 0.0, 1.0)),
+        lambda s: total_temperature(_known(s, "sat"), _known(s, "mach")),
         needs=("tat", "sat", "mach"),
         tolerance=1.5,
     )
-    pressures = ("altitude", "p_static")
+    for heat, limit in (("sat", 35.0), ("tat", 60.0)):  # K; up to Mach 0.7 the total temperature is 25 K more
+        yield Relation(_value(heat), _standard_air, needs=(heat, "altitude"), tolerance=limit)
     yield Relation(
-        _value("altitude"), lambda s: altitude_of(_pressure(s, "p_static")), needs=pressures, tolerance=550.0
+        _value("altitude"),
+        lambda s: altitude_of(_known(s, "p_static")),
+        name="altitude",
+        needs=("altitude", "p_static"),
+        tolerance=550.0,
     )
     for name in ("cas", "ias"):
         # The differential pressure of a flow sensor is no impact pressure before its tubes are corrected for: by 0.4.
         yield Relation(
             _value(name),
-            lambda s: calibrated_airspeed(_within(s.values["q_impact"], 0.0, LARGEST_IMPACT)),
+            lambda s: calibrated_airspeed(_known(s, "q_impact")),
+            name="cas" if name == "cas" else "",
             needs=(name, "q_impact"),
             tolerance=2.6,
             share=0.4,
         )
-    sum_of = ("p_total", "p_static", "q_impact")
     yield Relation(
-        _value("p_total"), lambda s: s.values["p_static"] + s.values["q_impact"], needs=sum_of, tolerance=100.0
+        _value("p_total"),
+        lambda s: s.values["p_static"] + s.values["q_impact"],
+        name="p_total",
+        needs=("p_total", "p_static", "q_impact"),
+        tolerance=100.0,
     )
+    tolerance, share = INDICATED
+    indicated = partial(Relation, name="ias - cas", needs=("ias", "cas"))
+    yield indicated(_value("ias"), _value("cas"), tolerance=tolerance, share=share)
 
 
 def _attitude() -> Iterator[Relation]:
@@ -366,5 +407,5 @@ def _over_ground() -> Iterator[Relation]:
     yield Relation(_off_track, lambda state: state.zeros, needs=("yaw", *north), tolerance=0.8)
 
 
-RELATIONS = (*_air_data(), *_attitude(), *_rates(), *_over_ground())
+RELATIONS = (*_true_airspeeds(), *_air_data(), *_attitude(), *_rates(), *_over_ground())
 NAMES = tuple(dict.fromkeys(name for relation in RELATIONS for name in (*relation.needs, *relation.beside)))

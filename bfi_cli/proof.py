@@ -169,7 +169,7 @@ def prove_diagnose(
 ) -> DiagnoseResult:
     """Return the answer of `bfi_cli.flight.diagnose_flight` with `proved`; parameters as for the answer."""
     analyse = partial(diagnose_flight, config=config, findings=findings)
-    return _with_proofs(result, log, config, analyse, _flight_claims(result, log), proving, progress)
+    return _with_proofs(result, log, config, analyse, flight_claims(result, log), proving, progress)
 
 
 def _with_proofs(
@@ -394,7 +394,7 @@ def _with_error(fault: Fault, error: float, window: LogSummary) -> Fault | None:
     return replace(fault, magnitude=error / largest) if largest > 0.0 else None
 
 
-def _flight_claims(result: DiagnoseResult, log: FlightLog) -> list[Claim]:
+def flight_claims(result: DiagnoseResult, log: FlightLog) -> list[Claim]:
     """Return the limits of a flight on errors of channels and on icing, in most of the time that was watched."""
     claims = []
     for limit in result.limits:

@@ -68,8 +68,9 @@ from .weighing import weigh_events
 FloatArray = NDArray[np.float64]
 
 AROUND_HOLD_S = 60.0  # shown beside a held line
-# Times its threshold, up to which a statistic is doubted that no shipped table fits: of windows of recorded flights the
-# largest is 129 with one set of inputs and 39 with another (docs/theory.md, 10.2).
+# UNLIKE: times its threshold, up to which a statistic is doubted that no shipped table fits: by so much do thresholds
+# of one aircraft differ with the inputs; the largest of 129 healthy windows is 129 with three and 39 with seven
+# (docs/validation.md, constants, 10.2).
 UNLIKE = 3.3
 # What an event says as the finding that describes it does.
 SHARED = tuple({field.name for field in fields(Finding)} & {field.name for field in fields(Event)})

@@ -87,12 +87,15 @@ FASTEST_MOTION: Mapping[str, float] = {"roll": np.radians(420.0)}
 SPIKE_S, SPIKE_SAMPLES = 0.4, 3.0
 # A dropout is off by the first share of the reading, rests within the second share of that, and lasts so long, s.
 DROPS, RESTS, DROPOUT_S = 0.5, 0.05, 0.5
-# Quantiles of a dropout between which it rests: means and interpolated samples at its edges hold both sides.
+# MIDDLE: quantiles of a dropout between which it rests: a mean or an interpolated sample at each edge holds both sides,
+# a fifth of the fewest that tell a rest (FEWEST_STILL samples).
 MIDDLE = (0.2, 0.8)
 FEWEST_RESTING = 3
 # Shares of the reading up to which a reading is zero, through a recorder's low-pass and without one.
 ZERO, ZERO_SHARP = 0.1, 0.01
-# s within which a reading is lost, or back, that no flight loses: 10 m/s of airspeed would take 10 g.
+# AT_ONCE_S [s]: within which half a reading (DROPS) is lost, or back, that no flight loses: of the 10 m/s (20 kt) from
+# which airspeeds are read that takes 5 g along the path, of 20 m/s 10 g; what flies has 1 g and gusts
+# (`parity.sensors.FASTEST`).
 AT_ONCE_S = 0.1
 # Width of an unknown recorder's response at half of its height, s: that of 0.75 Hz.
 UNKNOWN_WIDTH_S = 0.6
@@ -116,8 +119,9 @@ STILLER = 400.0
 RARELY, KNOWN_S = 0.005, 300.0
 # A channel is predicted in blocks of this length from so many samples within the second time on either side.
 BLOCK_S, OUTSIDE_S, MOST_ROWS = 10.0, 30.0, 300
-# Largest slope of a prediction, in that of the physics of one line, and the height in which a pressure falls to 1/e, m
-# (at 273 K; at 220 and 310 K 6400 and 9100). Beyond, an error of the channel is fitted as motion of the other.
+# MOST_SLOPE: largest slope of a prediction, in that of the physics of one line: the 273 K of SCALE_HEIGHT_M, the height
+# in which a pressure falls to 1/e, over the 210 K of a cold tropopause (216.65 K in ISO 2533). Beyond, an error of the
+# channel is fitted as motion of the other.
 MOST_SLOPE, SCALE_HEIGHT_M = 1.3, 8000.0
 BLOCKS = 256  # predicted at once, for memory
 NOISE_S = 11  # s of the running median of the prediction's noise

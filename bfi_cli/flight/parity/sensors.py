@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...airdata import G, air_data_of, climb_angle
 from ...flightlog import FlightLog
-from ...flightlog.defects import FEWEST_REPEATS, WATCHED, unwatched_in
+from ...flightlog.defects import FEWEST_REPEATS, STILL, WATCHED, unwatched_in
 from ...flightlog.phases import Phase
 from ...flightlog.quantities import pressures_of
 from ...kernels import BoolArray
@@ -34,15 +34,14 @@ FloatArray = NDArray[np.float64]
 # sensors rest in calm air. Of 50 sensors of six recorders the longest rest of a healthy one is 21 s, of one that rests
 # for up to 13 s beside.
 RESTS_S, RESTS, USUAL = 20.0, 5.0, 0.99
-# s, and samples, of a rest in flight of a sensor of which elsewhere fewer than the last of these in a row are alike. Of
-# the sensors of 14 flights of seven aircraft that rest for at most 0.7 s beside, none rests for more than 2.9 s, 29
-# samples (a calibrated airspeed at 10 Hz). A reading of 0 is the end of a scale.
+# SHORT_REST_S [s], SHORT_REPEATS [samples]: of a rest in flight of a sensor of which elsewhere fewer than FEW_ALIKE in
+# a row are alike. Of the sensors of 14 flights of seven aircraft that rest for at most 0.7 s beside, none rests for
+# more than 2.9 s, 29 samples (a calibrated airspeed at 10 Hz); three times the samples. A reading of 0 is the end of a
+# scale.
 SHORT_REST_S, SHORT_REPEATS, FEW_ALIKE = 2.0, 100, 5
 # Those that hardly rest, s, of which most must move meanwhile: a recorder that hangs holds all of them.
 LIVELY_S, MOST = 2.5, 0.75
 MOVING = frozenset(WATCHED) - {"tat", "sat"}  # which level flight holds
-# Of the motion of the impact pressure, that the total pressure of a blocked tube has as an airspeed shows it.
-TUBE_RESTS = 0.35
 # By a blocked port, with the rate of climb, which then shows its noise and its offset: less than these.
 PORT_HOLDS, CLIMBED_M, CLIMBING_M_S = ("altitude", "p_static"), 20.0, 0.1
 # s that a vane should move in meanwhile.
@@ -180,7 +179,10 @@ def _others_move(
 
 
 def _tube_rests(log: FlightLog, stretch: slice) -> bool:
-    """Return whether the total pressure rests by an airspeed as well: the tube holds, and no sensor."""
+    """Return whether the total pressure rests by an airspeed as well: the tube holds, and no sensor.
+
+    It rests as a frozen reading does, beside the motion that the impact pressure asks of it.
+    """
     static = next((name for name in ("p_static", "altitude") if name in log.channels), None)
     speed = next((name for name in ("cas", "ias", "mach") if name in log.channels), None)
     if static is None or speed is None:
@@ -190,7 +192,7 @@ def _tube_rests(log: FlightLog, stretch: slice) -> bool:
         np.ptp(np.nanquantile(pressure, (0.05, 0.95))) if np.isfinite(pressure).any() else 0.0
         for pressure in (air.p_total, air.q_impact)
     )
-    return bool(total <= TUBE_RESTS * impact)
+    return bool(total <= STILL * impact)
 
 
 def _error_of_vane(

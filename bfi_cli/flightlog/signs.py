@@ -144,7 +144,7 @@ def decide(
     1. What each speed claims: ground where it is too slow to bear the aircraft and comes down to that of taxiing.
     2. Claims that differ for less than LONG differ about when, not about whether: those of the majority count.
     3. Every run of equal claims is decided by the votes of all signs; where they are equal the satellites decide, which
-       share no line with the airspeeds, then the altitude, and where it does not say, the airspeeds.
+       share no line with the airspeeds, by speed and height alike, then the altitude, and last the airspeeds.
 
     Parameters
     ----------
@@ -193,7 +193,8 @@ def decide(
             altitude = altitude or _usual(swing, slice(*core), *usual, long)  # one voice, of one sensor
             others += [_usual(values, slice(*core), *usual, long) for values in (*levels, *motions)]
         votes = [np.sign(2 * n_ground - len(here)), altitude, above, *others]
-        total = sum(votes) or above or altitude or votes[0] or (2 * int(common[low]) - 1 if here else 0)
+        tie = (above if abs(above) == 2 else 0) or altitude or votes[0] or (2 * int(common[low]) - 1 if here else 0)
+        total = sum(votes) or tie
         on_ground[run] = total > 0
         unknown[run] = total == 0
         if high - low >= long:

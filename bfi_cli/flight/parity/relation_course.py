@@ -69,11 +69,11 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
         alike = (course for course in scanned if course[0] == shape)
         return max(alike, key=lambda course: scanned[course][0], default=None)
 
-    every_s = np.arange(from_s + MARGIN_S, to_s, FINER_S[0]).tolist()
-    coarse_s = np.arange(from_s + MARGIN_S, to_s, COARSE_S).tolist()
+    every_s, coarse_s = (np.arange(from_s + MARGIN_S, to_s, by_s).tolist() for by_s in (FINER_S[0], COARSE_S))
     for shape in ("bias", "drift", "ramp_hold", "lagged_bias"):
         if shape == "bias":
-            scan((shape, drawn_out_s, at_s) for drawn_out_s in DRAWN_OUT_S for at_s in every_s)
+            sharp_s = (*every_s, *np.arange(*finding.onset_ci95, FINER_S[2]).tolist())  # as where it was found
+            scan((shape, drawn_out_s, at_s) for drawn_out_s in DRAWN_OUT_S for at_s in sharp_s)
         elif shape == "drift":
             scan((shape, None, at_s) for at_s in every_s)
         elif shape == "ramp_hold":

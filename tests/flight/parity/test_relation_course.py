@@ -77,6 +77,16 @@ def test_a_step_behind_a_low_pass_has_its_whole_size():
     assert answer.magnitude == pytest.approx(5.0, abs=0.05)
 
 
+@pytest.mark.parametrize("onset_s", [70.3, 70.9])
+def test_a_step_is_told_beside_a_manoeuvre_that_the_relation_follows_worse(onset_s: float):
+    """Between the onsets of a coarse search a step explains less than the manoeuvre seems to."""
+    manoeuvre = np.where((RAW >= 110.0) & (RAW < 118.0), np.sin((RAW - 110.0) * np.pi / 8.0), 0.0)
+    answer = told(-5.0 * (onset_s <= RAW) + 6.0 * manoeuvre)
+    assert answer.shape == "bias"
+    assert answer.magnitude == pytest.approx(-5.0, abs=1.0)
+    assert answer.onset_s == pytest.approx(onset_s, abs=0.15)
+
+
 @pytest.mark.parametrize("seconds", [33.0, 60.0])
 def test_a_drift_that_stops_has_its_size_and_duration(seconds: float):
     answer = told(0.1 * np.clip(RAW - 50.4, 0.0, seconds), effect=-0.5)

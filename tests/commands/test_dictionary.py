@@ -189,7 +189,7 @@ def content_of(source: Path | dict, *, on_log: bool):
     return audit_content(audit_document(found, provenance(log_sha256="")))
 
 
-@pytest.mark.first_rows(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("source", "on_log"), [(THESIS, False), (MANY, True)], ids=["few alone", "many on a log"])
 def test_the_figures_are_whole(source: Path | dict, on_log: bool):
     drawings = content_of(source, on_log=on_log).drawings

@@ -48,6 +48,7 @@ def test_the_keys_are_those_of_the_contract(diagnoses: Diagnoses):
     assert document["log"]["start_s"] == pytest.approx(FROM_S)
 
 
+@pytest.mark.slow
 def test_a_healthy_flight_has_no_event(diagnoses: Diagnoses):
     document = diagnoses.of("")
     assert document["events"] == []
@@ -61,7 +62,8 @@ NO_SERIES: dict[str, object] = {key: [] for key in ("time_s", "strips", "limit_c
 NO_SERIES |= {key: {} for key in ("measured", "corrected", "units")}
 
 
-@pytest.mark.parametrize("fault", ["", ICING])
+@pytest.mark.first_rows(1)
+@pytest.mark.parametrize("fault", [ICING, ""])
 def test_a_healthy_and_a_faulty_flight_are_one_screen(diagnoses: Diagnoses, fault: str):
     content = diagnose_content({**diagnoses.of(fault), "series": NO_SERIES})
     check_screen(screen(content), content)

@@ -131,6 +131,7 @@ def test_without_an_attitude_no_parabola_is_a_gross_error(healthy: Bench) -> Non
     assert not gross_errors(replace(healthy, model=unseen, innovation=innovation))
 
 
+@pytest.mark.slow
 def test_a_step_of_the_altitude_is_as_well_an_altimeter_that_is_set(with_fault: Callable[[str], Bench]) -> None:
     bench = with_fault(f"bias,channel=altitude,magnitude=40,onset_s={ONSET_S}")
     judgement = judge(bench, ONSET_S, None)

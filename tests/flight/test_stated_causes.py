@@ -31,7 +31,7 @@ def test_a_bad_event_is_refused_in_a_line(diagnoses: Diagnoses, words: tuple[str
     assert len(outcome.stderr.strip().splitlines()) == 1
 
 
-@pytest.mark.first_rows(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("fault", "explained"), [(PITCH, True), (TAS, False)])
 def test_a_stated_cause_explains_what_it_moves_and_nothing_else(
     diagnoses: Diagnoses, fault: str, explained: bool

@@ -219,6 +219,7 @@ def test_events_and_limits_are_marked(page: Any) -> None:
     assert level.bounding_box()["y"] == pytest.approx(box["y"] + box["height"] / 2, abs=2.0)
 
 
+@pytest.mark.slow
 def test_names_are_shown_and_run_nothing(page: Any) -> None:
     assert page.title() != "run"
     assert page.locator("img").count() == 0

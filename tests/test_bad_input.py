@@ -496,7 +496,7 @@ COMMANDS = {
     "diagnosability good.csv -d good.yaml --out taken": (2, "taken/report.html: exists and was not written by bfi"),
     "dictionary good.yaml --out taken": (2, "taken/report.html: exists and was not written by bfi; give another --out"),
     "montecarlo -c sweep.yaml --out taken": (2, "taken/trials.csv: exists and was not written by bfi; give another"),
-    "montecarlo -c sweep.yaml --out begun": (2, "begun/unfinished/trials.csv: exists and was not written by bfi; give"),
+    "montecarlo -c sweep.yaml --out begun": (2, "begun/trials.jsonl: exists and was not written by bfi; give"),
     "reproduce thesis-2-2": (
         2,
         "thesis-2-2 has no page, it is a block diagram of DMAE with nothing to compute; give one",
@@ -592,8 +592,8 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in ("taken/series.csv", "taken/result.json", "taken/report.html", "taken/trials.csv"):
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_text(FAULTS if name.endswith(".json") else csv())
-    (folder / "begun" / "unfinished").mkdir(parents=True)
-    (folder / "begun" / "unfinished" / "trials.csv").write_text(csv())
+    (folder / "begun").mkdir()
+    (folder / "begun" / "trials.jsonl").write_text(csv())
     (folder / "other.json").write_text("{}")
     (folder / "damaged.json").write_text('{"kind": "identify", "schema": 2}')
     (folder / "binary.yaml").write_bytes(b"\xff\xfe\0")

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -16,8 +14,11 @@ from .output import check_out, note, show, write
 from .progress import progress
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from ..lab.montecarlo import Sweep
     from ..lab.montecarlo.trial import Row
+    from ..provenance import Provenance
 
 STORED = "summary.json"
 
@@ -38,7 +39,14 @@ def command(config_path: str, **options: Any) -> None:
     CONFIG names the record, the dictionary and what varies; configs/montecarlo_thesis.yaml is an example. The numbers
     are the same for any number of workers, and for a sweep that was stopped and continued.
     """
-    from ..lab.montecarlo import check_records, digest_of, load_sweep, montecarlo_content, summarise, summary_document
+    from ..lab.montecarlo import (
+        check_records,
+        digest_of,
+        load_sweep,
+        montecarlo_content,
+        summarise,
+        summary_document,
+    )
     from ..lab.montecarlo.running import TIMING_COLUMNS, timing_cells
     from ..lab.montecarlo.summary import DRAWINGS, TABLES
     from ..lab.montecarlo.trial import COLUMNS
@@ -46,8 +54,7 @@ def command(config_path: str, **options: Any) -> None:
 
     if options["workers"] is not None and options["scheduler"] is not None:
         raise click.UsageError("--workers and --scheduler exclude each other; keep one")
-    out: Path | None = options["out"]
-    if options["resume"] and out is None:
+    if options["resume"] and options["out"] is None:
         raise click.UsageError("--resume needs the folder of the stopped sweep; give --out DIR")
     sweep = load_sweep(config_path, **{key: options[key] for key in ("trials", "seed", "allow_outside")})
     settings = list({id(scenario.setting): scenario.setting for scenario in sweep.scenarios}.values())
@@ -58,15 +65,13 @@ def command(config_path: str, **options: Any) -> None:
     check_out(options, inputs, DRAWINGS, TABLES, stored=STORED)
     records = check_records(sweep)
     digest = digest_of(sweep, records)
-    total = sweep.n_trials * len(sweep.scenarios)
-    with progress("trials", wanted=options["progress"]) as report:
-        done, journal = _run(sweep, out, digest, options, lambda count: report(count, total))
     origin = provenance(
         log_sha256=" ".join(records.values()),
         config_sha256=sweep.sha256,
         dictionary_sha256=" ".join(sorted({setting.dictionary.sha256 for setting in settings})),
         seed=sweep.seed,
     )
+    done = _rows_of(sweep, digest, origin, inputs, options)
     document = summary_document(summarise(sweep, done), origin, digest=digest)
     # Cells are texts already, so that these files are the same to the byte however often the sweep was stopped.
     rows, times = [row.cells() for row, _ in done], [timing_cells(*pair) for pair in done]
@@ -76,29 +81,33 @@ def command(config_path: str, **options: Any) -> None:
     }
     content = replace(montecarlo_content(document), data=data)
     write(content, document, options, origin=origin, inputs=inputs, stored=STORED)
-    if journal is not None:
-        journal.remove()
     show(document, content, as_json=options["as_json"])
 
 
-def _run(
-    sweep: Sweep, out: Path | None, digest: str, options: dict[str, Any], report: Callable[[int], None]
-) -> tuple[list[tuple[Row, float]], Any]:
-    from ..lab.montecarlo import Journal, run_sweep
+def _rows_of(
+    sweep: Sweep, digest: str, origin: Provenance, inputs: tuple[str, ...], options: dict[str, Any]
+) -> list[tuple[Row, float]]:
+    """Run a sweep, its rows kept in the folder of --out as they come, and return them with their seconds."""
+    from ..lab.montecarlo import open_journal, run_sweep
 
-    resume, force = options["resume"], options["force"]
-    opened = nullcontext() if out is None else Journal(out, sweep, digest=digest, resume=resume, force=force)
-    with opened as journal:
+    out: Path | None = options["out"]
+    journal = None
+    kept: list[tuple[Row, float]] = []
+    if out is not None:
+        asked = {name: options[name] for name in ("resume", "force")}
+        journal, kept = open_journal(out, sweep, digest=digest, origin=origin, inputs=inputs, **asked)
+    total = sweep.n_trials * len(sweep.scenarios)
+    with progress("trials", wanted=options["progress"]) as report, journal or nullcontext():
         try:
-            done = run_sweep(
+            return run_sweep(
                 sweep,
                 journal=journal,
+                kept=kept,
                 workers=options["workers"] or sweep.workers,
                 scheduler=options["scheduler"] if options["workers"] else options["scheduler"] or sweep.scheduler,
-                report=report,
+                report=lambda count: report(count, total),
             )
         except KeyboardInterrupt:
             if out is not None:
                 note(f"stopped; bfi montecarlo -c {sweep.path} --out {out} --resume continues")
             raise
-    return done, journal

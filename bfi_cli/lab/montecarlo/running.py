@@ -1,112 +1,40 @@
-"""A sweep from its trials to its rows, on disk as they come, so that a stopped sweep continues where it was.
+"""A sweep from its trials to its rows, in a journal as they come, so that a stopped sweep continues where it was.
 
-An unfinished sweep lies in the folder `unfinished` of its results: `trials.csv` and `timings.csv` as far as they are
-written, and `sweep.json`, which says of what sweep. Lines are written in the order of the trials, each whole, so the
-finished files are the same however often the sweep was stopped.
+Rows are kept in the order of the trials, so that files made of them are the same however often the sweep was stopped.
 """
 
 from __future__ import annotations
 
-import contextlib
-import csv
 import hashlib
-import io
-import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from types import TracebackType
-from typing import Any
 
 import numpy as np
 
 from ...engine import in_order
-from ...errors import LogError, SweepError
-from ...files import MARK, replace_files
+from ...errors import ConfigError, LogError, SweepError
 from ...flightlog.derived import with_derived
-from ...serialization import csv_lines, to_csv
+from ...journal import Journal, lines_of_journal
+from ...provenance import Provenance
+from ...serialization import document_of, from_plain
 from .flight import check_onsets, record_of
 from .scenarios import Sweep
-from .trial import COLUMNS, Row, row_from_cells, run_trial
+from .trial import Row, run_trial
 
 Report = Callable[[int], None]
 
 TIMING_COLUMNS = ("scenario", "trial", "seconds")
-FOLDER, ROWS, TIMES, OF = "unfinished", "trials.csv", "timings.csv", "sweep.json"
-START_ANEW = "give another --out, or remove that folder to start anew"
+JOURNAL, KIND = "trials.jsonl", "montecarlo"
 
 
-class Journal:
-    """The rows of a sweep in a folder of results.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TimedRow:
+    """The row of a trial and the seconds that it took."""
 
-    Attributes
-    ----------
-    done : rows and seconds found when it was opened, in the order of the trials.
-    """
-
-    def __init__(self, out: Path, sweep: Sweep, *, digest: str, resume: bool, force: bool = False) -> None:
-        """Open the journal of a sweep.
-
-        Parameters
-        ----------
-        out : folder of the results, made if it does not exist.
-        digest : of the sweep and its records.
-        resume : continue with the rows found there, of a stopped sweep or of a finished one.
-        force : replace files of a folder of the same name that holds no sweep.
-
-        Raises
-        ------
-        SweepError : there is an unfinished sweep and `resume` was not asked for, or it is of another sweep.
-        ConfigError : the folder cannot be written to, or holds files of these names and no sweep.
-        """
-        self.folder = out / FOLDER
-        self.done = _found(out, sweep, digest) if resume else []
-        if not resume and _lines(self.folder / ROWS, COLUMNS):
-            raise SweepError(
-                f"{self.folder}: an unfinished sweep is there; add --resume to continue it, or {START_ANEW}"
-            )
-        # What is known is written whole, and rows are added to it: a torn last line is gone.
-        begun = {
-            OF: json.dumps({"digest": digest, "path": sweep.path}).encode(),
-            ROWS: to_csv(COLUMNS, [row.cells() for row, _ in self.done]),
-            TIMES: to_csv(TIMING_COLUMNS, [timing_cells(*pair) for pair in self.done]),
-        }
-        replace_files(begun, self.folder, force=force or "digest" in _document(self.folder / OF))
-        self._rows, self._times = (
-            (self.folder / name).open("a", encoding="utf-8", newline="") for name in (ROWS, TIMES)
-        )
-
-    def add(self, row: Row, seconds: float) -> None:
-        """Append a row and hand it to the operating system.
-
-        Raises
-        ------
-        SweepError : it cannot be written.
-        """
-        try:
-            for file, cells in ((self._rows, row.cells()), (self._times, timing_cells(row, seconds))):
-                file.write(csv_lines([cells]))
-                file.flush()
-        except OSError as error:
-            raise SweepError(
-                f"{self.folder}: {(error.strerror or str(error)).lower()}; make room, then continue with --resume"
-            ) from None
-
-    def __enter__(self) -> Journal:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._rows.close()
-        self._times.close()
-
-    def remove(self) -> None:
-        """Remove the folder, and nothing of others in it; to be called when the results are in place."""
-        with contextlib.suppress(OSError):
-            for name in (ROWS, TIMES, OF):
-                (self.folder / name).unlink(missing_ok=True)
-            self.folder.rmdir()
+    row: Row
+    seconds: float
 
 
 def timing_cells(row: Row, seconds: float) -> tuple[str, str, str]:
@@ -114,56 +42,64 @@ def timing_cells(row: Row, seconds: float) -> tuple[str, str, str]:
     return row.scenario, str(row.trial), f"{seconds:.6f}"
 
 
-def _found(out: Path, sweep: Sweep, digest: str) -> list[tuple[Row, float]]:
-    """Return what is done of a sweep that was stopped, or that is finished and may now be longer."""
-    unfinished = out / FOLDER
-    if not unfinished.exists():
-        return _done(out, sweep) if _document(out / "summary.json").get("digest") == digest else []
-    if _document(unfinished / OF).get("digest") != digest:
-        raise SweepError(
-            f"{unfinished}: the unfinished sweep is of another configuration, seed, log or version; {START_ANEW}"
-        )
-    return _done(unfinished, sweep)
+def open_journal(
+    out: Path,
+    sweep: Sweep,
+    *,
+    digest: str,
+    origin: Provenance,
+    resume: bool,
+    inputs: Sequence[str] = (),
+    force: bool = False,
+) -> tuple[Journal, list[tuple[Row, float]]]:
+    """Return the journal of a sweep in a folder of results, and the rows and seconds that it keeps.
+
+    Parameters
+    ----------
+    out : folder of the results, made if it does not exist.
+    digest : of the sweep and its records.
+    resume : continue with the rows found there, of a stopped sweep or of a finished one.
+    inputs : files that are never replaced; force : replace a file of that name that is no journal.
+
+    Raises
+    ------
+    SweepError : there is an unfinished sweep and `resume` was not asked for, or it is of another sweep.
+    ConfigError : the folder cannot be written to, or the file is not ours.
+    """
+    path = out / JOURNAL
+    head, *entries = lines_of_journal(path) or [None]
+    known = head if isinstance(head, Mapping) and head.get("kind") == KIND else {}
+    is_of_this, anew = known.get("digest") == digest, "give another --out, or remove that file to start anew"
+    if known and entries and known.get("rows") != len(entries):
+        if not resume:
+            raise SweepError(f"{path}: an unfinished sweep is there; add --resume to continue it, or {anew}")
+        if not is_of_this:
+            what = "the unfinished sweep is of another configuration, seed, log or version"
+            raise SweepError(f"{path}: {what}; {anew}")
+    done = _leading_rows(entries, sweep, where=str(path)) if resume and is_of_this else []
+    total = sweep.n_trials * len(sweep.scenarios)
+    begun = document_of(KIND, {"digest": digest, "rows": total}, (), origin)
+    kept = [TimedRow(row=row, seconds=seconds) for row, seconds in done]
+    return Journal(path, begun, kept, inputs=inputs, force=force), done
 
 
-def _document(path: Path) -> Mapping[str, Any]:
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        return {}
-    return document if isinstance(document, Mapping) else {}
-
-
-def _done(folder: Path, sweep: Sweep) -> list[tuple[Row, float]]:
-    """Return the leading rows that are whole and those of the sweep."""
-    rows, times = _lines(folder / ROWS, COLUMNS), _lines(folder / TIMES, TIMING_COLUMNS)
-    known, wanted = len(rows) // len(sweep.scenarios), sweep.n_trials
+def _leading_rows(entries: Sequence[object], sweep: Sweep, *, where: str) -> list[tuple[Row, float]]:
+    """Return the leading entries that are whole and those of the sweep."""
+    known, wanted = len(entries) // len(sweep.scenarios), sweep.n_trials
     if known > wanted:
-        raise SweepError(
-            f"{folder}: has {known} trials per scenario, got --trials {wanted}; ask for at least as many, or give "
-            "another --out"
-        )
+        what = f"has {known} trials per scenario, got --trials {wanted}"
+        raise SweepError(f"{where}: {what}; ask for at least as many, or give another --out")
     done: list[tuple[Row, float]] = []
-    for trial, cells, timing in zip(sweep.trials(), rows, times, strict=False):
+    for trial, entry in zip(sweep.trials(), entries, strict=False):
         try:
-            row, seconds = row_from_cells(cells), float(timing[2])
-        except (ValueError, IndexError):
+            timed = from_plain(TimedRow, entry, where=where)
+        except ConfigError:
             break
+        row = timed.row
         if (row.scenario, row.trial, row.seed) != (trial.scenario.name, trial.number, trial.seed):
             break
-        done.append((row, seconds))
+        done.append((row, timed.seconds))
     return done
-
-
-def _lines(path: Path, columns: Sequence[str]) -> list[list[str]]:
-    """Return the whole lines of a CSV file below its header; a last line without its end is left out."""
-    try:
-        text = path.read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return []
-    text = text.removeprefix(f"{MARK}\n")
-    reader = csv.reader(io.StringIO(text[: text.rfind("\n") + 1], newline=""))
-    return list(islice(reader, 1, None)) if text.startswith(",".join(columns)) else []
 
 
 def check_records(sweep: Sweep) -> dict[str, str]:
@@ -199,6 +135,7 @@ def run_sweep(
     sweep: Sweep,
     *,
     journal: Journal | None = None,
+    kept: Sequence[tuple[Row, float]] = (),
     workers: int = 1,
     scheduler: str | None = None,
     report: Report = lambda _: None,
@@ -207,15 +144,15 @@ def run_sweep(
 
     Parameters
     ----------
-    journal : keeps the rows as they come and knows those done before.
+    journal : keeps the rows as they come; `kept` are those that it has, see `open_journal`.
     workers, scheduler : see `bfi_cli.engine.in_order`.
-    report : called with the number of rows there are, first with those done before.
+    report : called with the number of rows there are, first with those kept.
 
     Raises
     ------
     SweepError : see `bfi_cli.engine.in_order`.
     """
-    done = list(journal.done) if journal else []
+    done = list(kept)
     report(len(done))
     rest = list(islice(sweep.trials(), len(done), None))
     results = in_order(run_trial, rest, workers=workers, scheduler=scheduler)
@@ -223,7 +160,7 @@ def run_sweep(
         for row, seconds in results:
             done.append((row, seconds))
             if journal is not None:
-                journal.add(row, seconds)
+                journal.add(TimedRow(row=row, seconds=seconds))
             report(len(done))
     finally:
         results.close()

@@ -7,11 +7,9 @@ faulty record then follows from that of the clean one: centre and scale of the o
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -99,21 +97,6 @@ class Row:
 COLUMNS = tuple(field.name for field in fields(Row))
 TEXTS = ("scenario", "decision", *KINDS, "error")
 NAMES = ("beyond_tolerance", "wrong_no_fault", "false_alarms", "missed")
-
-
-def row_from_cells(cells: Sequence[str]) -> Row:
-    """Return the row of a line of `trials.csv`, the inverse of `Row.cells`.
-
-    Raises
-    ------
-    ValueError : it is no such line.
-    """
-    text = dict(zip(COLUMNS, cells, strict=True))
-    read: dict[str, Any] = {
-        key: json.loads(value) if value else None for key, value in text.items() if key not in TEXTS
-    }
-    read |= {key: tuple(read[key]) for key in NAMES if read[key] is not None}
-    return Row(**{key: text[key] or None for key in TEXTS} | {"scenario": text["scenario"]} | read)
 
 
 def rounded(value: float, digits: int = ESTIMATE_DIGITS) -> float:

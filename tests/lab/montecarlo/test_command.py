@@ -15,14 +15,18 @@ from pathlib import Path
 import pytest
 from noted import texts
 
+from bfi_cli.journal import lines_of_journal
 from bfi_cli.lab.montecarlo import running
-from bfi_cli.lab.montecarlo.running import Journal
+from bfi_cli.lab.montecarlo.running import open_journal
 from bfi_cli.lab.montecarlo.trial import COLUMNS
+from bfi_cli.provenance import provenance
 
 ROOT = Path(__file__).parents[3]
-FILES = {"trials.csv", "timings.csv", "summary.json", "scenarios.csv", "decisions.csv", "report.html"} | {
-    f"{name}{end}" for name in ("isolation", "magnitude_error") for end in (".png", ".svg", "_figure.csv")
+FILES = {f"{name}{end}" for name in ("isolation", "magnitude_error") for end in (".png", ".svg", "_figure.csv")} | {
+    *("trials.csv", "trials.jsonl", "timings.csv", "summary.json", "scenarios.csv", "decisions.csv", "report.html")
 }
+# Files with the seconds that trials took, or the moment of the run.
+TIMED = {"trials.jsonl", "timings.csv", "summary.json", "report.html"}
 RUN = "from bfi_cli.commands import main; main()"
 
 
@@ -93,7 +97,7 @@ def test_two_scenarios_from_end_to_end(bfi: Callable, written: Callable, tmp_pat
 @pytest.mark.slow  # processes start in seconds; test_engine and test_trial say it in the quick set
 def test_workers_do_not_change_a_byte(montecarlo: Callable[..., Path]):
     one, two = (montecarlo("fast", f"{n}", "--trials", 6, "--workers", n) for n in (1, 2))
-    for name in FILES - {"timings.csv", "summary.json", "report.html"}:
+    for name in FILES - TIMED:
         assert (one / name).read_bytes() == (two / name).read_bytes(), name
 
 
@@ -103,14 +107,14 @@ def test_stopped_and_continued_is_not_stopped(montecarlo: Callable[..., Path], m
         with monkeypatch.context() as patch:
             stop_after(n, patch)
             part = montecarlo("fast", "part", *(["--resume"] if n == 3 else []), code=130)
-        assert {path.name for path in part.iterdir()} == {"unfinished"}
-    lines = (part / "unfinished" / "trials.csv").read_bytes().splitlines(keepends=True)
-    assert len(lines) == 2 + 5 + 3
-    assert whole.joinpath("trials.csv").read_bytes().startswith(b"".join(lines))
+        assert {path.name for path in part.iterdir()} == {"trials.jsonl"}
+    (_, *lines), (_, *all_lines) = (lines_of_journal(folder / "trials.jsonl") for folder in (part, whole))
+    assert len(lines) == 5 + 3
+    assert [line["row"] for line in lines] == [line["row"] for line in all_lines[:8]]
     assert "add --resume to continue it" in complaint(montecarlo, "fast", "part")
     again = montecarlo("fast", "part", "--resume")
     assert {path.name for path in again.iterdir()} == FILES
-    for name in FILES - {"timings.csv", "summary.json", "report.html"}:
+    for name in FILES - TIMED:
         assert (again / name).read_bytes() == (whole / name).read_bytes(), name
     assert len((again / "timings.csv").read_text().splitlines()) == 14
 
@@ -130,7 +134,7 @@ def test_a_torn_line_is_done_again(
     with monkeypatch.context() as patch:
         stop_after(7, patch)
         montecarlo("fast", "part", code=130)
-    journal = tmp_path / "part" / "unfinished" / "trials.csv"
+    journal = tmp_path / "part" / "trials.jsonl"
     journal.write_bytes(journal.read_bytes()[:-torn])
     assert (montecarlo("fast", "part", "--resume") / "trials.csv").read_bytes() == whole
 
@@ -210,7 +214,8 @@ def test_complaints(bfi: Callable, written: Callable, argv: list, code: int, wor
 
 
 def test_a_journal_without_rows_is_no_obstacle(montecarlo: Callable[..., Path], sweep: Callable, tmp_path: Path):
-    with Journal(tmp_path / "part", sweep("fast"), digest="x", resume=False):
+    origin = provenance(log_sha256="", config_sha256="")
+    with open_journal(tmp_path / "part", sweep("fast"), digest="x", origin=origin, resume=False)[0]:
         pass
     assert {path.name for path in montecarlo("fast", "part").iterdir()} == FILES
 
@@ -239,7 +244,7 @@ def test_ctrl_c(montecarlo: Callable[..., Path], written: Callable, tmp_path: Pa
             text=True,
             start_new_session=True,
         )
-        journal = out / "unfinished" / "trials.csv"
+        journal = out / "trials.jsonl"
         for _ in range(1200):
             if journal.exists() and len(journal.read_bytes().splitlines()) > 10:
                 break

@@ -15,7 +15,8 @@ from bfi_cli.errors import ConfigError
 from bfi_cli.flightlog import inject
 from bfi_cli.lab.montecarlo import Sweep, check_records, load_sweep, run_trial, summarise
 from bfi_cli.lab.montecarlo.flight import faults_of, faulty, largest_errors, record_of
-from bfi_cli.lab.montecarlo.trial import Row, draw, row_from_cells
+from bfi_cli.lab.montecarlo.trial import Row, draw
+from bfi_cli.serialization import from_plain, to_plain
 
 DICTIONARY = """
 atoms:
@@ -89,7 +90,7 @@ def test_a_fault_of_the_dictionary_is_scored_by_its_entry_and_in_its_unit(sweep:
     assert (row.states, row.intervals, row.covered) == ({"icing": "declared"}, 1, 1)
     assert row.onset_error_s is not None
     assert 0.0 < abs(row.onset_error_s["icing"]) <= 0.4
-    assert row_from_cells(row.cells()) == row
+    assert from_plain(Row, to_plain(row), where="trials.jsonl") == row
     (summary,) = summarise(made, [(row, 1.0)]).scenarios
     assert summary.onset_error_s == abs(row.onset_error_s["icing"])
     assert summary.isolation_rate.count == 1

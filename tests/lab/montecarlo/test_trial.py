@@ -17,9 +17,10 @@ from bfi_cli.lab.montecarlo import Sweep, run_trial
 from bfi_cli.lab.montecarlo import trial as trial_module
 from bfi_cli.lab.montecarlo.flight import faults_of, faulty, largest_errors, record_of
 from bfi_cli.lab.montecarlo.scenarios import Setting, Trial
-from bfi_cli.lab.montecarlo.trial import Row, declared_magnitudes, row_from_cells, shared_record
+from bfi_cli.lab.montecarlo.trial import Row, declared_magnitudes, shared_record
 from bfi_cli.methods import METHODS
 from bfi_cli.model import identify_faults
+from bfi_cli.serialization import from_plain, to_plain
 
 DATA = Path(__file__).parents[3] / "data"
 HEAD = "record: {model: citation, rate_hz: 10, duration_s: 30}\ndictionary: dictionary.yaml\n"
@@ -249,7 +250,7 @@ sizes = st.dictionaries(names, st.floats(allow_nan=False, allow_infinity=False),
     )
 )
 def test_a_line_is_read_as_it_was_written(row: Row):
-    assert row_from_cells(row.cells()) == row
+    assert from_plain(Row, to_plain(row), where="trials.jsonl") == row
 
 
 def test_errors_are_relative_to_the_truth(sweep: Callable[..., Sweep], monkeypatch: pytest.MonkeyPatch):

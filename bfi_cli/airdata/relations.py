@@ -32,7 +32,7 @@ from .airspeed import (
 )
 from .atmosphere import HIGHEST, LOWEST, PRESSURES, FloatArray, G, altitude_of, isa_temperature, pressure_at
 from .motion import EARTH_RADIUS, KINEMATICS, longitudinal_acceleration, normal_acceleration, vane_angle
-from .system import COLDEST, HOTTEST
+from .system import COLDEST, HOTTEST, SENSORS
 
 Values = Mapping[str, FloatArray]
 Make = Callable[["State"], FloatArray]
@@ -50,6 +50,9 @@ DOMAIN: Mapping[str, tuple[float, float]] = {
     "q_impact": (0.0, 90_000.0),
     "p_total": (PRESSURES[0], PRESSURES[1] + 90_000.0),
 }
+# What an airspeed is made of beside its own line.
+AIR = frozenset(("p_static", "altitude", "tat", "sat"))
+LINES = frozenset(("static port", "pitot line"))
 # SUBSONIC [static pressure]: impact pressure of just below Mach 1, which has 0.893.
 SUBSONIC = 0.89
 # CS/FAR 25.1323(b), m/s: 5 kt of an indicated airspeed, of which a tenth in slow flight with flaps.
@@ -408,4 +411,26 @@ def _over_ground() -> Iterator[Relation]:
 
 
 RELATIONS = (*_true_airspeeds(), *_air_data(), *_attitude(), *_rates(), *_over_ground())
+
+
+def relatives(rows: Sequence[Relation]) -> dict[str, tuple[str, ...]]:
+    """Return by channel of the pressure lines those whose motion over seconds is its own, by relations of such rows.
+
+    What else a relation takes, a static pressure or a temperature, hardly moves meanwhile. "+" stands for the integral
+    of a rate.
+    """
+    groups: list[tuple[str, ...]] = []
+    for row in rows:
+        pair = row.needs if len(row.needs) == 2 else tuple(name for name in row.needs if name not in AIR)
+        lines = {SENSORS.get(name, frozenset()) & LINES for name in pair}
+        if len(pair) == 2 and len(lines) == 1 and any(lines) and (row.name or row.timed):
+            pair = (f"+{pair[0]}", pair[1]) if row.timed else pair
+            joined = [group for group in groups if {*pair} & {*group}]
+            groups = [group for group in groups if group not in joined]
+            groups.append(tuple(dict.fromkeys(name for group in (*joined, pair) for name in group)))
+    return {
+        name: tuple(other for other in group if other != name) for group in groups for name in group if name in SENSORS
+    }
+
+
 NAMES = tuple(dict.fromkeys(name for relation in RELATIONS for name in (*relation.needs, *relation.beside)))

@@ -14,6 +14,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ..airdata import IMPACT_SOURCES
+from ..airdata.relations import RELATIONS, relatives
 from ..faults.filters import response_of
 from ..kernels.generalised_least_squares import least_squares
 from ..kernels.normal import MAD
@@ -44,12 +46,7 @@ FEWEST_REPEATS = 20
 # Phases in which airspeeds come and go without a defect, and the margin on both sides, s.
 UNWATCHED, BESIDE_S = ("ground", "take-off", "landing", "stall", HOVER, TRANSITION), 2.0
 # By channel the channels that each predict its motion over some seconds; "+" stands for the integral of a rate.
-_AIRSPEEDS = ("tas", "cas", "ias", "mach", "q_impact")
-RELATIVES: Mapping[str, tuple[str, ...]] = {
-    **{name: tuple(other for other in _AIRSPEEDS if other != name) for name in _AIRSPEEDS},
-    "altitude": ("p_static", "+altitude_rate"),
-    "p_static": ("altitude", "+altitude_rate"),
-}
+RELATIVES = relatives(RELATIONS)
 
 # Faster samples are averaged: no air-data sensor follows faster.
 FASTEST_HZ = 20.0
@@ -715,7 +712,7 @@ def _expected(
 def _slope(track: _Track, other: _Track, value: FloatArray, other_value: FloatArray) -> FloatArray:
     """Return by how much a channel changes with another, (n,) at values of both, (n,): an airspeed, or a height."""
     name, relative = track.channel.name, other.channel.name
-    if name in _AIRSPEEDS:
+    if name in IMPACT_SOURCES:
         power = {"q_impact": 2.0}
         share = power.get(name, 1.0) / power.get(relative, 1.0)
         return share * np.maximum(np.abs(value), TINY) / np.maximum(np.abs(other_value), TINY)

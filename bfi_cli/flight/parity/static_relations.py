@@ -15,7 +15,8 @@ from operator import itemgetter
 import numpy as np
 
 from ...airdata import SENSORS
-from ...airdata.relations import DOMAIN, RELATIONS, State, mach_by
+from ...airdata import relations as table
+from ...airdata.relations import AIR, DOMAIN, State, mach_by
 from ...airdata.relations import Relation as Row
 from ...faults.shapes import SHAPES
 from ...flightlog import FlightLog
@@ -68,8 +69,6 @@ POSITION_ERROR = 0.1
 SLOWEST = 0.3
 # `FOLLOWS` in units of other relations, about what 1 m/s of airspeed is worth.
 WORTH = {"m/s": 1.0, "K": 1.0, "m": 10.0, "Pa": 100.0, "rad": 0.02, "1": 0.003}
-# What an airspeed is made of beside its own line.
-AIR = frozenset(("p_static", "altitude", "tat", "sat"))
 # Channels of which `FOLLOWS` is made.
 FOLLOWED = frozenset(("cas", "ias", "mach", "altitude", "p_static", "tas"))
 # Headings turn by a whole round, which is no difference; altimeters have a knob each.
@@ -140,7 +139,7 @@ def _relations(log: FlightLog) -> tuple[list[Comparison], list[str]]:
     static = next((name for name in ("altitude", "p_static") if name in sensors), "altitude")
     heats = tuple(name for name in ("tat", "sat") if name in sensors) or ("tat",)
     known: dict[str, Comparison] = {}
-    for row in RELATIONS:
+    for row in table.RELATIONS:
         if row.name and {*row.needs} <= sensors.keys():
             known.setdefault(row.name, _comparison(row))
     if len(heats) == 1 and {"tas", static, *heats} <= sensors.keys():

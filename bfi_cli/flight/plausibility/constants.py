@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...airdata.relations import NAMES, RELATIONS, Relation, State
+from ...airdata import relations as table
+from ...airdata.relations import NAMES, Relation, State
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
 from ...kernels.normal import TWO_SIDED_95
@@ -52,7 +53,7 @@ def constant_errors(log: FlightLog) -> tuple[ConstantError, ...]:
 def _by_relations(seconds: State) -> Iterator[ConstantError]:
     """Yield the error of every relation of levels, each channel by the same others once."""
     known = set[tuple[str, str]]()
-    for relation in RELATIONS:
+    for relation in table.RELATIONS:
         if (
             relation.tolerance is None
             or OVER_GROUND & {*relation.needs}

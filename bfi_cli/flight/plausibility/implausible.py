@@ -8,7 +8,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...airdata.relations import NAMES, RELATIONS, State
+from ...airdata import relations as table
+from ...airdata.relations import NAMES, State
 from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.plausible import impossible_median, sentence_of_impossible
@@ -35,7 +36,7 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
         return ()
     stated = {name: log.channels[name].source_unit for name in seconds.values}
     sources = {name: log.channels[name].source for name in seconds.values}
-    to_blame = blames(known_relations(RELATIONS, seconds), seconds, stated)
+    to_blame = blames(known_relations(table.RELATIONS, seconds), seconds, stated)
     named = {name for blame in to_blame if not blame.change.is_constant for name in blame.change.channels}
     impossible = {
         name: middle
@@ -44,7 +45,7 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
     }
     if impossible:
         seconds = seconds.without(impossible)
-        to_blame = blames(known_relations(RELATIONS, seconds), seconds, stated)
+        to_blame = blames(known_relations(table.RELATIONS, seconds), seconds, stated)
     findings = (
         *(_impossible(name, middle, sources) for name, middle in impossible.items()),
         *(_finding(_beyond_tolerance(blame, log, seconds), stated, sources) for blame in to_blame),

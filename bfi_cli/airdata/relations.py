@@ -58,6 +58,7 @@ SUBSONIC = 0.89
 # CS/FAR 25.1323(b), m/s: 5 kt of an indicated airspeed, of which a tenth in slow flight with flaps.
 INDICATED = (2.6, 0.1)
 DEGREE = np.pi / 180.0
+AIRSPEED = "airspeed"  # whichever of them
 # rad, above that of zero lift: in cruise, of the six degrees that `parity.credibility` takes for typical.
 TYPICAL_ANGLE = 0.1
 
@@ -99,6 +100,23 @@ class State:
         return self.rates.get(name, self.zeros)
 
 
+@dataclass(frozen=True, slots=True)
+class Following:
+    """What is concluded from how a reading moves through a flight, beside what is expected, each in parts of it.
+
+    Attributes
+    ----------
+    residual : of the parity scan that compares the same channels.
+    accuses : the channels that may be wrong where it fails, the likeliest first; confirms : those that are right where
+        it holds; words : what it holds them against.
+    """
+
+    residual: str
+    accuses: tuple[str, ...]
+    confirms: tuple[str, ...]
+    words: str
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Relation:
     """What a channel should read by others.
@@ -114,6 +132,7 @@ class Relation:
         level alone counts. `tolerance` is None where the motion alone does.
     has_scale : whether it follows one to one; timed : whether it takes the rate of a channel by the time axis.
     worth : what one unit of the reading counts in `unit`, in which parity has it.
+    following : what credibility makes of it, None for nothing.
     """
 
     reading: Make
@@ -128,6 +147,7 @@ class Relation:
     has_scale: bool = True
     timed: bool = False
     worth: tuple[float, str] = (1.0, "")
+    following: Following | None = None
 
     @property
     def lasts(self) -> bool:
@@ -194,15 +214,21 @@ def _climb_rate(state: State, source: str) -> FloatArray:
     return rate * np.where(np.isfinite(warmth), np.clip(warmth, 0.8, 1.2), 1.0)
 
 
-def _vane(state: State, source: str, speed: str = "tas") -> FloatArray:
+def vane(state: State, source: str, speed: str = "tas") -> FloatArray:
     pitch, roll = (_within(state.of(name), -STEEPEST, STEEPEST) for name in ("pitch", "roll"))
     return vane_angle(_climb_rate(state, source), state.values[speed], pitch, roll)
 
 
 def _lift(state: State, name: str) -> FloatArray:
-    """Return what the angle of attack follows, in its size: the lift over the square of an airspeed."""
-    squared = state.values[name] ** 2
-    return TYPICAL_ANGLE * (state.of("normal_acc") + G) / G * np.nanmedian(squared) / np.maximum(squared, 1.0)
+    """Return what the angle of attack follows, in its size: the lift over an impact pressure or a squared airspeed."""
+    pressure = state.values[name] if name == "q_impact" else state.values[name] ** 2
+    return TYPICAL_ANGLE * (state.of("normal_acc") + G) / G * np.nanmedian(pressure) / np.maximum(pressure, 1.0)
+
+
+def load(state: State) -> FloatArray:
+    """Return the normal acceleration by climb, bank and pitch."""
+    ahead = state.values.get("longitudinal_acc")
+    return normal_acceleration(state.rate("altitude_rate"), state.of("pitch"), state.of("roll"), ahead)
 
 
 def _ground(state: State) -> FloatArray:
@@ -331,26 +357,39 @@ def _air_data() -> Iterator[Relation]:
 def _attitude() -> Iterator[Relation]:
     """Yield what attitude, climb, vane and accelerations say of each other; a vane is mounted within a degree."""
     for source in ("altitude_rate", "altitude"):
+        confirms = ("aoa", "pitch", "altitude_rate")
+        climb = Following("climb", (*confirms, AIRSPEED), confirms, "pitch minus flight path")
         yield Relation(
             _value("aoa"),
-            partial(_vane, source=source),
+            partial(vane, source=source),
             needs=("aoa", "pitch", "tas", source),
             beside=("roll",),
             tolerance=1.25 * DEGREE,
             least=1.5 * DEGREE,
             timed=source == "altitude",
+            following=climb if source == "altitude_rate" else None,
         )
-    for name in ("cas", "tas"):
-        needs = ("aoa", "normal_acc", name)
-        yield Relation(_value("aoa"), partial(_lift, name=name), needs=needs, least=0.7 * DEGREE, has_scale=False)
+    lift = Following("lift", ("aoa", "normal_acc", AIRSPEED), ("aoa", AIRSPEED), "the lift per impact pressure")
+    for name in ("cas", "tas", "q_impact"):
+        yield Relation(
+            _value("aoa"),
+            partial(_lift, name=name),
+            needs=("aoa", "normal_acc", name),
+            least=0.7 * DEGREE,
+            has_scale=False,
+            following=lift if name == "q_impact" else None,
+        )
+    accelerations = ("normal_acc", "altitude_rate")
     yield Relation(
         _value("normal_acc"),
-        lambda s: normal_acceleration(s.rate("altitude_rate"), s.of("pitch"), s.of("roll")),
+        load,
         needs=("normal_acc", "pitch", "roll"),
-        beside=("altitude_rate",),
+        beside=("altitude_rate", "longitudinal_acc"),
         tolerance=0.6,
         least=0.4,
+        following=Following("load", accelerations, accelerations, "the climb and the bank"),
     )
+    ahead = ("longitudinal_acc", "pitch", AIRSPEED)
     yield Relation(
         _value("longitudinal_acc"),
         lambda s: longitudinal_acceleration(s.rates["tas"], *map(s.of, KINEMATICS[1:])),
@@ -359,6 +398,7 @@ def _attitude() -> Iterator[Relation]:
         tolerance=0.5,
         least=0.25,
         timed=True,
+        following=Following("kinematics", ahead, ahead, "the airspeed's rate and the pitch"),
     )
 
 
@@ -395,6 +435,8 @@ def _over_ground() -> Iterator[Relation]:
     """Yield what the motion over ground says of the airspeed, in any wind that is flown in, and of the heading."""
     north = ("velocity_north", "velocity_east")
     in_wind = partial(Relation, tolerance=15.0, share=0.35)
+    speeds = ("ground_speed", AIRSPEED)
+    steady = Following("ground_speed", speeds, speeds, "the airspeed in a steady wind")
     # At 11 km a true airspeed is 1.7 times the calibrated one: without a height none is made of it.
     airspeeds: list[tuple[tuple[str, ...], Make]] = [(("tas",), _value("tas"))]
     for name, static in product(("cas", "ias"), ("altitude", "p_static", "gps_altitude")):
@@ -402,7 +444,9 @@ def _over_ground() -> Iterator[Relation]:
     for needs, airspeed in airspeeds:
         beside = () if needs == ("tas",) else ("sat", "tat")
         yield in_wind(_value("ground_speed"), airspeed, needs=("ground_speed", *needs), beside=beside)
-        yield in_wind(_ground, airspeed, needs=(*north, *needs), beside=beside)
+        yield in_wind(
+            _ground, airspeed, needs=(*north, *needs), beside=beside, following=steady if needs == ("tas",) else None
+        )
     yield Relation(_value("ground_speed"), _ground, needs=("ground_speed", *north), tolerance=1.0, share=0.05)
     moved = partial(Relation, expected=_moved, tolerance=3.0, share=0.1, timed=True)
     yield moved(_value("ground_speed"), needs=("ground_speed", "latitude", "longitude"))

@@ -9,14 +9,15 @@ with an onset, which other analyses find.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ...airdata import EARTH_RADIUS, IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of, vane_angle
-from ...airdata.motion import longitudinal_acceleration, normal_acceleration
+from ...airdata import EARTH_RADIUS, G
+from ...airdata import relations as table
+from ...airdata.relations import AIRSPEED, Following, Relation, State
 from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.phases import Phase
@@ -25,7 +26,6 @@ from ...kernels.quantisation import find_quantum
 from ...model.preprocessing.tolerance import AIRSPEED_LEAST, FIXED
 from .lines import RENEWED_S, renewed_every_s
 from .record import STEP_S, Record
-from .residuals import geometric_climb_rate
 from .windows import Window, clean_up_time, configuration_changes, flight_stretches, within
 
 FloatArray = NDArray[np.float64]
@@ -34,8 +34,6 @@ FloatArray = NDArray[np.float64]
 PIECE, SHORTEST_PIECE_S, LONGEST_PIECE_S = 12.0, 30.0, 120.0
 SMOOTHED_S = 5  # gusts and what one sensor shows some tenths of a second later than another
 FEWEST_KNOWN = 0.7  # of the seconds of a piece
-# LEAST_LIFT: share of the mean lift per impact pressure: one degree of a typical six above the angle of zero lift.
-LEAST_LIFT = 0.15
 # LEAST_CORRELATION: a quarter of it squared; with less, a channel says next to nothing of the others. Pieces of the
 # two recorded Citations in which the channel should move by its tolerance have less in at most a seventh of the cases.
 LEAST_CORRELATION = 0.5
@@ -55,137 +53,16 @@ GUSTS = 1.5
 COARSE = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Relation:
-    """What a channel should read by others.
-
-    Attributes
-    ----------
-    residual : of the parity scan that compares the same channels.
-    accuses : the channels that may be wrong where it fails, the likeliest first; confirms : those that are right where
-        it holds; words : what it holds them against.
-    reference, reading : (n,) what it should be and is, of a record; beside : (n, m) what else the reading may follow.
-    has_scale : whether the reading should be the reference itself, and not only proportional to it.
-    least : of the reference in a piece, a standard deviation below which nothing is told, in its unit.
-    """
-
-    residual: str
-    needs: tuple[tuple[str, ...], ...]
-    accuses: tuple[str, ...]
-    confirms: tuple[str, ...]
-    words: str
-    reading: Callable[[Record], FloatArray]
-    reference: Callable[[Record], FloatArray]
-    least: float
-    has_scale: bool = True
-    beside: Callable[[Record], FloatArray] = lambda record: np.empty((len(record.time_s), 0))
-
-
-def _channel(name: str) -> Callable[[Record], FloatArray]:
-    return lambda record: record.channels[name]
-
-
-def still_air_angle(record: Record) -> FloatArray:
-    """Return (n,) the angle of attack, rad, by attitude and climb."""
-    channels = record.channels
-    return vane_angle(geometric_climb_rate(record), channels["tas"], channels["pitch"], channels["roll"])
-
-
-def _lift_share(record: Record) -> FloatArray:
-    """Return the lift per impact pressure over its median."""
-    impact = air_data_of(record.channels).q_impact
-    lift = (record.channels["normal_acc"] + G) / np.where(impact > 0.0, impact, np.nan)
-    return np.asarray(lift / np.nanmedian(lift)) if np.isfinite(lift).any() else lift
-
-
-def climbing_load(record: Record, climb_rate: FloatArray | None = None) -> FloatArray:
-    """Return (n,) the normal acceleration, m/s^2, by climb, bank and pitch.
-
-    Parameters
-    ----------
-    climb_rate : (n,) m/s; None for that of the altitude.
-    """
-    climb_rate = geometric_climb_rate(record) if climb_rate is None else climb_rate
-    channels = record.channels
-    climb_acc = np.gradient(climb_rate, record.time_s)
-    return normal_acceleration(climb_acc, channels["pitch"], channels["roll"], channels.get("longitudinal_acc"))
-
-
-def _ahead(record: Record) -> FloatArray:
-    channels = record.channels
-    aoa = channels.get("aoa", np.zeros(len(record.time_s)))
-    tas_rate = np.gradient(channels["tas"], record.time_s)
-    return longitudinal_acceleration(tas_rate, channels["normal_acc"], aoa, channels["pitch"], channels["roll"])
-
-
-def _ground_speed(record: Record) -> FloatArray:
-    return np.hypot(record.channels["velocity_north"], record.channels["velocity_east"])
-
-
-def _track(record: Record) -> FloatArray:
-    """Return (n, 2) of the unit vector along the track: what a steady wind adds follows it."""
-    speed = _ground_speed(record)
-    along = np.where(speed > 0.0, speed, np.nan)
-    channels = record.channels
-    return np.column_stack([channels["velocity_north"] / along, channels["velocity_east"] / along])
-
-
-AIRSPEED = "airspeed"
 GROUND_SPEED = ("ground_speed", "velocity_north", "velocity_east", "latitude", "longitude")
-RELATIONS = (
-    _Relation(
-        "climb",
-        (("aoa",), ("tas",), ("pitch",), ("roll",), ("altitude_rate",)),
-        ("aoa", "pitch", "altitude_rate", AIRSPEED),
-        ("aoa", "pitch", "altitude_rate"),
-        "pitch minus flight path",
-        _channel("aoa"),
-        still_air_angle,
-        FIXED["aoa"],
-    ),
-    _Relation(
-        "lift",
-        (("aoa",), ("normal_acc",), STATIC_SOURCES, IMPACT_SOURCES),
-        ("aoa", "normal_acc", AIRSPEED),
-        ("aoa", AIRSPEED),
-        "the lift per impact pressure",
-        _channel("aoa"),
-        _lift_share,
-        LEAST_LIFT,
-        has_scale=False,
-    ),
-    _Relation(
-        "load",
-        (("normal_acc",), ("altitude_rate",), ("pitch",), ("roll",)),
-        ("normal_acc", "altitude_rate"),
-        ("normal_acc", "altitude_rate"),
-        "the climb and the bank",
-        _channel("normal_acc"),
-        climbing_load,
-        FIXED["normal_acc"],
-    ),
-    _Relation(
-        "kinematics",
-        (("longitudinal_acc",), ("normal_acc",), ("tas",), ("pitch",), ("roll",)),
-        ("longitudinal_acc", "pitch", AIRSPEED),
-        ("longitudinal_acc", "pitch", AIRSPEED),
-        "the airspeed's rate and the pitch",
-        _channel("longitudinal_acc"),
-        _ahead,
-        FIXED["longitudinal_acc"],
-    ),
-    _Relation(
-        "ground_speed",
-        (("velocity_north",), ("velocity_east",), ("tas",)),
-        ("ground_speed", AIRSPEED),
-        ("ground_speed", AIRSPEED),
-        "the airspeed in a steady wind",
-        _ground_speed,
-        _channel("tas"),
-        AIRSPEED_LEAST,
-        beside=_track,
-    ),
-)
+# Channels that change what is expected by a few percent: without them the rest is compared.
+SLIGHT = {"aoa", "longitudinal_acc"}
+
+
+def _track(state: State) -> FloatArray:
+    """Return (n, 2) of the unit vector along the track: what a steady wind adds to a ground speed follows it."""
+    velocity = np.column_stack([state.values["velocity_north"], state.values["velocity_east"]])
+    speed = np.linalg.norm(velocity, axis=1)
+    return np.asarray(velocity / np.where(speed > 0.0, speed, np.nan)[:, None])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -198,7 +75,8 @@ class Agreement:
     gusts : standard deviation of what gusts may add to one of both and not to the other.
     """
 
-    relation: _Relation
+    relation: Relation
+    following: Following
     moments: FloatArray
     gusts: float
 
@@ -289,27 +167,32 @@ def agreements(record: Record, phases: Sequence[Phase], *, without: Sequence[Win
     moved = configuration_changes(phases, clean_up_s=clean_up_time(phases, record))
     stretches = flight_stretches(phases)
     used = within(record.time_s, stretches) & ~within(record.time_s, (*moved, *without))
+    state = record.state
     return tuple(
-        _agreement(relation, record, used, stretches)
-        for relation in RELATIONS
-        if all(any(name in record.channels for name in group) for group in relation.needs)
+        _agreement(row, row.following, state, used, stretches)
+        for row in table.RELATIONS
+        if row.following and {*row.needs, *(name for name in row.beside if name not in SLIGHT)} <= state.values.keys()
     )
 
 
-def _agreement(relation: _Relation, record: Record, used: NDArray[np.bool_], stretches: Sequence[Window]) -> Agreement:
-    speeds = record.channels["tas"][used] if "tas" in record.channels else np.empty(0)
+def _agreement(
+    relation: Relation, following: Following, state: State, used: NDArray[np.bool_], stretches: Sequence[Window]
+) -> Agreement:
+    speeds = state.values["tas"][used] if "tas" in state.values else np.empty(0)
     # An airspeed that is lost for most of the flight tells no speed either.
     speed = float(np.nanmedian(speeds)) if np.isfinite(speeds).any() else 0.0
     speed = speed if speed > 0.0 else np.inf
     piece_s = float(np.clip(PIECE * speed / G, SHORTEST_PIECE_S, LONGEST_PIECE_S))
     reference, reading = (
-        _smoothed(np.where(used, make(record), np.nan)) for make in (relation.reference, relation.reading)
+        _smoothed(np.where(used, make(state), np.nan)) for make in (relation.expected, relation.reading)
     )
-    beside = relation.beside(record)
+    n_seconds = len(state.time_s)
+    beside = _track(state) if "velocity_north" in relation.needs else np.empty((n_seconds, 0))
+    least = FIXED.get(relation.needs[0], AIRSPEED_LEAST)
     moments = []
     for first, last in stretches:
         for start in np.arange(first, last - piece_s + 1e-6, piece_s):
-            piece = within(record.time_s, [(start, start + piece_s)])
+            piece = within(state.time_s, [(start, start + piece_s)])
             known = piece & np.isfinite(reference + reading) & np.isfinite(beside).all(axis=1)
             n = int(np.count_nonzero(known))
             if n < FEWEST_KNOWN * piece_s:
@@ -317,10 +200,10 @@ def _agreement(relation: _Relation, record: Record, used: NDArray[np.bool_], str
             design = np.column_stack([np.ones(n), beside[known]])
             both = np.column_stack([reference[known], reading[known]])
             x, y = (both - design @ np.linalg.lstsq(design, both, rcond=None)[0]).T
-            if x @ x >= n * (MOVES * relation.least) ** 2:
+            if x @ x >= n * (MOVES * least) ** 2:
                 moments.append((x @ x / n, x @ y / n, y @ y / n))
-    gusts = GUSTS / speed if relation.residual == "climb" else 0.0
-    return Agreement(relation=relation, moments=np.array(moments).reshape(-1, 3), gusts=gusts)
+    gusts = GUSTS / speed if following.residual == "climb" else 0.0
+    return Agreement(relation=relation, following=following, moments=np.array(moments).reshape(-1, 3), gusts=gusts)
 
 
 def _smoothed(values: FloatArray) -> FloatArray:
@@ -366,8 +249,8 @@ def credibility_of(record: Record, phases: Sequence[Phase], *, without: Sequence
         if not agreement.fails:
             continue
         # The lift says that a vane follows, not in what scale.
-        follows, relation = agreement.correlation >= LEAST_CORRELATION, agreement.relation
-        telling = [other.relation for other in holding if other.relation.has_scale or not follows]
+        follows, relation = agreement.correlation >= LEAST_CORRELATION, agreement.following
+        telling = [other.following for other in holding if other.relation.has_scale or not follows]
         confirmed = {name for other in telling for name in other.confirms}
         left = [name for name in relation.accuses if name not in confirmed]
         if not left:
@@ -401,7 +284,7 @@ def credibility_of(record: Record, phases: Sequence[Phase], *, without: Sequence
 
 def _finding(name: str, rivals: tuple[str, ...], failing: Sequence[Agreement]) -> Implausible:
     words = " and ".join(
-        f"{agreement.relation.words} ({f'scale {agreement.scale:.2f}, ' if agreement.relation.has_scale else ''}"
+        f"{agreement.following.words} ({f'scale {agreement.scale:.2f}, ' if agreement.relation.has_scale else ''}"
         f"correlation {agreement.correlation:.2f})"
         for agreement in failing
     )

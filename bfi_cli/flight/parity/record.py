@@ -23,8 +23,10 @@ from ...airdata import (
     altitude_of,
     channels_of,
     ground_velocity,
+    isa_temperature,
     kinematic_acceleration,
 )
+from ...airdata.relations import State
 from ...flightlog import FlightLog
 from ...flightlog.quantities import pressures_of
 from ...kernels import FloatArray, IntArray
@@ -70,6 +72,26 @@ class Record:
     def made(self) -> Mapping[str, FloatArray]:
         """The channels that follow from these."""
         return channels_of(self.air.p_static, self.air.q_impact, self.air.tat)
+
+    @property
+    def state(self) -> State:
+        """The channels with their rates, as relations take them: climb in metres as they are, the impact pressure."""
+        values = {**self.channels}
+        if values.keys() & {*STATIC_SOURCES} and values.keys() & {*IMPACT_SOURCES}:
+            values["q_impact"] = np.where(self.air.q_impact > 0.0, self.air.q_impact, np.nan)
+        if "altitude_rate" in values:
+            values["altitude_rate"] = self.climb_rate
+        values = {name: x for name, x in values.items() if name not in ("sat", "tat")}
+        rates = {name: np.gradient(x, self.time_s) for name, x in values.items()} if len(self.time_s) > 1 else {}
+        return State(values=values, rates=rates, time_s=self.time_s)
+
+    @property
+    def climb_rate(self) -> FloatArray:
+        """(n,) m/s in metres as they are: a pressure altitude counts those of the standard atmosphere."""
+        channels = self.channels
+        if not ({"tat", "sat"} & channels.keys() and "altitude" in channels and channels.keys() & {*IMPACT_SOURCES}):
+            return channels["altitude_rate"]
+        return np.asarray(channels["altitude_rate"] * (self.air.sat / isa_temperature(channels["altitude"])))
 
     def between(self, from_s: float, to_s: float) -> Record:
         """Return the seconds of a window."""

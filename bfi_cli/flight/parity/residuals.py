@@ -14,7 +14,6 @@ from ...airdata import (
     G,
     climb_angle,
     constant_wind,
-    isa_temperature,
     kinematic_acceleration,
 )
 from ...kernels import FloatArray
@@ -89,24 +88,15 @@ def _zero_lift_column(record: Record, constants: Constants) -> tuple[FloatArray,
     return column[:, None], np.array([np.inf])
 
 
-def geometric_climb_rate(record: Record) -> FloatArray:
-    """Return the rate of climb in metres as they are: a pressure altitude counts those of the standard atmosphere."""
-    channels = record.channels
-    if not ({"tat", "sat"} & channels.keys() and "altitude" in channels and channels.keys() & set(IMPACT_SOURCES)):
-        return channels["altitude_rate"]
-    warmth = record.air.sat / isa_temperature(channels["altitude"])
-    return np.asarray(channels["altitude_rate"] * warmth)
-
-
 def _climb(record: Record, constants: Constants) -> FloatArray:
     channels = record.channels
     rise = np.sin(climb_angle(channels["aoa"], channels["pitch"], channels["roll"]))
     speed = np.where(channels["tas"] > LEAST_SPEED, channels["tas"], np.nan)
-    return np.degrees(geometric_climb_rate(record) / speed - rise)
+    return np.degrees(record.climb_rate / speed - rise)
 
 
 def _horizontal(record: Record) -> FloatArray:
-    squared = record.channels["tas"] ** 2 - geometric_climb_rate(record) ** 2
+    squared = record.channels["tas"] ** 2 - record.climb_rate**2
     return np.sqrt(np.where(squared > 0.0, squared, np.nan))
 
 

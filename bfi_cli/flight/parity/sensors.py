@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...airdata import G, air_data_of, climb_angle
+from ...airdata.relations import load, vane
 from ...flightlog import FlightLog
 from ...flightlog.defects import FEWEST_REPEATS, STILL, WATCHED, unwatched_in
 from ...flightlog.phases import Phase
@@ -23,7 +24,6 @@ from ...kernels.normal import MAD, TWO_SIDED_95
 from ...kernels.quantisation import find_quantum
 from ...kernels.runs import is_repeated, left_of, repeats
 from ...quantities.channels import quantity_of
-from .credibility import climbing_load, still_air_angle
 from .finding import Finding, as_good, squares_by_onset
 from .record import STEP_S, Record
 from .windows import Window, flight_stretches, within
@@ -111,7 +111,7 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
             return seconds, np.inf
         return seconds, max(SHORT_REST_S, SHORT_REPEATS / rate_hz, RESTS * longest_s)
 
-    reference = still_air_angle(record) if record.channels.keys() >= VANE_NEEDS else None
+    reference = vane(record.state, "altitude_rate") if record.channels.keys() >= VANE_NEEDS else None
     findings = []
     for name in log.independent([name for name in log.channels if quantity_of(name) in MOVING]):
         for first, end in rests[name]:
@@ -468,8 +468,9 @@ def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Findin
     level = within(record.time_s, flight_stretches(phases)) & (np.abs(channels["roll"]) < LARGEST_BANK)
     aoa = channels.get("aoa", np.zeros(len(record.time_s)))
     by_attitude = channels["tas"] * np.sin(climb_angle(aoa, channels["pitch"], channels["roll"]))
-    excess = np.where(level, channels["normal_acc"] - climbing_load(record), np.nan)
-    other = np.where(level, channels["normal_acc"] - climbing_load(record, by_attitude), np.nan)
+    state = record.state
+    states = (state, replace(state, rates={**state.rates, "altitude_rate": np.gradient(by_attitude, record.time_s)}))
+    excess, other = (np.where(level, channels["normal_acc"] - load(each), np.nan) for each in states)
     shown, confirmed = (_difference(course, LOAD_MEAN_S, 0) for course in (excess, other))
     change = np.where(np.abs(confirmed) < np.abs(shown), np.where(confirmed * shown > 0.0, confirmed, 0.0), shown)
     known = np.isfinite(change)

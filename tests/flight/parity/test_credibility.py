@@ -67,7 +67,7 @@ def test_the_angle_that_attitude_and_climb_tell_is_that_of_the_climb_angle():
 
 def test_every_channel_of_a_healthy_flight_is_what_the_others_say():
     record = drone()
-    every = {one.relation.residual: one for one in agreements(record, FLIGHT)}
+    every = {one.following.residual: one for one in agreements(record, FLIGHT)}
     assert set(every) == {"climb", "lift", "load", "kinematics", "ground_speed"}
     for one in every.values():
         assert one.holds

@@ -445,6 +445,7 @@ def test_the_guide_says_how_to_add_each_kind_of_thing():
         "a shape",
         "a method",
         "a reader",
+        "a relation",
         "a source of evidence",
         "a command",
     ]

@@ -214,9 +214,10 @@ def _climb_rate(state: State, source: str) -> FloatArray:
     return rate * np.where(np.isfinite(warmth), np.clip(warmth, 0.8, 1.2), 1.0)
 
 
-def vane(state: State, source: str, speed: str = "tas") -> FloatArray:
+def vane(state: State, source: str) -> FloatArray:
+    """Return the angle of attack by attitude and climb, the altitude's or its recorded rate, in still air."""
     pitch, roll = (_within(state.of(name), -STEEPEST, STEEPEST) for name in ("pitch", "roll"))
-    return vane_angle(_climb_rate(state, source), state.values[speed], pitch, roll)
+    return vane_angle(_climb_rate(state, source), state.values["tas"], pitch, roll)
 
 
 def _lift(state: State, name: str) -> FloatArray:

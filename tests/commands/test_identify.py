@@ -408,7 +408,7 @@ def test_a_window_moves_the_faults_of_a_dictionary_relative_to_it(identify: Call
 
 @pytest.mark.first_rows(2)
 @pytest.mark.usefixtures("unscanned")
-@pytest.mark.parametrize(("rate", "rate_hz"), [("none", 100.0), ("auto", 10.0), ("20", 20.0), ("7.5", 7.5)])
+@pytest.mark.parametrize(("rate", "rate_hz"), [("auto", 10.0), ("20", 20.0), ("7.5", 7.5), ("none", 100.0)])
 def test_rate(identify: Callable, rate: str, rate_hz: float):
     assert identify(BIAS, "-d", FEW, "--rate", rate, "--order", 2)["log"]["rate_hz"] == pytest.approx(rate_hz)
 

@@ -115,6 +115,7 @@ def test_a_bar_shows_the_stages_and_leaves_stdout_alone(bfi: Callable):
     assert one == other
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize(
     "words", [("start-time", BIAS, "--shape", "bias", *QUICKER), ("identify", BIAS, "-d", FAULTS, *QUICKER)]

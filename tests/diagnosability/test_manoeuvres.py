@@ -39,6 +39,7 @@ def test_progress_is_told(compared, progress):
     assert progress == [(3, 6), (4, 6), (5, 6), (6, 6)]
 
 
+@pytest.mark.slow
 def test_the_best_comes_first_and_is_what_the_numbers_are_about(compared):
     scored = [score for score in compared.manoeuvres if score.bits is not None]
     assert [score.bits for score in scored] == sorted((score.bits for score in scored), reverse=True)

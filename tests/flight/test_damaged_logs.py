@@ -99,6 +99,7 @@ def test_a_frozen_channel_is_named_and_as_good_as_missing(
     assert frozen.limits == missing.limits
 
 
+@pytest.mark.slow
 def test_a_channel_without_a_number_is_no_frozen_one(cruise: FlightLog):
     result = diagnosed(altered(cruise, ("aoa",), np.nan, 0.0, np.inf))
     assert result.missing[0] == "'aoa' is not used: it holds no number through the whole log"
@@ -162,6 +163,7 @@ def test_relations_alone_do_not_clear_the_pitot_line(cruise: FlightLog):
     assert "a slow fault of any size could be there unseen" in result.summary
 
 
+@pytest.mark.slow
 def test_one_airspeed_bounds_its_line_as_itself(cruise: FlightLog):
     names = ("tas", "altitude", "altitude_rate", *GROUND)
     result = diagnosed(replace(cruise, channels={name: cruise.channels[name] for name in names}))

@@ -42,7 +42,7 @@ def test_every_axis_has_a_label_with_its_unit(figures):
         assert UNIT.search(panels(figure)[-1].get_xlabel())
 
 
-@pytest.mark.first_rows(1)
+@pytest.mark.slow
 def test_nothing_is_cut_at_the_edge_of_the_paper(figures):
     for name, figure in figures.items():
         pixels = imread(io.BytesIO(to_png(figure)))[..., :3]

@@ -186,7 +186,7 @@ def test_a_file_of_the_name_of_a_shipped_dictionary_is_meant(
     )
 
 
-@pytest.mark.first_rows(1)
+@pytest.mark.slow
 @pytest.mark.usefixtures("unscanned")
 @pytest.mark.parametrize("kind", ["ulg", "bin", "tlog"])
 @pytest.mark.parametrize("command", ["identify", "start-time"])

@@ -8,10 +8,9 @@ import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import reduce
-from operator import or_
+from functools import cache, lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Generic, Literal, TypeVar, cast
+from typing import Annotated, Any, Generic, Literal, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,13 +25,23 @@ from pydantic import (
     create_model,
     model_validator,
 )
-from pydantic_core import InitErrorDetails
+from pydantic_core import InitErrorDetails, core_schema
 
 from ..errors import DictionaryError
 from ..faults import Fault, shown
 from ..faults.filters import recorded_signal
 from ..faults.shapes import IN_DICTIONARY, PARAMETERS, SEARCHED, SHAPES
-from ..faults.validation import SENTENCE_LETTERS, Number, Positive, Rules, Text, editor_schema, path_beside, validate
+from ..faults.validation import (
+    SENTENCE_LETTERS,
+    Number,
+    Positive,
+    Rules,
+    Text,
+    deferred,
+    editor_schema,
+    path_beside,
+    validate,
+)
 from ..kernels.low_pass import IDENTITY, Response
 from ..printable import shortened
 from ..quantities.text import instant
@@ -146,6 +155,7 @@ Names = Annotated[
     Annotated[Text, Tag("<name>")] | Annotated[tuple[Text, ...], Field(min_length=1), Tag("<list>")],
     Discriminator(lambda value: "<list>" if isinstance(value, list | tuple) else "<name>"),
 ]
+Form = Literal["atom", "grid"]
 N = TypeVar("N")
 C = TypeVar("C")
 F = TypeVar("F")
@@ -195,8 +205,12 @@ def _complete(entry: Any) -> Any:
     return entry
 
 
-def _entry_of(name: str, numbers: Any, numbers_or_interval: Any, names: Any, suffix: str) -> type[Rules]:
+@cache
+def _entry_of(name: str, form: Form) -> type[Rules]:
     """Return the model of the entries of one shape; the JSON schema calls it LaggedBias, in grids LaggedBiasGrid."""
+    numbers: Any = Numbers if form == "grid" else Number
+    numbers_or_interval: Any = NumbersOrInterval if form == "grid" else NumberOrInterval
+    names: Any = Names if form == "grid" else Text
     values = {
         "number": numbers,
         "positive": Annotated[numbers, AfterValidator(_positive)],
@@ -217,22 +231,44 @@ def _entry_of(name: str, numbers: Any, numbers_or_interval: Any, names: Any, suf
     shape = {"shape": (Literal[name], ...)}
     # Messages and the schema list the keys in this order, those of an oscillation first.
     fields = fields | shape if SHAPES[name].kind == "oscillating" else shape | fields
-    title = "".join(word.capitalize() for word in name.split("_")) + suffix
     complete: dict[str, Any] = {"complete": model_validator(mode="after")(_complete)}
-    base = _Entry[numbers, names, numbers_or_interval]
+    base: Any = _Entry
+    base = base[numbers, names, numbers_or_interval]
+    title = _title(name, form)
     made = create_model(title, __base__=base, __module__=__name__, __validators__=complete, **fields)
-    globals()[title] = made  # where pickle looks for it, when a configuration goes to another process
     return cast("type[Rules]", made)
 
 
-if TYPE_CHECKING:
-    AtomEntry = _Entry[Number, Text, NumberOrInterval]
-    GridEntry = _Entry[Numbers, Names, NumbersOrInterval]
-else:
-    ATOMS = reduce(or_, (_entry_of(name, Number, NumberOrInterval, Text, "") for name in IN_DICTIONARY))
-    GRIDS = reduce(or_, (_entry_of(name, Numbers, NumbersOrInterval, Names, "Grid") for name in IN_DICTIONARY))
-    AtomEntry = Annotated[ATOMS, Discriminator("shape")]
-    GridEntry = Annotated[GRIDS, Discriminator("shape")]
+def _title(name: str, form: Form) -> str:
+    return "".join(word.capitalize() for word in name.split("_")) + ("Grid" if form == "grid" else "")
+
+
+def __getattr__(title: str) -> type[Rules]:
+    """Return the model of a title, for pickle, when a configuration goes to another process."""
+    form: Form = "grid" if title.endswith("Grid") else "atom"
+    for name in IN_DICTIONARY:
+        if _title(name, form) == title:
+            return _entry_of(name, form)
+    raise AttributeError(f"module {__name__!r} has no attribute {title!r}")
+
+
+@dataclass(frozen=True)
+class _ByShape:
+    """Marks entries that are validated by the model of their shape, which is made when the first such entry is met."""
+
+    form: Form
+
+    def models(self) -> Iterator[type[Rules]]:
+        """Yield the models of all shapes."""
+        return (_entry_of(name, self.form) for name in IN_DICTIONARY)
+
+    def __get_pydantic_core_schema__(self, _source: object, _handler: object) -> core_schema.CoreSchema:
+        choices = {name: deferred(partial(_entry_of, name, self.form)) for name in IN_DICTIONARY}
+        return core_schema.tagged_union_schema(choices, "shape")
+
+
+AtomEntry = Annotated[Any, _ByShape("atom")]
+GridEntry = Annotated[Any, _ByShape("grid")]
 
 
 class DictionaryDocument(Rules):
@@ -365,6 +401,12 @@ class Dictionary:
         return self.atoms if self.relative_to == "log" else tuple(fault.later(window_start_s) for fault in self.atoms)
 
 
+# A command reads its dictionary for the digest, and again when the log has said on which channel its entries act.
+@lru_cache(maxsize=1)
+def _parsed(text: str, where: str) -> Any:
+    return load_yaml(text, where=where, error=DictionaryError)
+
+
 def load_dictionary(
     source: str | Path | Mapping[str, Any] | DictionaryDocument,
     *,
@@ -400,7 +442,7 @@ def load_dictionary(
             )
         text = read_text(path, error=DictionaryError)
         where, folder, sha256 = where or str(path), path.parent, hashlib.sha256(path.read_bytes()).hexdigest()
-        source = load_yaml(text, where=where, error=DictionaryError)
+        source = _parsed(text, where)
     where = where or "dictionary"
     document = source
     if not isinstance(document, DictionaryDocument):

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args
+from typing import Annotated, Any, Protocol, TypeVar, get_args, runtime_checkable
 
 from pydantic import (
     BaseModel,
@@ -95,6 +95,14 @@ def deferred(model: Callable[[], type[BaseModel]]) -> core_schema.CoreSchema:
 
 
 Deferred = Annotated[M, _Deferred()]
+
+
+@runtime_checkable
+class OneOfModels(Protocol):
+    """A mark of values that are validated by one of several models."""
+
+    def models(self) -> Iterator[type[BaseModel]]:
+        """Yield the models."""
 
 
 def validate(
@@ -247,4 +255,6 @@ def _models(parent: type[BaseModel], key: str) -> Iterator[type[BaseModel]]:
         annotation = pending.pop()
         if isinstance(annotation, type) and issubclass(annotation, BaseModel):
             yield annotation
+        elif isinstance(annotation, OneOfModels):
+            yield from annotation.models()
         pending.extend(get_args(annotation))

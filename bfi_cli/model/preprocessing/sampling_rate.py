@@ -187,9 +187,11 @@ def _empty_from(signals: Signals | NativeSignals) -> float | None:
             total += np.sum(np.abs(np.fft.rfft(centred * np.hanning(n), axis=1)) ** 2, axis=0)
         power = total / len(segments)
         above = np.maximum.accumulate(power[::-1])[::-1]
-        reference = [np.median(power[(f >= edge / 4) & (f <= edge / 2)]) if edge > 8 * f[1] else 0.0 for edge in f]
-        empty = np.flatnonzero(above < EMPTY_BAND * np.array(reference))
-        if empty.size == 0:
+        first, last = np.searchsorted(f, f / 4), np.searchsorted(f, f / 2, side="right")
+        # No median exceeds the largest of all that follows, which leaves few of them to be taken.
+        hopeful = np.flatnonzero((f > 8 * f[1]) & (above < EMPTY_BAND * above[np.minimum(first, len(f) - 1)]))
+        empty = (k for k in hopeful if above[k] < EMPTY_BAND * np.median(power[first[k] : last[k]]))
+        if (edge := next(empty, None)) is None:
             return None
-        edges.append(float(f[empty[0]]))
+        edges.append(float(f[edge]))
     return max(edges, default=None)

@@ -132,22 +132,32 @@ def has_channel(shape: Shape) -> bool:
     return SHAPES[shape].acts_on in ("channel", "reading", "held", "course")
 
 
-def active_samples(fault: Fault, time_s: FloatArray) -> NDArray[np.bool_]:
-    """Return (n_samples,) true from the onset to before the offset, both to within 1e-6 of a sample.
+def active_samples(fault: Fault, time_s: FloatArray, tolerance_s: float | None = None) -> NDArray[np.bool_]:
+    """Return (n_samples,) true from the onset to before the offset, both to within a tolerance, see `time_tolerance_s`.
 
-    The tolerance never falls below the resolution of the time axis (seconds since 1970 resolve 2e-7 s).
+    Parameters
+    ----------
+    tolerance_s : where it is known, of several faults on one axis.
     """
-    if time_s.size == 0:
-        return np.zeros(0, dtype=bool)
-    steps = np.sort(np.diff(time_s[:STEPS_SEEN]))
-    step = 0.5 * float(steps[(len(steps) - 1) // 2] + steps[len(steps) // 2]) if steps.size else 0.0  # their median
-    tolerance = max(ONSET_TOLERANCE_SAMPLES * step, 4.0 * float(np.spacing(np.abs(time_s[[0, -1]]).max())))
+    if tolerance_s is None:
+        tolerance_s = time_tolerance_s(time_s)
     stop = math.inf if fault.offset_s is None else fault.offset_s
-    active: NDArray[np.bool_] = (time_s >= fault.onset_s - tolerance) & (time_s < stop - tolerance)
+    active: NDArray[np.bool_] = (time_s >= fault.onset_s - tolerance_s) & (time_s < stop - tolerance_s)
     return active
 
 
-def unit_signal(fault: Fault, time_s: FloatArray, *, window_start_s: float) -> FloatArray:
+def time_tolerance_s(time_s: FloatArray) -> float:
+    """Return 1e-6 of a sample of a time axis, never below its resolution (seconds since 1970 resolve 2e-7 s)."""
+    if time_s.size == 0:
+        return 0.0
+    steps = np.sort(np.diff(time_s[:STEPS_SEEN]))
+    step = 0.5 * float(steps[(len(steps) - 1) // 2] + steps[len(steps) // 2]) if steps.size else 0.0  # their median
+    return max(ONSET_TOLERANCE_SAMPLES * step, 4.0 * float(np.spacing(np.abs(time_s[[0, -1]]).max())))
+
+
+def unit_signal(
+    fault: Fault, time_s: FloatArray, *, window_start_s: float, tolerance_s: float | None = None
+) -> FloatArray:
     """Return (n_samples,) the signal of `fault` at magnitude 1, in the unit the shape implies.
 
     For a shape that acts on a reading or a pressure that is its course, of which `bfi_cli.flightlog.inject` makes what
@@ -158,6 +168,7 @@ def unit_signal(fault: Fault, time_s: FloatArray, *, window_start_s: float) -> F
     fault : its times on the axis of `time_s`; its own `magnitude` is not applied.
     time_s : (n_samples,) seconds, increasing.
     window_start_s : where the phase of `phase_reference: window` counts from, on the axis of `time_s`.
+    tolerance_s : see `active_samples`.
 
     Raises
     ------
@@ -168,7 +179,7 @@ def unit_signal(fault: Fault, time_s: FloatArray, *, window_start_s: float) -> F
     `ramp_hold` and `samples` keep their last value until the offset; `samples` is zero before its first time.
     """
     time_s = np.asarray(time_s, dtype=np.float64)
-    active = active_samples(fault, time_s)
+    active = active_samples(fault, time_s, tolerance_s)
     for key in SHAPES[fault.shape].keys:
         if key.required and getattr(fault, key.name) in (None, ""):
             raise DictionaryError(f"{fault.called}: {_missing(key.name, fault.shape)}")

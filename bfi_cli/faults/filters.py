@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import LogError
 from ..kernels.low_pass import IDENTITY, Kind, Response, decimated, low_pass
-from .fault import Fault, unit_signal
+from .fault import Fault, time_tolerance_s, unit_signal
 
 FloatArray = NDArray[np.float64]
 
@@ -131,16 +131,26 @@ def alternatives(filters: Sequence[Filter]) -> list[tuple[Filter, ...]]:
 def recorded_signal(
     fault: Fault, time_s: FloatArray, response: Response = IDENTITY, *, window_start_s: float
 ) -> FloatArray:
-    """Return (n_samples,) the signal of a fault at magnitude 1 as the log shows it; see `faults.unit_signal`.
+    """Return (n_samples,) the signal of a fault at magnitude 1 as the log shows it, see `recorded_signals`."""
+    return recorded_signals([fault], time_s, response, window_start_s=window_start_s)[:, 0]
+
+
+def recorded_signals(
+    faults: Sequence[Fault], time_s: FloatArray, response: Response = IDENTITY, *, window_start_s: float
+) -> FloatArray:
+    """Return (n_samples, n_faults) the signals of faults at magnitude 1 as a log shows them; see `faults.unit_signal`.
 
     Parameters
     ----------
     time_s : (n_samples,) seconds, at equal steps where the log went through filters.
     response : of the filters, see `response_of`.
     """
-    if response.changes_nothing or len(time_s) < 2:
-        return unit_signal(fault, time_s, window_start_s=window_start_s)
-    step = float(np.median(np.diff(time_s)))
-    before, after = step * np.arange(response.after, 0, -1), step * np.arange(1, response.before + 1)
-    wider = np.concatenate([time_s[0] - before, time_s, time_s[-1] + after])
-    return response.filtered(unit_signal(fault, wider, window_start_s=window_start_s))
+    filtered = not response.changes_nothing and len(time_s) >= 2
+    if filtered:
+        step = float(np.median(np.diff(time_s)))
+        before, after = step * np.arange(response.after, 0, -1), step * np.arange(1, response.before + 1)
+        time_s = np.concatenate([time_s[0] - before, time_s, time_s[-1] + after])
+    made, tolerance_s = np.empty((len(faults), len(time_s))), time_tolerance_s(time_s)
+    for row, fault in zip(made, faults, strict=True):
+        row[:] = unit_signal(fault, time_s, window_start_s=window_start_s, tolerance_s=tolerance_s)
+    return response.filtered(made.T) if filtered else made.T

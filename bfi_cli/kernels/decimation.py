@@ -86,8 +86,7 @@ def decimate(x: FloatArray, factor: int, lowpass: Lowpass = SHARP) -> FloatArray
     if x.shape[0] < n_taps:
         raise ValueError(f"{x.shape[0]} samples are fewer than the {n_taps} taps of the decimation by {factor}")
     taps = lowpass_taps(factor, lowpass)
-    flat = np.ascontiguousarray(x.reshape(x.shape[0], -1))
-    n_rows = (x.shape[0] - taps.size) // factor + 1
-    windows = np.lib.stride_tricks.sliding_window_view(flat, taps.size, axis=0)[::factor]
-    out = np.einsum("rct,t->rc", windows, taps[::-1], optimize=False)
-    return np.asarray(out.reshape((n_rows, *x.shape[1:])))
+    columns = np.ascontiguousarray(x.reshape(x.shape[0], -1).T)
+    windows = np.lib.stride_tricks.sliding_window_view(columns, taps.size, axis=1)[:, ::factor]
+    out = np.einsum("crt,t->cr", windows, taps[::-1], optimize=False)
+    return np.ascontiguousarray(out.T).reshape(out.shape[1], *x.shape[1:])

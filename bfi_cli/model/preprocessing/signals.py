@@ -11,7 +11,7 @@ import numpy as np
 from ...dictionary import signals
 from ...errors import LogError
 from ...faults import Fault, tail_of
-from ...faults.filters import recorded_signal
+from ...faults.filters import recorded_signal, recorded_signals
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
 from ...kernels.atom_signals import LONGEST_REACH, AtomSignals, Stretch, Stretches, signal_of
@@ -222,6 +222,8 @@ class NativeSignals:
             in_stretches = n_rows * max(n_faults, FEWEST) > PIECEWISE and not self.slopes
         theta, largest = np.zeros((n_rows, len(self.outputs), 0 if in_stretches else n_faults)), np.zeros(n_faults)
         atoms, outputs, given = [Stretches()] * n_faults, [0] * n_faults, self.given
+        # Signals of a short record are made and filtered together, which takes a third of the time.
+        together = [] if in_stretches or len(self.time_s) > BLOCK else [j for j in self.seen if j not in given]
         for j in self.seen:
             fault = self.faults[j]
             output = outputs[j] = self.outputs.index(fault.channel)
@@ -233,8 +235,14 @@ class NativeSignals:
                     theta[:, :, j] = made
             elif in_stretches:
                 atoms[j], largest[j] = self.stretches_of(fault, factor, lowpass)
-            else:
+            elif not together:
                 theta[:, output, j], largest[j] = self.signal_of(fault, factor, lowpass)
+        for start in range(0, len(together), size := max(1, BLOCK // len(self.time_s))):
+            group = together[start : start + size]
+            group_faults = [self.faults[j] for j in group]
+            made = recorded_signals(group_faults, self.time_s, self.response, window_start_s=self.window_start_s)
+            theta[:, [outputs[j] for j in group], group] = decimate(made, factor, lowpass)
+            largest[group] = np.max(np.abs(made), axis=0, initial=0.0)
         if not in_stretches:
             return AtomSignals.sampled(theta), largest
         step_s, n_outputs = factor * self.step_s, len(self.outputs)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..kernels.normal import MAD
+from ..kernels.running import block_means
 from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, FloatArray, G
 
 # Fits are made again without samples this many robust standard deviations off: flaps, gear, the ground, gusts.
@@ -164,13 +165,8 @@ def _slopes(time_s: FloatArray, values: FloatArray) -> FloatArray:
     cell = np.floor((time_s - time_s[known][0]) / width_s + 0.5 * min(step_s / width_s, 1.0)).astype(np.intp)
     cell -= cell.min()
     n, half = int(cell.max()) + 1, CELLS // 2
-    count = np.bincount(cell[known], minlength=n)
     origin = values[known][0]
-    with np.errstate(invalid="ignore"):
-        times, means = (
-            np.bincount(cell[known], weights=column[known], minlength=n) / np.where(count > 0, count, np.nan)
-            for column in (time_s, values - origin)
-        )
+    times, means = (block_means(np.where(known, column, np.nan), cell, n) for column in (time_s, values - origin))
     padded = (np.concatenate([np.full(half, np.nan), column, np.full(half, np.nan)]) for column in (times, means))
     x, y = (np.lib.stride_tricks.sliding_window_view(column, CELLS) for column in padded)
     has = np.isfinite(x)

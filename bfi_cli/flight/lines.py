@@ -25,7 +25,6 @@ from .tables import AIRSPEED_ROWS
 from .weight import Ordinary, Weight, against, beside, dispersion, floored_density
 
 PITOT_LEAK, PITOT_ICING, PITOT_BLOCKED, STATIC_BLOCKED = "pitot_leak", "pitot_icing", "pitot_blocked", "static_blocked"
-LINE_FAULTS = (PITOT_LEAK, PITOT_ICING, PITOT_BLOCKED, STATIC_LEAK, STATIC_BLOCKED)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

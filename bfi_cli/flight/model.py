@@ -8,7 +8,7 @@ made again.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -76,7 +76,6 @@ class Share:
 class Frame:
     """What is taken from the flight as recorded, and kept when a channel of it is replaced."""
 
-    fast: float
     middle_speed: float
     middle_load: float
     middle_height: float
@@ -228,7 +227,6 @@ def _frame(seconds: Seconds, flown: BoolArray | None) -> Frame:
         airborne |= flown
     middle = max(float(np.median(speed[airborne])), 0.6 * fast) if airborne.any() else fast
     frame = Frame(
-        fast=fast,
         middle_speed=middle,
         middle_load=1.0,
         middle_height=float(np.median(height)),
@@ -318,7 +316,6 @@ def _coefficients(seconds: Seconds, frame: Frame) -> Coefficients:
     cas = channels_of(p_static, q_impact, np.full(mach.shape, 288.15))["cas"]
     load = np.clip(_load_over_pressure(seconds, airspeed) / frame.middle_load, -1.0, 4.0)
     load = smoothed(load, LOAD_S)
-    pitch = filled(channels["pitch"]) if "pitch" in channels else np.zeros(height.size)
     heading = track = np.zeros(height.size)
     if "velocity_north" in channels:
         track = np.unwrap(filled(np.unwrap(_bridged_angle(channels["velocity_north"], channels["velocity_east"]))))
@@ -343,7 +340,6 @@ def _coefficients(seconds: Seconds, frame: Frame) -> Coefficients:
         track=track,
         bank=_bank(seconds),
         cos_bank=np.cos(_bank(seconds)),
-        cos_pitch=np.cos(pitch),
         position_m=(load - 1.0) * airspeed**2 / (2.0 * G),
         rates=rates,
     )
@@ -549,12 +545,3 @@ def _widening(model: FlightModel) -> dict[str, FloatArray]:
     gusts = np.maximum(np.clip(moved / usual, 1.0, GUSTIEST), activity)
     turns = np.sqrt(1.0 + 20.0 * np.minimum(np.abs(c.bank), 1.0))
     return {"activity": activity, "gusts": gusts, "turns": turns}
-
-
-def gathered(shares: Sequence[Share], levels: Mapping[str, float], R: FloatArray, Q: FloatArray) -> dict[str, float]:
-    """Return by level the sum of (n, n_rows) and (n, n_states) values over what the level makes of each variance."""
-    sums = dict.fromkeys(levels, 0.0)
-    for share in shares:
-        values = (R if share.is_row else Q)[:, share.index]
-        sums[share.level] += float(levels[share.level] ** 2 * (share.weight @ values))
-    return sums

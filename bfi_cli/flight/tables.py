@@ -28,7 +28,7 @@ class Coefficients:
     load_factor : lift over dynamic pressure, 1 in the flight's median.
     lift_slope : angle of attack at a load factor of 1 above that of zero lift, rad, a constant.
     height, middle : pressure altitude, and its median, m.
-    heading, track, bank : rad; cos_bank, cos_pitch.
+    heading, track, bank : rad; cos_bank.
     position_m : height by which a static port errs whose error is that share of the lift, m.
     rates : by row the rate of change of its own channel, per second.
     """
@@ -44,7 +44,6 @@ class Coefficients:
     track: FloatArray
     bank: FloatArray
     cos_bank: FloatArray
-    cos_pitch: FloatArray
     position_m: FloatArray
     rates: Mapping[str, FloatArray]
 

@@ -20,7 +20,7 @@ from ..faults.filters import response_of
 from ..kernels.generalised_least_squares import least_squares
 from ..kernels.normal import MAD
 from ..kernels.quantisation import find_quantum, quantum_of_plateaus
-from ..kernels.running import interpolation_error, running_median, travel
+from ..kernels.running import block_means, interpolation_error, running_median, travel
 from ..kernels.runs import BoolArray, bridged, repeats, runs, within
 from ..quantities.channels import INDEPENDENT
 from ..quantities.text import instant
@@ -319,7 +319,7 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
     values, known = np.full(n, np.nan), np.zeros(n, dtype=bool)
     known[tick] = True
     if is_averaged:
-        values = np.bincount(tick, weights=readings, minlength=n) / np.maximum(np.bincount(tick, minlength=n), 1)
+        values = block_means(readings, tick, n)
     else:
         values[tick[::-1]] = readings[::-1]  # the first of each tick
     ticks, step_s = np.arange(n), period / log.rate_hz

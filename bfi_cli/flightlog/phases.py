@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..airdata import G
+from ..kernels.running import block_means
 from ..kernels.runs import BoolArray, FloatArray, Run, bridged, joined, left_of, runs, runs_with, within
 from ..notes import Note
 from ..quantities.channels import quantity_of
@@ -430,18 +431,8 @@ def _on_grid(
 def _block_means(time_s: FloatArray, step_s: float) -> Callable[[FloatArray], FloatArray]:
     """Return a function from (n_samples,) values to the means of blocks of `step_s`, NaN for a block without values."""
     block = np.floor((time_s - float(time_s[0])) / step_s + 1e-6).astype(np.intp)
-    n, firsts = int(block[-1]) + 1, np.flatnonzero(np.diff(block, prepend=-1))
-    filled = block[firsts]  # blocks with samples, which lie side by side since time increases
-
-    def mean(values: FloatArray) -> FloatArray:
-        good = np.isfinite(values)
-        total = np.add.reduceat(values if good.all() else np.where(good, values, 0.0), firsts)
-        count = np.add.reduceat(good, firsts, dtype=np.intp)
-        means = np.full(n, np.nan)
-        means[filled[count > 0]] = total[count > 0] / count[count > 0]
-        return bridged(means, most=max(1, round(0.5 / BLOCK)))
-
-    return mean
+    n, most = int(block[-1]) + 1, max(1, round(0.5 / BLOCK))
+    return lambda values: bridged(block_means(values, block, n), most=most)
 
 
 def _right_speed(means: Mapping[str, FloatArray], verdict: Verdict) -> tuple[FloatArray, BoolArray]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from . import FloatArray
+from . import FloatArray, IntArray
 from .normal import MAD
 
 # Least running deviation, as a share of its median: calm stretches must not carry the whole record. Tuned with the
@@ -141,6 +141,22 @@ def travel(x: FloatArray, size: int) -> FloatArray:
         n, later = len(travels[start : start + BLOCK]), size - width
         travels[start : start + n] = np.maximum(greatest[:n], greatest[later:]) - np.minimum(least[:n], least[later:])
     return travels
+
+
+def block_means(values: FloatArray, block: IntArray, n: int, *, least: FloatArray | float = 1.0) -> FloatArray:
+    """Return (n,) means of the finite values of each block, NaN where fewer than `least` of a block are finite.
+
+    Parameters
+    ----------
+    values, block : (n_samples,) samples, and the number of the block of each, from 0 to n - 1.
+    least : of all blocks, or (n,) of each; no value at all is none.
+    """
+    known = np.isfinite(values)
+    if not known.all():
+        values, block = values[known], block[known]
+    count = np.bincount(block, minlength=n)
+    total = np.bincount(block, weights=values, minlength=n)
+    return np.where(count >= np.maximum(least, 1.0), total / np.maximum(count, 1), np.nan)
 
 
 def mean_of_stretches(x: FloatArray, size: int) -> FloatArray:

@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from bfi_cli.kernels import running as module
 from bfi_cli.kernels.running import (
+    block_means,
     interpolation_error,
     mean_of_stretches,
     median_of_neighbours,
@@ -138,3 +139,19 @@ def test_travel_of_a_record_longer_than_a_block_is_that_of_its_stretches(monkeyp
     monkeypatch.setattr(module, "BLOCK", 7)
     np.testing.assert_array_equal(travel(x, 24), whole)
     np.testing.assert_array_equal(travel(x, 24), np.ptp(np.lib.stride_tricks.sliding_window_view(x, 24), axis=1))
+
+
+@pytest.mark.parametrize("least", [1.0, 3.0, np.array([1.0, 4.0, 2.0, 0.0, 1.0])])
+def test_means_of_blocks_are_those_of_their_finite_values(least: float | np.ndarray):
+    rng = np.random.default_rng(2)
+    block = np.sort(rng.choice([0, 1, 2, 4], size=40))
+    values = 1e5 + rng.standard_normal(block.size)
+    values[rng.random(block.size) < 0.3] = np.nan
+    values[block == 2] = np.nan
+    made = block_means(values, block, 5, least=least)
+    for k, needed in enumerate(np.broadcast_to(least, 5)):
+        part = values[(block == k) & np.isfinite(values)]
+        expected = part.mean() if part.size >= max(needed, 1.0) else np.nan
+        assert made[k] == pytest.approx(expected, rel=1e-14, nan_ok=True)
+    assert np.isnan(made[2])
+    assert np.isnan(made[3])

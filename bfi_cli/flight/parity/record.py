@@ -30,6 +30,7 @@ from ...airdata.relations import State
 from ...flightlog import FlightLog
 from ...flightlog.quantities import pressures_of
 from ...kernels import FloatArray, IntArray
+from ...kernels.running import block_means
 from ...kernels.runs import bridged
 
 STEP_S = 1.0  # faults of interest last tens of seconds; a sample per second holds all that tells them
@@ -187,10 +188,7 @@ def seconds_of_samples(log: FlightLog) -> tuple[IntArray, int]:
 
 def over_seconds(values: FloatArray, seconds: IntArray, n: int, expected: float) -> FloatArray:
     """Return (n,) means of samples over seconds, NaN where less than half of the `expected` samples are finite."""
-    known = np.isfinite(values)
-    count = np.bincount(seconds[known], minlength=n)
-    total = np.bincount(seconds[known], weights=values[known], minlength=n)
-    return np.where(count >= 0.5 * expected, total / np.maximum(count, 1), np.nan)
+    return block_means(values, seconds, n, least=0.5 * expected)
 
 
 def _integral(rate: FloatArray, time_s: FloatArray) -> FloatArray:

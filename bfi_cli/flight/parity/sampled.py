@@ -10,6 +10,7 @@ import numpy as np
 from ...flightlog import FlightLog
 from ...kernels import FloatArray, IntArray
 from ...kernels.quantisation import find_quantum, quantum_of_plateaus
+from ...kernels.running import block_means
 from ...quantities.channels import STANDARD
 
 
@@ -34,15 +35,11 @@ class Blocks:
         number = np.floor((time_s - time_s[0]) / block_s + 1e-6).astype(np.intp)
         block = np.concatenate([[0], np.cumsum(np.diff(number) > 0)]).astype(np.intp)
         count = np.bincount(block).astype(np.float64)
-        return cls(block=block, count=count, time_s=np.bincount(block, time_s - time_s[0]) / count + time_s[0])
+        return cls(block=block, count=count, time_s=block_means(time_s - time_s[0], block, count.size) + time_s[0])
 
     def mean(self, x: FloatArray) -> FloatArray:
         """Return (n_blocks,) means of the finite samples of x (n_samples,); NaN where more than half are missing."""
-        finite = np.isfinite(x)
-        middle = float(np.mean(x[finite])) if finite.any() else 0.0
-        n = np.bincount(self.block, finite)
-        total = np.bincount(self.block, np.where(finite, x - middle, 0.0))
-        return np.where(2.0 * n >= self.count, total / np.maximum(n, 1.0) + middle, np.nan)
+        return block_means(x, self.block, self.count.size, least=0.5 * self.count)
 
 
 def quanta_of(log: FlightLog, names: Collection[str]) -> Mapping[str, float]:

@@ -10,7 +10,8 @@ from ...airdata.relations import State
 from ...flightlog import FlightLog
 from ...flightlog.record import LARGEST_VALUE
 from ...flightlog.signs import BORNE, FASTEST, METRES_PER_SECOND, MOVING, WALK
-from ...kernels import BoolArray, FloatArray, IntArray
+from ...kernels import BoolArray, FloatArray
+from ...kernels.running import block_means
 from ...kernels.runs import runs
 from ...quantities.channels import STANDARD
 
@@ -38,8 +39,9 @@ def seconds_of(log: FlightLog, names: Collection[str]) -> State | None:
     first = np.flatnonzero(np.diff(bins, prepend=-1.0))
     if first.size < 3:
         return None
+    block = np.cumsum(np.diff(bins, prepend=-1.0) > 0.0) - 1
     every = {
-        name: _means(_continuous(name, log.channels[name].between(rows)), first)
+        name: block_means(_continuous(name, log.channels[name].between(rows)), block, first.size)
         for name in log.independent(names)
         if log.channels[name].unit in ("", "1", STANDARD[name].unit)
     }
@@ -67,15 +69,6 @@ def _continuous(name: str, values: FloatArray) -> FloatArray:
     known = np.isfinite(values)
     values[known] = np.unwrap(values[known], period=period)
     return values
-
-
-def _means(values: FloatArray, first: IntArray) -> FloatArray:
-    """Return (n_seconds,) means of the samples from each `first` on, NaN where a second has none."""
-    known = np.isfinite(values)
-    if known.all():
-        return np.add.reduceat(values, first) / np.diff(np.append(first, values.size))
-    counts = np.add.reduceat(known.astype(np.float64), first)
-    return np.add.reduceat(np.where(known, values, 0.0), first) / np.where(counts > 0.0, counts, np.nan)
 
 
 def _as_slow(values: FloatArray) -> FloatArray:

@@ -239,7 +239,7 @@ def beyond_its_tolerance(flight: Flight, draft: Draft) -> bool | None:
 def errors_of_rivals(finding: Finding) -> dict[str, float]:
     """Return the largest error of every other channel that may be the one at fault."""
     return {
-        name: size * finding.effect.get(finding.fault, 0.0)
+        name: size * abs(finding.effect.get(finding.fault, 0.0))
         for name, size in finding.rivals.items()
         if name in finding.among
     }

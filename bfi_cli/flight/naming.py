@@ -83,11 +83,15 @@ def finding_of_fit(
     recorded : channels of the log.
     """
     fit = fits[0]
-    name = fault_name(fit)
+    name, among = fault_name(fit), names_of(fits, record)
     _, sign = hypothesis_of(name)
+    errors = {fault_name(other): effects(record, other) for other in reversed(fits)}
+    error = abs(errors[name].get(name, 0.0))
+    rivals = {other: sizes[other] for other, sizes in errors.items() if error and other != name and other in sizes}
     return Finding(
         fault=name,
-        among=names_of(fits, record),
+        among=among,
+        rivals={other: abs(size) / error for other, size in rivals.items()},
         channels=channels_of(name, recorded),
         stage="parity",
         shape=fit.shape,
@@ -95,7 +99,7 @@ def finding_of_fit(
         magnitude=sign * fit.magnitude,
         sd=fit.sd,
         unit=SHAPES[fit.shape].magnitude_unit(fit.fault.unit, slope=None) or "1",
-        effect={channel: size for channel, size in effects(record, fit).items() if channel in recorded},
+        effect={channel: size for channel, size in errors[name].items() if channel in recorded},
         onset_s=fit.onset_s,
         onset_ci95=fit.onset_ci95,
         statistic=scan.statistic,

@@ -8,7 +8,7 @@ from itertools import permutations
 import numpy as np
 import pytest
 
-from bfi_cli.airdata import DEPENDS_ON
+from bfi_cli.airdata import DEPENDS_ON, impact_pressure_of_cas
 from bfi_cli.decision.calibration import null_from
 from bfi_cli.faults import Fault
 from bfi_cli.flight.naming import REPEATS, contradicted, finding_of_fit, finding_of_glance, repeat_advice
@@ -49,6 +49,16 @@ def test_a_loss_of_impact_pressure_is_icing_and_counts_up(journey: FlightLog):
     assert found.magnitude == pytest.approx(0.0025, rel=0.05)
     assert set(found.channels) == {"tas", "cas", "mach", "sat"}
     assert found.effect["tas"] < 0.0
+
+
+def test_a_channel_that_may_err_instead_would_err_by_what_shows_alike(journey: FlightLog):
+    """Lift alone tells no vane from an accelerometer: a small error of one is a large one of the other."""
+    lift = ("tas", "cas", "altitude", "tat", "aoa", "normal_acc")
+    found = finding(replace(journey, channels={name: journey.channels[name] for name in lift}), "aoa", 0.0004)
+    assert "normal_acc" in found.among
+    assert found.rivals.keys() == {*found.among} - {found.fault}
+    slope = 0.02 * float(np.median(impact_pressure_of_cas(journey.window(*WINDOW).channels["cas"].values)))
+    assert found.rivals["normal_acc"] == pytest.approx(slope, rel=0.2)  # m/s^2 per rad, as the flight was made
 
 
 def test_a_gain_of_impact_pressure_is_no_icing(journey: FlightLog):

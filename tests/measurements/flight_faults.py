@@ -23,7 +23,7 @@ A0 = float(np.sqrt(GAMMA * GAS * T0))
 CAS_STEP, ALTITUDE_STEP, NOISE_PA = 0.514444 / 16.0, 0.3048, 1.0
 # An aircraft with a pressurised cabin keeps it about so much above the outside.
 CABIN_PA = (8_000.0, 20_000.0)
-AIR = ("tas", "cas", "mach", "altitude", "altitude_rate", "sat", "tat")
+AIR = ("tas", "cas", "mach", "altitude", "altitude_rate", "sat", "tat", "p_static", "p_total", "q_impact")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,6 +71,9 @@ def computed(p_static: FloatArray, q_impact: FloatArray, tat: FloatArray, step_s
         "altitude_rate": np.gradient(altitude, step_s),
         "sat": sat,
         "tat": tat,
+        "p_static": p_static,
+        "p_total": p_static + q,
+        "q_impact": q,
     }
 
 
@@ -248,7 +251,9 @@ def frozen(channel: str, lasts_s: tuple[float, float]) -> Maker:
         offset_s = onset_s + float(rng.uniform(*lasts_s))
         on, values = _on(time_s, onset_s, offset_s), channels[channel]
         held = np.where(on, values[int(np.argmax(on))], values)
-        changed = {channel: values + low(held - values)}
+        stuck = values + low(held - values)
+        stuck[_on(time_s, onset_s + 1.5, offset_s - 1.5)] = held[int(np.argmax(on))]
+        changed = {channel: stuck}
         return changed, Truth(
             fault=channel,
             shape="frozen",

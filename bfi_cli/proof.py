@@ -30,6 +30,7 @@ from .faults.shapes import SHAPES, Kind, Shape
 from .flight import DiagnoseResult, FlightLimit, diagnose_flight
 from .flightlog import FlightLog, inject
 from .flightlog.derived import with_derived
+from .flightlog.record import frozen_array
 from .flightlog.recorder import recorder_filters
 from .journal import Journal, lines_of_journal
 from .kernels.low_pass import Response
@@ -248,7 +249,7 @@ def finds(
 ) -> bool | None:
     """Say whether an analysis sees the fault of a trial, None where it cannot be added to the log."""
     try:
-        faulty = replace(inject(log, [trial.fault], response=response), truth=None)
+        faulty = replace(_with_components(inject(log, [trial.fault], response=response), log), truth=None)
     except BfiError:
         return None
     try:
@@ -257,6 +258,21 @@ def finds(
         return False
     new = [sighting for sighting in sightings if sighting.onset_s is not None or sighting not in before]
     return sees(new, *claims[trial.claim], trial.fault, slack_s)
+
+
+def _with_components(faulty: FlightLog, log: FlightLog) -> FlightLog:
+    """Return a log whose ground velocity has the ground speed of the log: both are of one receiver."""
+    speed = {name: other.find("ground_speed") for name, other in (("faulty", faulty), ("clean", log))}
+    if speed["faulty"] is None or speed["clean"] is None or speed["faulty"].values is speed["clean"].values:
+        return faulty
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.nan_to_num(speed["faulty"].values / speed["clean"].values, nan=1.0, posinf=1.0, neginf=1.0)
+    components = {
+        name: replace(faulty.channels[name], values=frozen_array(share * faulty.channels[name].values))
+        for name in ("velocity_north", "velocity_east")
+        if name in faulty.channels
+    }
+    return replace(faulty, channels={**faulty.channels, **components})
 
 
 def proofs_of(claims: Sequence[Claim], trials: Sequence[Trial], seen: Sequence[bool | None]) -> Iterator[Proof]:
@@ -305,10 +321,16 @@ def sightings_of(result: OnsetResult | IdentifyResult | DiagnoseResult) -> tuple
 
 
 def sees(sightings: Sequence[Sighting], kind: Kind, channel: str, fault: Fault, slack_s: float = 0.0) -> bool:
-    """Say whether sightings of its kind hold the onset of a fault, or a time until it is built up."""
-    first_s, last_s = fault.onset_s - slack_s, fault.onset_s + (build_up_s(fault) or 0.0) + slack_s
+    """Say whether sightings of its kind, or of its shape's, hold the onset of a fault, or a time until it is built up.
+
+    What grows until it ends is built up then.
+    """
+    kinds, built_up_s = {kind, SHAPES[fault.shape].kind}, build_up_s(fault)
+    if built_up_s is None and kind == "slow" and fault.offset_s is not None:
+        built_up_s = fault.offset_s - fault.onset_s
+    first_s, last_s = fault.onset_s - slack_s, fault.onset_s + (built_up_s or 0.0) + slack_s
     return any(
-        kind in sighting.kinds
+        not kinds.isdisjoint(sighting.kinds)
         and channel in sighting.names
         and (sighting.onset_s is None or (sighting.onset_s[0] <= last_s and first_s <= sighting.onset_s[1]))
         for sighting in sightings
@@ -395,18 +417,19 @@ def _with_error(fault: Fault, error: float, window: LogSummary) -> Fault | None:
 
 
 def flight_claims(result: DiagnoseResult, log: FlightLog) -> list[Claim]:
-    """Return the limits of a flight on errors of channels and on icing, in most of the time that was watched."""
+    """Return what a flight would show of each channel and of icing, in most of the time that was watched."""
     claims = []
-    for limit in result.limits:
+    # A fault has one size, by whatever it shows first.
+    for limit in {(limit.fault, limit.shape): limit for limit in result.limits if limit.holds_in < 1.0}.values():
         is_channel = limit.fault in STANDARD and limit.shape in SHAPES and log.find(limit.fault) is not None
         shape = limit.shape if is_channel else limit.fault
-        if limit.bounds != "error" or limit.holds_in == 1.0 or limit.excluded_above is None or shape not in ADDED_TO:
+        if limit.seen_above is None or shape not in ADDED_TO:
             continue
         claims.append(
             Claim(
                 kind=SHAPES[shape].kind,
                 channel=limit.fault,
-                size=limit.excluded_above,
+                size=limit.seen_above,
                 unit=limit.unit,
                 draw=partial(_flight_fault, limit=limit, shape=shape, result=result),
             )
@@ -417,19 +440,28 @@ def flight_claims(result: DiagnoseResult, log: FlightLog) -> list[Claim]:
 def _flight_fault(
     rng: np.random.Generator, *, limit: FlightLimit, shape: Shape, result: DiagnoseResult
 ) -> Fault | None:
-    """Return a fault at a limit that lasts as long as the window of the limit; None where nothing watches."""
-    assert limit.excluded_above is not None
-    length_s = limit.to_s - limit.from_s
+    """Return a fault of the size that would be seen, which grows as long as its window lasts; None if none watches."""
+    assert limit.seen_above is not None
+    assert limit.seen_within_s is not None
+    length_s = limit.seen_within_s
     onset_s = float(rng.uniform(result.log.start_s, result.log.stop_s - length_s))
     is_watched = any(look.from_s <= onset_s <= look.to_s for look in result.windows)
     if not is_watched or any(from_s <= onset_s + length_s and onset_s <= to_s for from_s, to_s, _ in result.unwatched):
         return None
     sign = 1.0 if SHAPES[shape].is_loss else float(rng.choice([-1.0, 1.0]))
-    channel = limit.fault if has_channel(shape) else ""
+    if shape == "drift":
+        # What would end at once would show as a step back, which is another fault.
+        return Fault(
+            shape="ramp_hold",
+            channel=limit.fault,
+            magnitude=sign * limit.seen_above * length_s,
+            onset_s=onset_s,
+            duration_s=length_s,
+        )
     return Fault(
         shape=shape,
-        channel=channel,
-        magnitude=sign * limit.excluded_above,
+        channel=limit.fault if has_channel(shape) else "",
+        magnitude=sign * limit.seen_above,
         onset_s=onset_s,
-        offset_s=onset_s + length_s,
+        offset_s=onset_s + length_s if SHAPES[shape].kind == "slow" else None,
     )

@@ -13,6 +13,7 @@ from ..faults.shapes import Kind
 from ..kernels import FloatArray
 from ..model.preprocessing.summary import LogSummary
 from ..notes import Note
+from ..report.presented import Presented
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,8 +148,8 @@ class ChannelSeries:
     watched_until_s: float | None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DetectResult:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class DetectResult(Presented):
     """The result of `detect_faults`.
 
     Attributes
@@ -167,6 +168,8 @@ class DetectResult:
     time_s : (n_samples,) of the series.
     commands : what to run next to identify the first failure.
     """
+
+    makers = ("detection.report", "detect_content", "detect_document")
 
     log: LogSummary
     decision: Decision

@@ -114,8 +114,13 @@ def _quiet_headline(result: DiagnoseResult, units: Units) -> Headline:
     return Headline(state="cannot_tell", channel=worst.channel, text=f"most of {span} could not be checked")
 
 
-def _worst(limits: Sequence[FlightLimit]) -> FlightLimit | None:
-    """Return what bounds slow faults of an airspeed least, in most of the flight."""
+def _worst(limits: Sequence[FlightLimit], *, seen: bool = False) -> FlightLimit | None:
+    """Return what bounds slow faults of an airspeed least, in most of the flight.
+
+    Parameters
+    ----------
+    seen : by the size that would be declared, not by that which the flight excludes.
+    """
     mostly = [
         limit
         for limit in limits
@@ -124,24 +129,34 @@ def _worst(limits: Sequence[FlightLimit]) -> FlightLimit | None:
         and limit.holds_in < 1.0
         and limit.channel in AIRSPEEDS[:3]
     ]
-    return max(mostly, key=lambda limit: beside_tolerance(limit.effect, limit.tolerance), default=None)
+    return max(
+        mostly,
+        key=lambda limit: beside_tolerance(limit.seen_effect if seen else limit.effect, limit.tolerance),
+        default=None,
+    )
 
 
 def _bounds_in_words(result: DiagnoseResult, units: Units, state: State) -> dict[Label, list[str]]:
     """Return what would have been found of slow faults, or could still be there."""
-    worst = _worst(result.limits)
+    worst = _worst(result.limits, seen=state == "no_fault_found")
     if worst is None:
         other = "another" if result.verdicts["slow"] == "fault" else "a"
         return {"Still possible": [f"{other} slow error of any size"]}
     most = f"in {worst.holds_in:.0%} of the checked flight".replace("%", " %")
+    channel, shown = channel_in_words(worst.channel), units.of(worst.effect_unit, channel=worst.channel)
+    if state == "no_fault_found":
+        if worst.seen_effect is None:
+            return {"Still possible": [f"a slow error of {channel} of any size"]}
+        length = f"within {worst.seen_within_s:.0f} s ({most})"
+        return {
+            "Would have been found": [f"slow errors of {channel} above {change(worst.seen_effect, shown)} {length}"]
+        }
     if worst.effect is None:
-        return {"Still possible": [f"a slow error of {channel_in_words(worst.channel)} of any size"]}
-    size = change(worst.effect, units.of(worst.effect_unit, channel=worst.channel))
-    length = f"within {worst.to_s - worst.from_s:.0f} s"
-    if state == "no_fault_found" or worst.within_tolerance:
-        label: Label = "Would have been found" if state == "no_fault_found" else "Ruled out"
-        return {label: [f"slow errors of {channel_in_words(worst.channel)} above {size} {length} ({most})"]}
-    return {"Still possible": [f"a slow error of {channel_in_words(worst.channel)} of up to {size} {length} ({most})"]}
+        return {"Still possible": [f"a slow error of {channel} of any size"]}
+    bound = f"{change(worst.effect, shown)} within {worst.to_s - worst.from_s:.0f} s ({most})"
+    if worst.within_tolerance:
+        return {"Ruled out": [f"slow errors of {channel} above {bound}"]}
+    return {"Still possible": [f"a slow error of {channel} of up to {bound}"]}
 
 
 def event_in_words(event: Event, units: Units) -> str:

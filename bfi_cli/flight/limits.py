@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from ..kernels.runs import runs
 from ..quantities.channels import LARGEST_ERROR, STANDARD
 from ..quantities.units import per_second
 from .flight import Flight
+from .judge import REFERENCES
 from .looks import Scanned
 from .parity import Bound
 from .parity.lines import METRES
@@ -46,6 +47,7 @@ class Hidden:
     Attributes
     ----------
     onsets_s : (n,) that it shows; sizes : (n,) the largest that may begin there unseen, infinite where any may.
+    declared : (n,) those that would be declared with 90 % power.
     spreads : (n,) what of the sizes its noise makes, whatever it shows: of several windows that with the least counts,
         since the least of what they show would exclude too much.
     scale : error on the channel by a fault of size 1, after a second where it grows.
@@ -55,6 +57,7 @@ class Hidden:
     window: Window
     onsets_s: FloatArray
     sizes: FloatArray
+    declared: FloatArray
     spreads: FloatArray
     scale: float
     tolerance: float | None
@@ -98,7 +101,7 @@ def bounds_of(
     ]
     bounds: dict[tuple[str, str, Bound], Bounds] = {}
     tolerance = cache(flight.tolerance)
-    largest = cache(lambda channel: _largest_error(flight, channel))
+    largest = cache(partial(_largest_error, flight))
 
     def offer(
         kind: Bounds,
@@ -106,13 +109,18 @@ def bounds_of(
         onsets_s: FloatArray,
         sizes: FloatArray,
         spreads: FloatArray,
+        declared: FloatArray,
         scale: float = 1.0,
     ) -> None:
-        reach = window[1] - onsets_s if kind.shape == "drift" else 1.0
+        grows, most = kind.shape == "drift", largest(kind.channel, kind.fault)
+        declared = np.maximum(sizes, declared)
+        declared = np.where(declared * scale * (window[1] - window[0] if grows else 1.0) <= most, declared, np.inf)
+        sizes = np.where(sizes * scale * (window[1] - onsets_s if grows else 1.0) <= most, sizes, np.inf)
         hidden = Hidden(
             window=window,
             onsets_s=onsets_s,
-            sizes=np.where(sizes * scale * reach <= largest(kind.channel), sizes, np.inf),
+            sizes=sizes,
+            declared=declared,
             spreads=spreads,
             scale=scale,
             tolerance=tolerance(kind.channel, window),
@@ -129,23 +137,19 @@ def bounds_of(
             # The statistic, which a rougher flight raises, goes with the square of a slope.
             spreads = EXCEEDED_BY * np.sqrt(scan.threshold.scale) * scan.sd[name]
             sizes = np.abs(scan.magnitude[name]) + spreads
-            offer(kind, window, scan.onsets_s, sizes, spreads, scale)
+            # A reference is named by a finder alone: of what the scan shows, an airspeed or a line is.
+            declared = np.full_like(sizes, np.inf) if name in REFERENCES else scan.declared[name]
+            offer(kind, window, scan.onsets_s, sizes, spreads, declared, scale)
             if name in AIRSPEEDS and name == flight.record.airspeed and "q_impact" not in scan.magnitude:
                 # Where one airspeed stands for the line, what bounds the channel bounds a loss of impact pressure.
                 line, scale = replace(kind, fault=PITOT_LINE, unit="1/s"), 0.5 * _speed(flight, window, name)
-                offer(line, window, scan.onsets_s, sizes / scale, spreads / scale, scale)
+                offer(line, window, scan.onsets_s, sizes / scale, spreads / scale, declared / scale, scale)
     for window, answer in static:
         for limit in () if overlaps(window, left_out) else answer.limits:
-            kind = Bounds(
-                fault=limit.fault,
-                shape=limit.shape,
-                channel=limit.channel,
-                unit=limit.unit,
-                bounds=limit.bounds,
-                windows=(),
-            )
+            shared = {key: getattr(limit, key) for key in ("fault", "shape", "channel", "unit", "bounds")}
+            kind = Bounds(windows=(), **shared)
             sizes = np.array(limit.sizes)
-            offer(kind, window, np.array(limit.onsets_s), sizes, sizes)
+            offer(kind, window, np.array(limit.onsets_s), sizes, sizes, sizes)
     return tuple(bounds.values())
 
 
@@ -157,15 +161,32 @@ def limits_of(flight: Flight, bounds: Sequence[Bounds]) -> tuple[FlightLimit, ..
     """
     rows = [row for bound in bounds for row in _rows(flight, bound)]
     return tuple(
-        sorted(rows, key=lambda row: (row.bounds != "error", row.shape, row.fault, -row.holds_in, row.grows_on))
+        sorted(
+            (_soonest_seen(row, rows) for row in rows),
+            key=lambda row: (row.bounds != "error", row.shape, row.fault, -row.holds_in, row.grows_on),
+        )
     )
+
+
+def _soonest_seen(row: FlightLimit, rows: Sequence[FlightLimit]) -> FlightLimit:
+    """Return a row with the least error that shows its fault: as an error of the channel, or in a disagreement."""
+    if row.grows_on:
+        return row
+    alike = [
+        other
+        for other in rows
+        if (other.fault, other.shape, other.holds_in, other.grows_on) == (row.fault, row.shape, row.holds_in, False)
+        and other.seen_effect is not None
+    ]
+    best = min(alike, key=lambda other: other.seen_effect or 0.0, default=row)
+    return replace(row, seen_above=best.seen_above, seen_effect=best.seen_effect, seen_within_s=best.seen_within_s)
 
 
 def hidden_slopes(bound: Bounds, starts: FloatArray) -> FloatArray:
     """Return (n_starts,) the steepest drifts that may begin unseen in the stretches from these times on."""
     if not bound.windows:
         return np.full(len(starts), np.inf)
-    sizes, spreads, _, _ = _limits_by_window(bound.windows, starts, bound.shape)
+    sizes, _, spreads, _, _ = _limits_by_window(bound.windows, starts, bound.shape)
     return np.asarray(sizes[np.arange(len(starts)), np.argmin(spreads, axis=1)])
 
 
@@ -175,7 +196,7 @@ def limit_courses(flight: Flight, bounds: Sequence[Bounds]) -> tuple[LimitCourse
     for bound in bounds:
         if bound.shape != "drift" or bound.bounds != "error" or bound.fault not in (*AIRSPEEDS, PITOT_LINE):
             continue
-        sizes, spreads, _, inside = _limits_by_window(bound.windows, starts, bound.shape)
+        sizes, _, spreads, _, inside = _limits_by_window(bound.windows, starts, bound.shape)
         best = np.argmin(np.where(inside, spreads, np.inf), axis=1)
         slopes = np.where(inside, sizes, np.nan)[np.arange(len(starts)), best]
         known = np.sort(slopes[np.isfinite(slopes)])
@@ -193,22 +214,36 @@ def _rows(flight: Flight, bound: Bounds) -> list[FlightLimit]:
     windows, starts = sorted(bound.windows, key=lambda hidden: hidden.window[1]), _stretches(flight)
     if not windows:
         return []
-    sizes, spreads, reach, inside = _limits_by_window(windows, starts, bound.shape)
+    sizes, declared, spreads, reach, inside = _limits_by_window(windows, starts, bound.shape)
     k = np.flatnonzero(inside.any(axis=1))
     if not k.size:
         return []
-    sizes, spreads, reach, inside = sizes[k], spreads[k], reach[k], inside[k]
+    sizes, declared, spreads, reach, inside = sizes[k], declared[k], spreads[k], reach[k], inside[k]
     per_tolerance = reach / np.array([hidden.tolerance or 1.0 for hidden in windows])
     best = np.argmin(np.where(inside, spreads, np.inf) * np.where(inside, per_tolerance, 1.0), axis=1)
     at_best = (np.arange(len(k)), best)
     shares = sizes[at_best] * per_tolerance[at_best]
     order = np.argsort(shares, kind="stable")
+    # What is declared may be so by another window than that which excludes most.
+    lengths = np.array([hidden.window[1] - hidden.window[0] if bound.shape == "drift" else 1.0 for hidden in windows])
+    errors = np.where(inside, declared, np.inf) * lengths * np.array([hidden.scale for hidden in windows])
+    declared_shares = errors / np.array([hidden.tolerance or 1.0 for hidden in windows])
+    soonest = np.argmin(declared_shares, axis=1)
+    by_share = np.argsort(declared_shares.min(axis=1), kind="stable")
     rows = []
-    for holds_in, at in ((1.0, order[-1]), (MOSTLY, order[int(np.ceil(MOSTLY * len(order))) - 1])):
-        hidden, size = windows[best[at]], float(sizes[at, best[at]])
-        rows.append(
-            _row(flight, bound, hidden, size, size * float(reach[at, best[at]]), hidden.window, holds_in=holds_in)
-        )
+    for holds_in, rank in ((1.0, len(k) - 1), (MOSTLY, int(np.ceil(MOSTLY * len(k))) - 1)):
+        at, seen_at = order[rank], by_share[rank]
+        hidden, size, seen = windows[best[at]], float(sizes[at, best[at]]), (seen_at, soonest[seen_at])
+        row = _row(flight, bound, hidden, size, size * float(reach[at, best[at]]), hidden.window, holds_in=holds_in)
+        if np.isfinite(declared_shares[seen]):
+            from_s, to_s = windows[seen[1]].window
+            row = replace(
+                row,
+                seen_above=float(declared[seen]),
+                seen_effect=float(errors[seen]),
+                seen_within_s=to_s - from_s,
+            )
+        rows.append(row)
     if bound.shape == "drift":
         size, share, first, last = _grown(sizes, spreads, per_tolerance, best)
         effect = share * (windows[last].tolerance or 1.0)
@@ -224,24 +259,26 @@ def _stretches(flight: Flight) -> FloatArray:
 
 def _limits_by_window(
     windows: Sequence[Hidden], starts: FloatArray, shape: str
-) -> tuple[FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
-    """Return by stretch and window the largest sizes that may begin there, their spreads, and the error by size 1.
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
+    """Return by stretch and window the largest sizes that may begin there, those that are declared, their spreads, and
+    the error by size 1.
 
-    What begins before a window and grows shows in it as from its first onset on; the fourth is true only for the
+    What begins before a window and grows shows in it as from its first onset on; the fifth is true only for the
     stretches that a window covers itself. All are (n_stretches, n_windows).
     """
     shape_of = (len(starts), len(windows))
-    sizes, spreads, reach, inside = np.full(shape_of, np.inf), np.full(shape_of, np.inf), *np.zeros((2, *shape_of))
+    sizes, declared, spreads = np.full((3, *shape_of), np.inf)
+    reach, inside = np.zeros((2, *shape_of))
     for j, hidden in enumerate(windows):
         first = np.maximum(np.searchsorted(hidden.onsets_s, starts, side="right") - 1, 0)
         last = np.searchsorted(hidden.onsets_s, starts + BIN_S - 1e-6)
-        for rows, by_onset in ((sizes, hidden.sizes), (spreads, hidden.spreads)):
+        for rows, by_onset in ((sizes, hidden.sizes), (declared, hidden.declared), (spreads, hidden.spreads)):
             rows[last == 0, j] = by_onset[0]
             for k in np.flatnonzero((last > 0) & (last < len(hidden.onsets_s))).tolist():
                 rows[k, j] = by_onset[first[k] : last[k] + 1].max()
         reach[:, j] = hidden.scale * (hidden.window[1] - starts if shape == "drift" else 1.0)
         inside[:, j] = starts >= hidden.window[0] - 1e-6
-    return sizes, spreads, reach, (inside > 0.0) & np.isfinite(sizes)
+    return sizes, declared, spreads, reach, (inside > 0.0) & np.isfinite(sizes)
 
 
 def _grown(
@@ -281,7 +318,7 @@ def _row(
     holds_in: float = 1.0,
     grows_on: bool = False,
 ) -> FlightLimit:
-    any_size = effect > _largest_error(flight, bound.channel)
+    any_size = effect > _largest_error(flight, bound.channel, bound.fault)
     return FlightLimit(
         fault=bound.fault,
         shape=bound.shape,
@@ -300,14 +337,20 @@ def _row(
     )
 
 
-def _largest_error(flight: Flight, channel: str) -> float:
-    """Return the error beyond which a limit says nothing: of an airspeed its median in flight, all of what it shows."""
+def _largest_error(flight: Flight, channel: str, fault: str) -> float:
+    """Return the error beyond which a limit says nothing: of an airspeed its median in flight, all of what it shows.
+
+    Nothing climbs faster than it flies. A tube that ices has lost all of its impact pressure where half of the airspeed
+    is gone to first order.
+    """
     largest = LARGEST_ERROR.get(channel, np.inf)
-    values = flight.record.channels.get(channel, np.empty(0))
-    if channel not in AIRSPEEDS or not values.size:
+    speed = channel if channel in AIRSPEEDS else flight.record.airspeed
+    values = flight.record.channels.get(speed, np.empty(0))
+    if channel not in (*AIRSPEEDS, "ground_speed", "altitude_rate") or not values.size:
         return largest
     flown = values[within(flight.record.time_s, flight_stretches(flight.part_phases)) & np.isfinite(values)]
-    return min(largest, float(np.median(flown))) if flown.size else largest
+    share = 0.5 if fault == PITOT_LINE else 1.0
+    return min(largest, share * float(np.median(flown))) if flown.size else largest
 
 
 def _drift_of(flight: Flight, fault: str, window: Window) -> tuple[Bounds, float]:

@@ -16,6 +16,7 @@ from ..config import Config, merge
 from ..engine import in_order
 from ..errors import BfiError
 from ..flightlog import FlightLog
+from ..kernels.normal import ONE_SIDED_90
 from ..kernels.progress import Report, silent
 from ..model.onset.detection import search_onsets
 from ..model.onset.glance import Glance, glance
@@ -50,6 +51,7 @@ class Scanned:
     ----------
     statistic, fault, onset_s : the largest ratio, and where it is.
     magnitude, sd : by fault, (n_onsets,) of ramps, with what healthy flight shows beyond the noise models.
+    declared : by fault, (n_onsets,) the ramps that would be declared with 90 % power, infinite where none would.
     onsets_s : (n_onsets,) of these.
     lasting : faults that began before it, which its statistic leaves out.
     """
@@ -64,6 +66,7 @@ class Scanned:
     onsets_s: FloatArray
     magnitude: Mapping[str, FloatArray]
     sd: Mapping[str, FloatArray]
+    declared: Mapping[str, FloatArray]
     lasting: tuple[str, ...]
     threshold: Threshold
 
@@ -156,12 +159,12 @@ def scan_flight(
             continue
         best = max(scan.ratios, key=lambda fault: float(scan.ratios[fault].ratio.max()))
         estimates = {fault: ratio.weighted(scan.weights) for fault, ratio in scan.ratios.items()}
-        key = key_of(scan, window, beside=bool(lasting))
+        level = threshold(key_of(scan, window, beside=bool(lasting)))
         scans.append(
             Scanned(
                 from_s=window[0],
                 to_s=window[1],
-                residuals=key.residuals,
+                residuals=tuple(kind.name for kind in scan.kinds),
                 lacking=scan.lacking,
                 statistic=scan.statistic,
                 fault=best,
@@ -169,8 +172,12 @@ def scan_flight(
                 onsets_s=scan.onsets_s,
                 magnitude={fault: magnitude for fault, (magnitude, _) in estimates.items()},
                 sd={fault: sd for fault, (_, sd) in estimates.items()},
+                declared={
+                    fault: ratio.needed(level.level) + ONE_SIDED_90 * np.sqrt(level.scale) * estimates[fault][1]
+                    for fault, ratio in scan.ratios.items()
+                },
                 lasting=lasting,
-                threshold=threshold(key),
+                threshold=level,
             )
         )
     return scans

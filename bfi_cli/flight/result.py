@@ -15,6 +15,7 @@ from ..faults.shapes import Kind
 from ..flightlog.phases import Phase
 from ..model.preprocessing.summary import LogSummary
 from ..notes import Note
+from ..report.presented import Presented
 from .parity.finding import Bound, Stage
 
 FloatArray = NDArray[np.float64]
@@ -118,6 +119,8 @@ class FlightLimit:
     grows_on : whether it is that of a fault that grows beyond a window until a later one would have shown it.
     excluded_above, effect : None where any size could hide; effect is the error on `channel` that this magnitude makes
         by `to_s`, in `effect_unit`.
+    seen_above, seen_effect : magnitude from which on the fault would be declared with 90 % power in that share of the
+        time, and the error that it makes within `seen_within_s`, a window; None where it is not known or none would.
     within_tolerance : whether that is no more than the channel's tolerance there.
     from_s, to_s : of the window; where the fault grows on, from its onset.
     """
@@ -136,6 +139,9 @@ class FlightLimit:
     within_tolerance: bool
     from_s: float
     to_s: float
+    seen_above: float | None = None
+    seen_effect: float | None = None
+    seen_within_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -206,8 +212,8 @@ class Course:
     named: FloatArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class DiagnoseResult:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class DiagnoseResult(Presented):
     """The result of `diagnose_flight`.
 
     Attributes
@@ -224,6 +230,8 @@ class DiagnoseResult:
     proved : what the limits are worth on this flight; empty where that was not asked for.
     time_s : (n,) once a second; measured, corrected : by channel, NaN where corrected says nothing.
     """
+
+    makers = ("flight.report", "diagnose_content", "diagnose_document")
 
     log: LogSummary
     decision: Decision

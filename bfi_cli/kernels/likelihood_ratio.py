@@ -127,6 +127,12 @@ class LikelihoodRatio:
         """(n_onsets,) twice the log-likelihood ratio against no fault."""
         return np.asarray(self.parts(self.magnitude).sum(axis=0))
 
+    def needed(self, ratio: float) -> FloatArray:
+        """Return (n_onsets,) the magnitude that a ratio is expected of, infinite where none is."""
+        power = self.power.sum(axis=0)
+        seen = power > RANK_TOLERANCE * max(float(power.max(initial=0.0)), np.finfo(float).tiny)
+        return np.where(seen, np.sqrt((ratio - self.costs.sum()) / np.where(seen, power, 1.0)), np.inf)
+
     def parts(self, magnitude: FloatArray) -> FloatArray:
         """Return (n_residuals, n_onsets) what each residual says of magnitudes, (n_onsets,)."""
         return np.asarray(self.costs[:, None] + 2.0 * magnitude * self.shown - magnitude**2 * self.power)

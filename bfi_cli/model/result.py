@@ -11,6 +11,7 @@ from ..faults import Decision, FaultEstimate
 from ..faults.shapes import Kind
 from ..kernels import FloatArray
 from ..notes import Note
+from ..report.presented import Presented
 from .preprocessing.summary import LogSummary, ModelSummary
 
 
@@ -134,8 +135,8 @@ class AgainstTruth:
     vaf_fault: Mapping[str, float | None]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class IdentifyResult:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class IdentifyResult(Presented):
     """The whole result of `bfi identify`.
 
     Attributes
@@ -146,6 +147,8 @@ class IdentifyResult:
     scan : what the scan over all onsets says of the same window.
     proved : what the limits are worth on this log; empty where that was not asked for.
     """
+
+    makers = ("model.report", "identify_content")
 
     log: LogSummary
     decision: Decision

@@ -50,7 +50,13 @@ def span(from_s: float, to_s: float, size: float, *, tolerance: float = 3.0, sca
     onsets_s = np.arange(from_s + step, to_s - 20.0 + 1e-6, step)
     sizes = np.full(len(onsets_s), size)
     return Hidden(
-        window=(from_s, to_s), onsets_s=onsets_s, sizes=sizes, spreads=sizes, scale=scale, tolerance=tolerance
+        window=(from_s, to_s),
+        onsets_s=onsets_s,
+        sizes=sizes,
+        declared=2.0 * sizes,
+        spreads=sizes,
+        scale=scale,
+        tolerance=tolerance,
     )
 
 
@@ -208,7 +214,7 @@ def test_of_several_windows_that_with_the_least_noise_counts_not_the_one_that_sh
 
 
 def made_scan(**changes: Any) -> Scanned:
-    changes |= {key: {"tas": changes[key]} for key in ("magnitude", "sd") if key in changes}
+    changes |= {key: {"tas": changes[key]} for key in ("magnitude", "sd", "declared") if key in changes}
     values: dict[str, Any] = {
         "from_s": 0.0,
         "to_s": 120.0,
@@ -220,6 +226,7 @@ def made_scan(**changes: Any) -> Scanned:
         "onsets_s": np.array([30.0]),
         "magnitude": {"tas": np.zeros(1)},
         "sd": {"tas": np.ones(1)},
+        "declared": {"tas": np.full(len(changes.get("onsets_s", [30.0])), 9.0)},
         "lasting": (),
         "threshold": thresholds_of(shipped_tables(), RATES, RATES, 1.0)(KEY),
         **changes,

@@ -11,6 +11,7 @@ from ...faults import Decision, Fault, FaultEstimate
 from ...faults.shapes import Kind
 from ...kernels import FloatArray
 from ...notes import Note
+from ...report.presented import Presented
 from ..preprocessing.summary import LogSummary, ModelSummary
 from .decision import CalibrationUse
 
@@ -55,8 +56,8 @@ class OnsetSeries:
     plain_sd: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OnsetResult:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
+class OnsetResult(Presented):
     """The whole answer of `bfi start-time`.
 
     Attributes
@@ -72,6 +73,8 @@ class OnsetResult:
     truth : injected faults that the log states, times on its axis; None where it states none.
     proved : what the limits are worth on this log; empty where that was not asked for.
     """
+
+    makers = ("model.onset.report", "onset_content", "onset_document")
 
     log: LogSummary
     decision: Decision

@@ -367,9 +367,11 @@ def signals_of_faults(window: PreparedWindow, faults: Sequence[Fault], sizes: Se
     sizes : of each fault, see `PreparedWindow.sizes`; default 0.
     """
     log_signals = dict[int, LogSignal]()
-    stated = [i for i, fault in enumerate(faults) if SHAPES[fault.shape].acts_on == "channel"]
+    stated = list[int]()
     for i, (fault, size) in enumerate(zip(faults, sizes or [0.0] * len(faults), strict=True)):
-        if i not in stated:
+        if SHAPES[fault.shape].acts_on == "channel":
+            stated.append(i)
+        else:
             with contextlib.suppress(DictionaryError, LogError):
                 log_signals[i] = _log_signal(
                     window.log, fault, window.response, window.outputs, size=size, with_slopes=False

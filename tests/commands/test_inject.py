@@ -79,6 +79,7 @@ def test_the_document_of_the_contract_goes_to_stdout(clean: Path, out: Path, cap
     assert (document["kind"], document["schema"], document["path"]) == ("inject", 4, str(out))
     assert (document["n_samples"], texts(document["notes"])) == (400, [])
     assert document["truth"] == {
+        "ordinary": [],
         "faults": [
             {
                 "shape": "sine",
@@ -91,7 +92,7 @@ def test_the_document_of_the_contract_goes_to_stdout(clean: Path, out: Path, cap
                 "phase_rad": pytest.approx(2.0 * np.pi * (1.15 % 1.0)),
                 "phase_reference": "onset",
             }
-        ]
+        ],
     }
     assert document["provenance"]["log_sha256"] == read_log(clean).sha256
 

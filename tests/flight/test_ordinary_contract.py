@@ -32,6 +32,7 @@ def added(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(ORDINARY, NAME, Cause(jumps={"pitch_error": 0.05}, unit="rad", text=TEXT, needs=("pitch",)))
 
 
+@pytest.mark.slow
 def test_the_judge_weighs_a_new_cause(added: None) -> None:
     log = inject(made_journey(rate_hz=2.0), [parse_spec(PITCH)], response=IDENTITY)
     seconds = seconds_of(log)

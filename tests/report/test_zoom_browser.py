@@ -127,6 +127,7 @@ def test_a_click_keeps_a_second_line_and_values_show_their_change(page: Any) -> 
     assert page.locator("#panels .pin").first.get_attribute("visibility") == "hidden"
 
 
+@pytest.mark.slow
 def test_the_wheel_the_mouse_and_the_keys_zoom_and_move(page: Any) -> None:
     assert view(page) == (0.0, 200.0)
     page.mouse.move(*place(page, 150.0))

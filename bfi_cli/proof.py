@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from .decision.implausible import Implausible
 from .dictionary import Dictionary
 from .engine import in_order
 from .errors import BfiError
-from .faults import Fault, FaultEstimate, build_up_s, has_channel, unit_signal
+from .faults import Fault, build_up_s, has_channel, unit_signal
 from .faults.filters import response_of
 from .faults.shapes import SHAPES, Kind, Shape
 from .flight import DiagnoseResult, FlightLimit, diagnose_flight
@@ -38,7 +38,7 @@ from .kernels.progress import Progress, unseen
 from .model.onset import OnsetResult
 from .model.onset.claims import CYCLES_LEFT, claimed_band_hz, claimed_constants_s
 from .model.onset.scan_record import searched_band_hz
-from .model.preprocessing.summary import LogSummary, ModelSummary
+from .model.preprocessing.summary import LogSummary
 from .model.result import IdentifyResult
 from .provenance import provenance
 from .quantities.channels import STANDARD
@@ -94,26 +94,6 @@ class Claim:
     size: float
     unit: str
     draw: Callable[[np.random.Generator], Fault | None]
-
-
-class OfWindow(Protocol):
-    """The answer of an analysis of a window."""
-
-    @property
-    def log(self) -> LogSummary:
-        """The window."""
-
-    @property
-    def model(self) -> ModelSummary:
-        """The model without faults."""
-
-    @property
-    def faults(self) -> tuple[FaultEstimate, ...]:
-        """Declared."""
-
-    @property
-    def candidates(self) -> tuple[Candidate, ...]:
-        """Looked for."""
 
 
 def prove_start_time(
@@ -337,7 +317,9 @@ def sees(sightings: Sequence[Sighting], kind: Kind, channel: str, fault: Fault, 
     )
 
 
-def window_claims(result: OfWindow, config: Config, entries: Mapping[str, Fault] | None = None) -> list[Claim]:
+def window_claims(
+    result: IdentifyResult | OnsetResult, config: Config, entries: Mapping[str, Fault] | None = None
+) -> list[Claim]:
     """Return by kind and channel the limit of a window, where every fault of the kind that was looked for has one.
 
     Parameters
@@ -371,7 +353,7 @@ def _window_fault(
     *,
     alike: Sequence[Candidate],
     error: float,
-    result: OfWindow,
+    result: IdentifyResult | OnsetResult,
     config: Config,
     entries: Mapping[str, Fault],
 ) -> Fault | None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -10,20 +12,30 @@ import click
 from click.core import ParameterSource
 
 from ..errors import ConfigError
-from .options import pairs, with_options
+from ..library import SIMULATION, simulate
+from .options import Command, pairs, with_options
 from .output import write_and_show
 from .progress import stages
 
-SIZES = pairs("tas=0.01", float)
+SIZES: Mapping[str, Any] = {"default": None, "multiple": True, "callback": pairs("tas=0.01", float)}
 AMPLITUDE = """
     Largest deflection, rad; of jsbsim the part of the stick's travel.  [default: 0.035; of jsbsim 0.08]"""
 THROTTLE = "Size of a throttle doublet that follows the manoeuvre, of f16 and jsbsim; 1 is the lever's travel."
 WIND = "Steady wind in m/s to the north and east, of jsbsim.  [default: calm]"
-
 ORDINARY = """
     What ordinarily happens at a second of the log, of SIZE, in SI or with its unit, of jsbsim; repeatable: flaps (part
     of their travel), altitude_held (by an autopilot for so long, s), on_ground (approach from this height, m, and
     landing), gusts (turbulence begins, m/s), wind (a front, m/s), wind_shear (by height, 1/s)."""
+
+# At the end of a setting's name; its flag has none.
+UNIT = re.compile(r"_(s|m|m_s|hz|sd)$")
+
+
+def setting(name: str, words: str = "", **settings: Any) -> Callable[[Command], Command]:
+    """Return the decorator that adds a setting of `library.SIMULATION` as an option, with its default there."""
+    default = SIMULATION[name]  # type: ignore[literal-required]
+    row: dict[str, Any] = {"default": default, "show_default": default not in (None, {}), "help": words, **settings}
+    return click.option(f"--{UNIT.sub('', name)}", name, **row)
 
 
 def _check(context: click.Context, options: dict[str, Any]) -> None:
@@ -37,12 +49,12 @@ def _check(context: click.Context, options: dict[str, Any]) -> None:
 
     given = {name for name in options if context.get_parameter_source(name) is ParameterSource.COMMANDLINE}
     manoeuvre, throttle = options["manoeuvre"], options["throttle"]
-    start, step, end = options["start"], options["step"], options["duration"]
+    start, step, end = options["start_s"], options["step_s"], options["duration_s"]
     still = manoeuvre in ("none", "tour")
     if still and "amplitude" in given:
         raise ConfigError(f"--amplitude: moves nothing with --manoeuvre {manoeuvre}; leave one of the two out")
     for name in ("start", "step"):
-        if still and not throttle and name in given:
+        if still and not throttle and f"{name}_s" in given:
             what = f"times a manoeuvre or a throttle doublet, and --manoeuvre {manoeuvre} has none"
             raise ConfigError(f"--{name}: {what}; leave it out, or give --throttle")
     if options["amplitude"] == 0.0 and not throttle:
@@ -64,29 +76,22 @@ def _check(context: click.Context, options: dict[str, Any]) -> None:
 @click.argument("name", metavar="[MODEL]", required=False)
 @click.option("--model", "model_file", metavar="FILE", help="Linear model of a YAML file, in place of MODEL.")
 @with_options("out_file", "force")
-@click.option(
-    "--manoeuvre",
-    default="3211",
-    show_default=True,
-    help="3211, 3211-pairs, doublet, multisine, none; of jsbsim also tour.",
-)
-@click.option("--amplitude", metavar="SIZE", type=float, help=AMPLITUDE)
-@click.option("--start", metavar="S", type=float, default=0.2, show_default=True, help="When the manoeuvre starts.")
-@click.option("--step", metavar="S", type=float, default=1.0, show_default=True, help="The manoeuvre's unit step.")
-@click.option("--throttle", metavar="PART", type=float, default=0.0, show_default=True, help=THROTTLE)
-@click.option("--tas", metavar="M/S", type=float, help="True airspeed at the start, of f16 and jsbsim.")
-@click.option("--altitude", metavar="M", type=float, help="Altitude at the start, of f16 and jsbsim.")
-@click.option("--wind", metavar="NORTH EAST", nargs=2, type=float, default=(0.0, 0.0), help=WIND)
-@click.option("--duration", metavar="S", type=float, default=31.72, show_default=True, help="Length of the log.")
-@click.option("--rate", metavar="HZ", type=float, default=100.0, show_default=True, help="Samples per second.")
-@click.option("--noise", metavar="NAME=SD", multiple=True, callback=SIZES, help="White noise of an output; repeatable.")
-@click.option("--quantum", metavar="NAME=STEP", multiple=True, callback=SIZES, help="Step of an output; repeatable.")
-@click.option("--turbulence", metavar="SIGMA", type=float, default=0.0, show_default=True, help="Dryden gusts, in m/s.")
+@setting("manoeuvre", "3211, 3211-pairs, doublet, multisine, none; of jsbsim also tour.")
+@setting("amplitude", AMPLITUDE, metavar="SIZE", type=float)
+@setting("start_s", "When the manoeuvre starts.", metavar="S")
+@setting("step_s", "The manoeuvre's unit step.", metavar="S")
+@setting("throttle", THROTTLE, metavar="PART")
+@setting("tas_m_s", "True airspeed at the start, of f16 and jsbsim.", metavar="M/S", type=float)
+@setting("altitude_m", "Altitude at the start, of f16 and jsbsim.", metavar="M", type=float)
+@setting("wind_m_s", WIND, metavar="NORTH EAST", nargs=2, type=float, show_default=False)
+@setting("duration_s", "Length of the log.", metavar="S")
+@setting("rate_hz", "Samples per second.", metavar="HZ")
+@setting("noise_sd", "White noise of an output; repeatable.", metavar="NAME=SD", **SIZES)
+@setting("quantum", "Step of an output; repeatable.", metavar="NAME=STEP", **SIZES)
+@setting("turbulence_m_s", "Dryden gusts, in m/s.", metavar="SIGMA")
 @click.option("--ordinary", "causes", metavar="CAUSE@S[:SIZE]", multiple=True, help=ORDINARY)
-@click.option("--discretisation", type=click.Choice(["zoh", "bilinear", "euler"]), default="zoh", show_default=True)
-@click.option(
-    "--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Random seed of noise and turbulence."
-)
+@setting("discretisation", type=click.Choice(["zoh", "bilinear", "euler"]))
+@setting("seed", "Random seed of noise and turbulence.", type=click.IntRange(min=0))
 @with_options("progress", "as_json")
 @click.pass_context
 def command(
@@ -104,13 +109,12 @@ def command(
     from ..faults.ordinary import parse_occurrence
     from ..files import check_files
     from ..jsbsim.ordinary import SIMULATED
-    from ..library import simulate
 
     _check(context, options)
     ordinary = [parse_occurrence(text, where="--ordinary", makings=SIMULATED) for text in causes]
     for made in ordinary:
-        if not 0.0 <= made.at_s < options["duration"]:
-            what = f"'{made.cause}' at {made.at_s:g} s, and the log ends at {options['duration']:g} s"
+        if not 0.0 <= made.at_s < options["duration_s"]:
+            what = f"'{made.cause}' at {made.at_s:g} s, and the log ends at {options['duration_s']:g} s"
             raise ConfigError(f"--ordinary: {what}; give a time in it, or a longer --duration")
     check_files([options["out_file"]], inputs=() if model_file is None else (model_file,), force=options["force"])
     model = name if model_file is None else Path(model_file)
@@ -119,25 +123,7 @@ def command(
 
         given = "no model given" if name is None else f"one model is flown, got '{name}' and --model {model_file}"
         raise ConfigError(f"bfi simulate: {given}; give one of {', '.join(MODELS)}, {PREFIX}NAME, or --model FILE")
+    settings: dict[str, Any] = {key: value for key, value in options.items() if key in SIMULATION}
     with stages(wanted=options["progress"]) as progress:
-        log = simulate(
-            model,
-            manoeuvre=options["manoeuvre"],
-            amplitude=options["amplitude"],
-            start_s=options["start"],
-            step_s=options["step"],
-            throttle=options["throttle"],
-            tas_m_s=options["tas"],
-            altitude_m=options["altitude"],
-            wind_m_s=options["wind"],
-            duration_s=options["duration"],
-            rate_hz=options["rate"],
-            noise_sd=options["noise"],
-            quantum=options["quantum"],
-            turbulence_m_s=options["turbulence"],
-            discretisation=options["discretisation"],
-            ordinary=ordinary,
-            seed=options["seed"],
-            progress=progress,
-        )
+        log = simulate(model, **{**settings, "ordinary": ordinary, "progress": progress})
     write_and_show(log, options, kind="simulate", seed=options["seed"])

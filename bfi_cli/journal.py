@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Self
 
 from .errors import SweepError, reason_of
 from .files import replace_files
@@ -59,7 +59,7 @@ class Journal:
             message = f"{self._folder}: {reason_of(error)}; make room, then start again: it continues"
             raise SweepError(message) from None
 
-    def __enter__(self) -> Journal:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(

@@ -65,19 +65,16 @@ def run_fleet(
     ConfigError : a file of the results may not be replaced.
     """
     known = {} if store is None else dict(store.known)
-    tasks = [Task(log=log, known_key=_known_key(known.get(log.path), log)) for log in logs]
+    # An answer in another folder than that of the log is made again.
+    keys = {(path, answer.folder): answer.key for path, answer in known.items()}
+    tasks = [Task(log=log, known_key=keys.get((log.path, log.folder), "")) for log in logs]
     # A log a chunk: an interruption waits for no second one, and files in memory are those of a few logs.
     results = in_order(analyse, tasks, workers=workers, scheduler=scheduler, chunk=1, again=AGAIN)
     try:
         for log, (outcome, _) in zip(logs, results, strict=True):
             answer = known[log.path] if outcome.answer is None else outcome.answer
             if store is not None and outcome.answer is not None:
-                store.add(answer, outcome.files)
+                store.keep(answer, outcome.files)
             yield replace(answer, aircraft=log.aircraft or answer.aircraft), outcome.document
     finally:
         results.close()
-
-
-def _known_key(answer: LogAnswer | None, log: FleetLog) -> str:
-    """Return the key of an answer that is kept, "" where there is none in the folder of the log."""
-    return answer.key if answer is not None and answer.folder == log.folder else ""

@@ -11,7 +11,6 @@ import json
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from ..errors import BfiError
@@ -24,7 +23,7 @@ from .answers import LogAnswer
 STORE, SUMMARY, RESULT = "store.jsonl", "summary.json", "result.json"
 
 
-class Store:
+class Store(Journal):
     """The answers that a folder of results has, by the path of the log.
 
     Attributes
@@ -48,9 +47,9 @@ class Store:
         self._out, self._inputs, self._force = out, tuple(inputs), force
         self.known = _answers(out)
         head = document_of("fleet", {}, (), origin)
-        self._journal = Journal(out / STORE, head, self.known.values(), inputs=inputs, force=force)
+        super().__init__(out / STORE, head, self.known.values(), inputs=inputs, force=force)
 
-    def add(self, answer: LogAnswer, files: Mapping[str, bytes]) -> None:
+    def keep(self, answer: LogAnswer, files: Mapping[str, bytes]) -> None:
         """Write the files of a log to its folder, then its answer to the store.
 
         Raises
@@ -63,21 +62,13 @@ class Store:
             for left in folder.glob(".bfi-*"):  # of a run that was killed while it wrote
                 shutil.rmtree(left, ignore_errors=True)
             replace_files(files, folder, inputs=(*self._inputs, answer.log), force=self._force)
-        self._journal.add(answer)
+        self.add(answer)
         self.known[answer.log] = answer
 
     def document(self, answer: LogAnswer) -> dict[str, Any]:
         """Return the stored document of a log."""
         document: dict[str, Any] = json.loads((self._out / answer.folder / RESULT).read_text("utf-8"))
         return document
-
-    def __enter__(self) -> Store:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._journal.__exit__(kind, error, trace)
 
 
 def _answers(out: Path) -> dict[str, LogAnswer]:

@@ -127,16 +127,12 @@ def table_file(table: FleetTable) -> tuple[str, bytes]:
 
     kinds = {str: pyarrow.string(), int: pyarrow.int64(), float: pyarrow.float64(), bool: pyarrow.bool_()}
     columns = {
-        name: pyarrow.array([_as(kind, row.get(name)) for row in table.rows], kinds[kind])
+        name: pyarrow.array([None if row.get(name) is None else kind(row[name]) for row in table.rows], kinds[kind])
         for name, kind in table.columns.items()
     }
     file = io.BytesIO()
     parquet.write_table(pyarrow.table(columns), file)
     return f"{table.name}.parquet", file.getvalue()
-
-
-def _as(kind: type, value: Any) -> Any:
-    return None if value is None else kind(value)
 
 
 def _pyarrow() -> Any:

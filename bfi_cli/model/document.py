@@ -103,13 +103,16 @@ def identify_from_document(document: object, *, where: str = "result") -> tuple[
             {key: value for key, value in entry.items() if key not in DERIVED} if isinstance(entry, dict) else entry
             for entry in series["outputs"]
         ]
+    truth = member(whole, "truth", where=where)
+    if truth is not None:
+        truth = {**_mapping_at(whole, "truth", where), "vaf_fault": member(whole, "vaf.fault", where=where)}
     flat = {
         **with_plain_proofs(whole, where=where),
         **series,
         "faults": [plain_estimate(entry, where=f"{where}: faults[{i}]") for i, entry in enumerate(faults)],
         "model": {**_mapping_at(whole, "model", where), **_mapping_at(whole, "order_selection", where)},
         "vaf_output": member(whole, "vaf.output", where=where),
-        "truth": _truth_from(whole, where),
+        "truth": truth,
     }
     result = from_plain(IdentifyResult, flat, where=where)
     _check_lengths(result, where)
@@ -118,12 +121,6 @@ def identify_from_document(document: object, *, where: str = "result") -> tuple[
 
 def _mapping_at(document: Mapping[str, Any], key: str, where: str) -> Mapping[str, Any]:
     return mapping(member(document, key, where=where), where=f"{where}: {key}")
-
-
-def _truth_from(document: Mapping[str, Any], where: str) -> dict[str, Any] | None:
-    if member(document, "truth", where=where) is None:
-        return None
-    return {**_mapping_at(document, "truth", where), "vaf_fault": member(document, "vaf.fault", where=where)}
 
 
 def _check_lengths(result: IdentifyResult, where: str) -> None:

@@ -10,7 +10,6 @@ from .channels import unit_of
 from .display_units import Shown, Units
 
 # Heading of a report by decision.
-HEADINGS = {"fault": "Fault found", "no_fault": "No fault found", "inconclusive": "Inconclusive"}
 # From this size on, two significant digits would be written with an exponent.
 TWO_DIGITS = 99.5
 

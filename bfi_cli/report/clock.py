@@ -44,13 +44,17 @@ def with_clock(content: ReportContent, written: str | None, *, start_s: float, s
     dated = epoch.date(start_s) != epoch.date(stop_s)
     between = _between(epoch, (start_s, stop_s), dated=True)
     if epoch.is_dated and epoch.since_1970_s == 0.0:
-        content = _in_sentences(content, partial(_sentence, epoch=epoch, dated=dated))
+        change = partial(_sentence, epoch=epoch, dated=dated)
+        content = replace(
+            content,
+            verdict=change(content.verdict),
+            notes=tuple(replace(note, text=change(note.text)) for note in content.notes),
+            drawings=tuple(replace(drawing, caption=change(drawing.caption)) for drawing in content.drawings),
+            screen=content.screen and content.screen.with_sentences(change),
+        )
     return replace(
         content,
-        facts=(
-            ("Clock", f"{between}{' UTC' * epoch.is_utc}"),
-            *content.facts,
-        ),
+        facts=(("Clock", f"{between}{' UTC' * epoch.is_utc}"), *content.facts),
         tables=tuple(_table(table, epoch, dated=dated) for table in content.tables),
         drawings=tuple(_drawing(drawing, epoch) for drawing in content.drawings),
         zoom=tuple(_drawing(drawing, epoch) for drawing in content.zoom),
@@ -102,17 +106,6 @@ def _columns(columns: Columns | Callable[[], Columns], epoch: Epoch) -> Columns:
 
 def _drawing(drawing: Drawing, epoch: Epoch) -> Drawing:
     return replace(drawing, panels=tuple(replace(panel, midnight_s=epoch.midnight_s) for panel in drawing.panels))
-
-
-def _in_sentences(content: ReportContent, change: Callable[[str], str]) -> ReportContent:
-    """Return a report with its sentences changed."""
-    return replace(
-        content,
-        verdict=change(content.verdict),
-        notes=tuple(replace(note, text=change(note.text)) for note in content.notes),
-        drawings=tuple(replace(drawing, caption=change(drawing.caption)) for drawing in content.drawings),
-        screen=content.screen and content.screen.with_sentences(change),
-    )
 
 
 def _sentence(sentence: str, *, epoch: Epoch, dated: bool) -> str:

@@ -27,16 +27,8 @@ Plain = Mapping[str, Any]
 
 KEYS = ("shape", "channel", "onset_s", "offset_s", "frequency_hz", "phase_rad", "time_constant_s", "duration_s", "file")
 DECISION_KEYS = (
-    "log",
-    "decision",
-    "verdicts",
-    "summary",
-    "plausibility",
-    "false_alarm",
-    "p_value",
-    "statistic",
-    "threshold",
-    "calibration",
+    *("log", "decision", "verdicts", "summary", "plausibility"),
+    *("false_alarm", "p_value", "statistic", "threshold", "calibration"),
 )
 PROFILE_KEYS = ("shape", "channel", "frequency_hz", "threshold", "unit")
 FAULT_COLUMNS = (
@@ -161,10 +153,7 @@ def _data(result: OnsetResult) -> dict[str, dict[str, Any]]:
     points: dict[str, Any] = {
         key: np.repeat([getattr(profile, key) for profile in profiles], lengths) for key in ("shape", "channel", "unit")
     }
-    shapes: dict[str, Any] = {
-        key: [getattr(profile, key) for profile in profiles]
-        for key in ("shape", "channel", "frequency_hz", "threshold", "unit")
-    }
+    shapes: dict[str, Any] = {key: [getattr(profile, key) for profile in profiles] for key in PROFILE_KEYS}
     best = [int(profile.statistic.argmax()) for profile in profiles]
     for key in ("onset_s", "magnitude", "sd", "statistic"):
         shapes[key] = [float(getattr(profile, key)[k]) for profile, k in zip(profiles, best, strict=True)]

@@ -7,7 +7,7 @@ fault whose onsets are not known, and what relations between channels, pressure 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import fields, replace
+from dataclasses import replace
 from functools import partial
 
 from .config import Config, merge
@@ -38,7 +38,7 @@ from .model.onset import OnsetResult, OnsetSearch, find_onset, search_onsets
 from .model.preprocessing.defaults import require_one_trim
 from .model.preprocessing.sampling_rate import Purpose, require_one_model, slowest_rate_hz
 from .model.preprocessing.window import must_resample, with_inputs_of
-from .model.result import AgainstTruth, IdentifyResult, ScanSummary
+from .model.result import IdentifyResult, ScanSummary
 from .model.shared_model import with_those_that_share
 from .notes import Note
 from .quantities.text import instant, quantity
@@ -230,13 +230,13 @@ def _as_dictionary(atoms: Sequence[Fault], dictionary: Dictionary | None) -> Dic
     return replace(known, atoms=tuple(atoms), relative_to="log")
 
 
-def _truth_by_onset(fit: Identification, faults: Sequence[FaultEstimate], part: FlightLog) -> AgainstTruth | None:
+def _truth_by_onset(fit: Identification, faults: Sequence[FaultEstimate], part: FlightLog) -> Comparison | None:
     """Return the comparison with injected faults, by onset: no search finds the very signal that was injected."""
     if fit.truth is None:
         return None
     tolerance_s, injected = ONSET_SAMPLES / fit.window.summary.rate_hz, part.truth.faults if part.truth else ()
     comparison = compare_by_onset(faults, injected, tolerance_s=tolerance_s)
-    return replace(fit.truth, **{field.name: getattr(comparison, field.name) for field in fields(Comparison)})
+    return replace(comparison, vaf_fault=fit.truth.vaf_fault)
 
 
 def _identify_entries(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,12 +22,14 @@ class Comparison:
     missed : names of the injected faults that were not declared.
     magnitude_error : norm of the error of all magnitudes over the norm of the injected ones, a fault that is absent
         counting 0; None where nothing was injected, or a fault that no declared one could be.
+    vaf_fault : by output the variance accounted for of the fault, %; None where there is no fault in the window.
     """
 
     isolated: bool
     false_alarms: tuple[str, ...]
     missed: tuple[str, ...]
     magnitude_error: float | None
+    vaf_fault: Mapping[str, float | None] = field(default_factory=dict)
 
 
 def compare_faults(

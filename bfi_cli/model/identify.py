@@ -17,6 +17,7 @@ from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
 from ..faults import FaultEstimate
 from ..faults.filters import Filter, alternatives, recorder_low_passes
+from ..faults.truth import Comparison
 from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..methods import METHODS
@@ -32,7 +33,7 @@ from .preprocessing.tolerance import tolerances_of
 from .preprocessing.window import PreparedWindow, prepare_window, regression_of, selects_support, with_inputs_of
 from .reconstruction import against_truth, output_series, residual_summaries, true_faults, with_heads
 from .recorder import with_likeliest_recorder
-from .result import AgainstTruth, IdentifyResult, OutputSeries, ResidualSummary, ScanSummary
+from .result import IdentifyResult, OutputSeries, ResidualSummary, ScanSummary
 from .warnings import hidden_atoms, warnings_of
 
 UNANSWERABLE = (
@@ -92,7 +93,7 @@ class Identification:
     vaf_output: Mapping[str, float]
     outputs: tuple[OutputSeries, ...]
     residuals: tuple[ResidualSummary, ...]
-    truth: AgainstTruth | None
+    truth: Comparison | None
     hides_all: bool
     notes: tuple[Note, ...]
     recorder: Filter | None = None
@@ -127,7 +128,7 @@ def result_of(
     *,
     shown: Identification | None = None,
     notes: Sequence[Note] = (),
-    truth: AgainstTruth | None = None,
+    truth: Comparison | None = None,
 ) -> IdentifyResult:
     """Return the result of an identification and of the conclusion from it.
 

@@ -10,14 +10,14 @@ import numpy as np
 
 from ..faults import Fault, active_samples, unit_signal
 from ..faults.shapes import ADDITIVE
-from ..faults.truth import compare_faults, is_same_fault, name_of
+from ..faults.truth import Comparison, compare_faults, is_same_fault, name_of
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.decimation import decimate
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
 from .magnitudes import MethodResult
 from .preprocessing.window import PreparedWindow
-from .result import AgainstTruth, OutputSeries, ResidualSummary
+from .result import OutputSeries, ResidualSummary
 
 # An injected fault is an entry of the dictionary if it differs from a multiple of it by less than resampling does.
 SAME_SIGNAL = 1e-6
@@ -118,7 +118,7 @@ def true_faults(window: PreparedWindow) -> dict[str, FloatArray]:
     return signals
 
 
-def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequence[OutputSeries]) -> AgainstTruth | None:
+def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequence[OutputSeries]) -> Comparison | None:
     """Compare with the injected faults; None where the log has no truth."""
     truth = window.log.truth
     if truth is None:
@@ -160,14 +160,7 @@ def against_truth(window: PreparedWindow, outcome: MethodResult, series: Sequenc
             vaf = float(max(0.0, 100.0 * (1.0 - np.sum((true - output.fault) ** 2) / np.sum(true**2))))
         vaf_fault[output.channel] = vaf
     injected = {window.names[j]: z for j, z in wanted.items() if z != 0.0}
-    comparison = compare_faults(declared, injected, unknown=unknown)
-    return AgainstTruth(
-        isolated=comparison.isolated,
-        false_alarms=comparison.false_alarms,
-        missed=comparison.missed,
-        magnitude_error=comparison.magnitude_error,
-        vaf_fault=vaf_fault,
-    )
+    return replace(compare_faults(declared, injected, unknown=unknown), vaf_fault=vaf_fault)
 
 
 def _same_entry(window: PreparedWindow, fault: Fault) -> int | None:

@@ -9,6 +9,7 @@ from ..decision import Candidate, Proof
 from ..decision.implausible import Implausible
 from ..faults import Decision, FaultEstimate
 from ..faults.shapes import Kind
+from ..faults.truth import Comparison
 from ..kernels import FloatArray
 from ..notes import Note
 from ..report.presented import Presented
@@ -124,17 +125,6 @@ class ResidualSummary:
     plain_sd: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AgainstTruth:
-    """The result against the faults injected into the log: isolation, magnitude error, variance accounted for."""
-
-    isolated: bool
-    false_alarms: tuple[str, ...]
-    missed: tuple[str, ...]
-    magnitude_error: float | None
-    vaf_fault: Mapping[str, float | None]
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False, repr=False)
 class IdentifyResult(Presented):
     """The whole result of `bfi identify`.
@@ -166,7 +156,7 @@ class IdentifyResult(Presented):
     input_units: Mapping[str, str]
     outputs: tuple[OutputSeries, ...]
     residuals: tuple[ResidualSummary, ...]
-    truth: AgainstTruth | None
+    truth: Comparison | None
     plausibility: tuple[Implausible, ...] = ()
     proved: tuple[Proof, ...] = ()
 

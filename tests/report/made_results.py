@@ -8,9 +8,9 @@ import numpy as np
 
 from bfi_cli.decision import KINDS, Candidate, summarise, verdicts_of
 from bfi_cli.faults import Fault, FaultEstimate
+from bfi_cli.faults.truth import Comparison
 from bfi_cli.model.preprocessing.summary import LogSummary, ModelSummary
 from bfi_cli.model.result import (
-    AgainstTruth,
     IdentifyResult,
     OutputSeries,
     ResidualSummary,
@@ -70,7 +70,7 @@ def no_fault_result() -> IdentifyResult:
     quiet = replace(
         _bias("tas"), state="excluded", magnitude=0.004, sd=0.007, excluded_above=0.033, effect=0.033, tolerance=2.6
     )
-    truth = AgainstTruth(isolated=True, false_alarms=(), missed=(), magnitude_error=None, vaf_fault={"tas": None})
+    truth = Comparison(isolated=True, false_alarms=(), missed=(), magnitude_error=None, vaf_fault={"tas": None})
     return _result(time_s, (_output("tas", "m/s", time_s, 0.0),), (quiet, *_others("tas")), faults=(), truth=truth)
 
 
@@ -242,4 +242,4 @@ def _others(channel):
 
 
 def _truth(channel):
-    return AgainstTruth(isolated=True, false_alarms=(), missed=(), magnitude_error=0.00075, vaf_fault={channel: 99.998})
+    return Comparison(isolated=True, false_alarms=(), missed=(), magnitude_error=0.00075, vaf_fault={channel: 99.998})

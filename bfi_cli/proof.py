@@ -28,6 +28,7 @@ from .faults import Fault, build_up_s, has_channel, unit_signal
 from .faults.filters import response_of
 from .faults.shapes import SHAPES, Kind, Shape
 from .flight import DiagnoseResult, FlightLimit, diagnose_flight
+from .flight.parity.record import STEP_S
 from .flightlog import FlightLog, inject
 from .flightlog.derived import with_derived
 from .flightlog.record import frozen_array
@@ -176,7 +177,7 @@ def _with_proofs(
         response=response_of(filters, log.rate_hz),
         before=before,
         claims=[(claim.kind, claim.channel) for claim in claims],
-        slack_s=ONSET_SAMPLES / result.log.rate_hz,
+        slack_s=ONSET_SAMPLES * (STEP_S if isinstance(result, DiagnoseResult) else 1.0 / result.log.rate_hz),
     )
     digest = hashlib.sha256(to_json([log.sha256, config.model_dump(mode="json"), trials]).encode()).hexdigest()
     seen = [] if proving.out is None else _kept(proving.out / JOURNAL, digest)[: len(trials)]

@@ -13,7 +13,7 @@ from ..kernels.runs import runs
 from ..quantities.channels import LARGEST_ERROR, STANDARD
 from ..quantities.units import per_second
 from .flight import Flight
-from .judge import REFERENCES
+from .judge import REFERENCES, WIDE
 from .looks import Scanned
 from .parity import Bound
 from .parity.lines import METRES
@@ -137,8 +137,7 @@ def bounds_of(
             # The statistic, which a rougher flight raises, goes with the square of a slope.
             spreads = EXCEEDED_BY * np.sqrt(scan.threshold.scale) * scan.sd[name]
             sizes = np.abs(scan.magnitude[name]) + spreads
-            # A reference is named by a finder alone: of what the scan shows, an airspeed or a line is.
-            declared = np.full_like(sizes, np.inf) if name in REFERENCES else scan.declared[name]
+            declared = scan.declared[name] if _is_weighed(name) else np.full_like(sizes, np.inf)
             offer(kind, window, scan.onsets_s, sizes, spreads, declared, scale)
             if name in AIRSPEEDS and name == flight.record.airspeed and "q_impact" not in scan.magnitude:
                 # Where one airspeed stands for the line, what bounds the channel bounds a loss of impact pressure.
@@ -151,6 +150,14 @@ def bounds_of(
             sizes = np.array(limit.sizes)
             offer(kind, window, np.array(limit.onsets_s), sizes, sizes, sizes)
     return tuple(bounds.values())
+
+
+def _is_weighed(fault: str) -> bool:
+    """Say whether the model of the flight weighs a fault that the scan shows, without which none is declared.
+
+    A reference is named by a finder alone: of what the scan shows, an airspeed or a line is.
+    """
+    return fault not in REFERENCES and fault in (*WIDE, *AIRSPEEDS, "q_impact", STATIC_LEAK)
 
 
 def limits_of(flight: Flight, bounds: Sequence[Bounds]) -> tuple[FlightLimit, ...]:

@@ -59,6 +59,12 @@ SUBSONIC = 0.89
 INDICATED = (2.6, 0.1)
 DEGREE = np.pi / 180.0
 AIRSPEED = "airspeed"  # whichever of them
+# LEAST_CORRELATION: a quarter of it squared; with less, a channel says next to nothing of the others. Pieces of the
+# two recorded Citations in which the channel should move by its tolerance have less in at most a seventh of the cases.
+LEAST_CORRELATION = 0.5
+# A scale that is off by more than this makes an error of half of what the channel shows. Those of both Citations lie
+# within 0.75 and 1.25.
+LARGEST_SCALE = 1.5
 # rad, above that of zero lift: in cruise, of the six degrees that `parity.credibility` takes for typical.
 TYPICAL_ANGLE = 0.1
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ...airdata import EARTH_RADIUS, G
 from ...airdata import relations as table
-from ...airdata.relations import AIRSPEED, Following, Relation, State
+from ...airdata.relations import AIRSPEED, LARGEST_SCALE, LEAST_CORRELATION, Following, Relation, State
 from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.phases import Phase
@@ -34,12 +34,6 @@ FloatArray = NDArray[np.float64]
 PIECE, SHORTEST_PIECE_S, LONGEST_PIECE_S = 12.0, 30.0, 120.0
 SMOOTHED_S = 5  # gusts and what one sensor shows some tenths of a second later than another
 FEWEST_KNOWN = 0.7  # of the seconds of a piece
-# LEAST_CORRELATION: a quarter of it squared; with less, a channel says next to nothing of the others. Pieces of the
-# two recorded Citations in which the channel should move by its tolerance have less in at most a seventh of the cases.
-LEAST_CORRELATION = 0.5
-# A scale that is off by more than this makes an error of half of what the channel shows. Those of both Citations lie
-# within 0.75 and 1.25.
-LARGEST_SCALE = 1.5
 # A channel fails in every third of the flight, in so many of its pieces, of at least so many altogether: of the pieces
 # of both Citations at most a fifth are wrong.
 THIRDS, FAILING, FEWEST_PIECES = 3, 2.0 / 3.0, 5

@@ -8,7 +8,7 @@ from itertools import product
 
 import numpy as np
 
-from ...airdata.relations import Relation, State
+from ...airdata.relations import LARGEST_SCALE, LEAST_CORRELATION, Relation, State
 from ...kernels import BoolArray, FloatArray, IntArray
 from .changes import Change, named_changes
 from .constancy import ConstantPart, constant_part
@@ -20,9 +20,6 @@ FEWEST_TOLD = 2  # longer pieces that tell of the motion: in one alone it may be
 SIMPLER = float(np.log(2.0))  # of the cost, that a scale must be better by: its misfit in one relation half as large
 # HOLDING: share of the pieces in which a relation that holds does hold.
 HOLDING = 0.75
-# As in `bfi_cli.flight.parity.credibility`, which has the recorded flights: with less in common two signals say next to
-# nothing of each other, and a scale that is off by more makes an error of half of what the channel shows.
-LEAST_CORRELATION, LARGEST_SCALE = 0.5, 1.5
 # LARGE, BETTER [tolerances, 1]: what is expected shows a factor from here on; how much better another unit has to fit.
 LARGE, BETTER = 2.0, 3.0
 # So alike they tell a scale, however little what is expected moves.

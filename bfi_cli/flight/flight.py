@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -127,6 +127,8 @@ class Flight:
     unusable: tuple[str, ...] = ()
     defects: tuple[Defect, ...] = ()
     lasting: tuple[LastingFault, ...] = ()
+    # By channel, it and the airspeeds that its tolerance depends on, after their first use.
+    _alike: dict[str, FlightLog] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def recorded(self) -> Collection[str]:
@@ -152,9 +154,10 @@ class Flight:
             return self.tolerances[channel]
         if channel not in self.log.channels:
             return None
-        names = {channel, *AIRSPEEDS} & self.log.channels.keys()
-        slim = replace(self.log, channels={name: self.log.channels[name] for name in names})
-        return tolerance_of(slim, slim.window(*window), channel)
+        if channel not in self._alike:
+            names = {channel, *AIRSPEEDS} & self.log.channels.keys()
+            self._alike[channel] = replace(self.log, channels={name: self.log.channels[name] for name in names})
+        return tolerance_of(self._alike[channel], self._alike[channel].window(*window), channel)
 
     def around(self, from_s: float, to_s: float, beside_s: float) -> Window:
         """Return a stretch with so many seconds on either side, as far as they are in the part that is diagnosed."""

@@ -278,18 +278,14 @@ class FlightLog:
             return self
         start = self.time_s[0] if from_s is None else from_s
         stop = np.inf if to_s is None else to_s
-        step = 1.0 / self.rate_hz
-        keep = (self.time_s >= start - 1e-6 * step) & (self.time_s < stop - 1e-6 * step)
-        if np.count_nonzero(keep) < 2:
+        near = 1e-6 / self.rate_hz
+        first, end = np.searchsorted(self.time_s, (start - near, stop - near)).tolist()
+        if end - first < 2:
             raise nothing_between(self.path, (start, stop), (self.time_s[0], self.time_s[-1]))
-        return self.take(keep)
+        return self.take(slice(first, end))
 
-    def take(self, keep: NDArray[np.bool_]) -> FlightLog:
-        """Return the log restricted to the samples where `keep` is true."""
-        kept = np.flatnonzero(keep)
-        rows: slice | NDArray[np.bool_] = keep
-        if kept.size and kept[-1] - kept[0] + 1 == kept.size:
-            rows = slice(int(kept[0]), int(kept[-1]) + 1)
+    def take(self, rows: slice | NDArray[np.bool_]) -> FlightLog:
+        """Return the log restricted to a slice of its samples, or to those where a mask is true."""
         channels = {name: channel.taken(rows) for name, channel in self.channels.items()}
         clean = {name: frozen_array(values[rows]) for name, values in (self.truth.clean if self.truth else {}).items()}
         truth = self.truth and replace(self.truth, clean=clean)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -97,6 +97,17 @@ class AirData:
     tat: FloatArray
     made_of: Mapping[str, tuple[str, ...]]
     impossible: tuple[Impossible, ...]
+
+    def taken(self, rows: slice) -> AirData:
+        """Return some of the samples."""
+        impossible = (replace(wrong, where=wrong.where[rows]) for wrong in self.impossible)
+        return replace(
+            self,
+            p_static=self.p_static[rows],
+            q_impact=self.q_impact[rows],
+            tat=self.tat[rows],
+            impossible=tuple(wrong for wrong in impossible if wrong.where.any()),
+        )
 
     @property
     def p_total(self) -> FloatArray:

@@ -34,7 +34,6 @@ from .limits import BIN_S, PITOT_LINE, Bounds, bounds_of, hidden_slopes
 from .parity import RESIDUALS, Record, available, configuration_changes
 from .parity.explain import course_for
 from .parity.record import STATIC_LEAK, climbing, hypotheses
-from .parity.scan import with_small
 from .parity.windows import LENGTHS_S, clean_up_time
 from .result import Event
 
@@ -308,7 +307,7 @@ def _reach(part: Record, fault: str, channel: str) -> tuple[float, float]:
         change = np.abs(other.channels[channel] - part.channels[channel])
         return float(np.nanmax(change)) / hypothesis.size if np.isfinite(change).any() else 0.0
 
-    return moved(with_small(part, hypothesis)), moved(turning)
+    return moved(part.with_small(hypothesis)[0]), moved(turning)
 
 
 def _what_would_help(flight: Flight, channel: str, unbounded: Sequence[str]) -> Note:

@@ -175,6 +175,7 @@ class Flight:
             zero_lift=self.zero_lift,
             only=tuple(name for name in usable if name not in self.unusable),
             lasting=self.lasting_in(window),
+            whole=self.record,
         )
 
     def lasting_in(self, window: Window) -> tuple[str, ...]:

@@ -156,9 +156,21 @@ def likelihood_ratio(residuals: Sequence[Residual], signatures: Sequence[FloatAr
     ----------
     signatures : of every residual (n, n_onsets), what the fault of magnitude 1 makes of it.
     """
-    shown, power = np.zeros((2, len(residuals), signatures[0].shape[1]))
-    for j, (residual, signature) in enumerate(zip(residuals, signatures, strict=True)):
-        if signature.any():
-            columns = residual.whitened(signature)
-            shown[j], power[j] = columns.T @ residual.values, np.einsum("ij,ij->j", columns, columns)
-    return LikelihoodRatio(shown=shown, power=power, costs=np.array([residual.cost for residual in residuals]))
+    return likelihood_ratios(residuals, [signatures])[0]
+
+
+def likelihood_ratios(
+    residuals: Sequence[Residual], signatures: Sequence[Sequence[FloatArray]]
+) -> list[LikelihoodRatio]:
+    """Return what residuals say of each of several faults, see `likelihood_ratio`; all have as many onsets."""
+    if not signatures:
+        return []
+    shown, power = np.zeros((2, len(signatures), len(residuals), signatures[0][0].shape[1]))
+    for j, residual in enumerate(residuals):
+        acting = [i for i, by_residual in enumerate(signatures) if by_residual[j].any()]
+        if acting:
+            columns = residual.whitened(np.hstack([signatures[i][j] for i in acting]))
+            shown[acting, j] = (residual.values @ columns).reshape(len(acting), -1)
+            power[acting, j] = np.einsum("ij,ij->j", columns, columns).reshape(len(acting), -1)
+    costs = np.array([residual.cost for residual in residuals])
+    return [LikelihoodRatio(shown=shown[i], power=power[i], costs=costs) for i in range(len(signatures))]

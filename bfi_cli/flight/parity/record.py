@@ -94,15 +94,30 @@ class Record:
             return channels["altitude_rate"]
         return np.asarray(channels["altitude_rate"] * (self.air.sat / isa_temperature(channels["altitude"])))
 
+    @cached_property
+    def _small_faults(self) -> dict[Hypothesis, tuple[Record, frozenset[str]]]:
+        return {}
+
     def between(self, from_s: float, to_s: float) -> Record:
-        """Return the seconds of a window."""
-        part = slice(*np.searchsorted(self.time_s, (from_s, to_s)).tolist())
-        return replace(
+        """Return the seconds of a window, with the air data of these where they are known already."""
+        rows = slice(*np.searchsorted(self.time_s, (from_s, to_s)).tolist())
+        part = replace(
             self,
-            time_s=self.time_s[part],
-            channels={name: values[part] for name, values in self.channels.items()},
-            gained=None if self.gained is None else self.gained[part],
+            time_s=self.time_s[rows],
+            channels={name: values[rows] for name, values in self.channels.items()},
+            gained=None if self.gained is None else self.gained[rows],
         )
+        if "air" in vars(self):
+            vars(part)["air"] = self.air.taken(rows)
+        return part
+
+    def with_small(self, hypothesis: Hypothesis) -> tuple[Record, frozenset[str]]:
+        """Return the record with a small constant fault, for differences, made once, and the channels that it moves."""
+        if hypothesis not in self._small_faults:
+            other = with_fault(self, hypothesis.fault, np.full(self.time_s.shape, hypothesis.size))
+            moved = {name for name, values in other.channels.items() if values is not self.channels[name]}
+            self._small_faults[hypothesis] = other, frozenset(moved)
+        return self._small_faults[hypothesis]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,9 +10,9 @@ import numpy as np
 
 from ...kernels import BoolArray, FloatArray
 from ...kernels.change_scan import steps_and_ramps
-from ...kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratio, noise_model
+from ...kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratios, noise_model
 from ...kernels.runs import bridged
-from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, climbing, hypotheses, with_fault, without_fault
+from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, climbing, hypotheses, without_fault
 from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of, weights_of
 
 # A ramp whose onset lies between two of these loses 0.6 % of its statistic at most; `explain` goes on in whole seconds.
@@ -80,6 +80,7 @@ def scan_window(
     zero_lift: float | None,
     only: Collection[str] | None = None,
     lasting: Collection[str] = (),
+    whole: Record | None = None,
 ) -> WindowScan | None:
     """Return the scan of a window; None where the log allows no residual.
 
@@ -89,6 +90,7 @@ def scan_window(
     zero_lift : angle of attack of zero lift, rad, where it is known.
     only : names of the residuals to use; None for all that the log allows.
     lasting : faults that began before the window. Whatever constant and drift they may have in it is no evidence.
+    whole : what `record` is some seconds of: its small faults are made once for all of its windows.
     """
     kinds, lacking = available(record.channels)
     kinds = tuple(kind for kind in kinds if only is None or kind.name in only)
@@ -138,11 +140,13 @@ def scan_window(
         constants=constants,
         lacking=lacking,
     )
-    ratios, healthy = {}, [level_of(kind, record, constants) for kind in kinds]
-    for hypothesis in hypotheses(record):
-        signatures = fault_signatures(scan, record, hypothesis, ramps, healthy)
-        if any(signature.any() for signature in signatures):
-            ratios[hypothesis.fault] = likelihood_ratio(residuals, signatures)
+    healthy = [level_of(kind, record, constants) for kind in kinds]
+    signatures = {
+        hypothesis.fault: fault_signatures(scan, record, hypothesis, ramps, healthy, whole)
+        for hypothesis in hypotheses(record)
+    }
+    signatures = {fault: by_kind for fault, by_kind in signatures.items() if any(some.any() for some in by_kind)}
+    ratios = dict(zip(signatures, likelihood_ratios(residuals, list(signatures.values())), strict=True))
     return replace(scan, ratios=ratios) if ratios else None
 
 
@@ -231,6 +235,7 @@ def fault_signatures(
     hypothesis: Hypothesis,
     courses: FloatArray,
     healthy: Sequence[Level] | None = None,
+    whole: Record | None = None,
 ) -> list[FloatArray]:
     """Return what a fault of these courses, (n, n_courses), makes of every residual; 0 of one that it leaves alone.
 
@@ -238,10 +243,10 @@ def fault_signatures(
     ----------
     record : where it is linearised.
     healthy : where the residuals of the scan are at the record, for several faults at one record; None to find out.
+    whole : see `scan_window`.
     """
     signatures: list[FloatArray] = []
-    other = with_small(record, hypothesis)
-    moved = {name for name, values in other.channels.items() if values is not record.channels[name]}
+    other, moved = _small_fault(record, hypothesis, whole)
     # A static pressure that changes shows as a climb while it does.
     turning = climbing(record, hypothesis.size) if hypothesis.fault == STATIC_LEAK else None
     for k, (kind, known) in enumerate(zip(scan.kinds, scan.known, strict=True)):
@@ -263,16 +268,22 @@ def _lasting_columns(
     """Return (n, n_courses + 1) what a fault of any size makes of a residual: each course, and the constant squared."""
     large, healthy = replace(hypothesis, size=LARGE * hypothesis.size), level_of(kind, record, constants)
     small_level, large_level = (
-        level_of(kind, with_small(record, candidate), constants) for candidate in (hypothesis, large)
+        level_of(kind, record.with_small(candidate)[0], constants) for candidate in (hypothesis, large)
     )
     first = _signature(healthy, small_level, hypothesis, courses)
     ahead = _signature(healthy, large_level, large, courses[:, :1])
     return np.column_stack([first, ahead - first[:, :1]])
 
 
-def with_small(record: Record, hypothesis: Hypothesis) -> Record:
-    """Return a record with a small constant fault, for differences."""
-    return with_fault(record, hypothesis.fault, np.full(record.time_s.shape, hypothesis.size))
+def _small_fault(record: Record, hypothesis: Hypothesis, whole: Record | None) -> tuple[Record, frozenset[str]]:
+    """Return a record with a small constant fault, and the channels that it moves."""
+    # A leak's rate of climb is a difference over neighbours, which those of a window end at its borders.
+    if whole is None or (hypothesis.fault == STATIC_LEAK and not record.is_inertial):
+        return record.with_small(hypothesis)
+    other, moved = whole.with_small(hypothesis)
+    if "air" in vars(record):
+        _ = other.air  # once for all windows
+    return other.between(record.time_s[0] - 0.5 * STEP_S, record.time_s[-1] + 0.5 * STEP_S), moved
 
 
 def _signature(healthy: Level, faulty: Level, hypothesis: Hypothesis, courses: FloatArray) -> FloatArray:

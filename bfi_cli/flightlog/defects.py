@@ -67,7 +67,7 @@ MOST_ALIKE = 0.5
 FEWEST_QUANTA = 3.0
 MOST_PASSES = 25
 ROUNDING = 1e-6  # of the largest value, some digits above single precision
-TINY = float(np.finfo(np.float64).tiny)
+TINY = float(np.sqrt(np.finfo(np.float64).tiny))  # least reading of a ratio, which is finite for any other
 FEWEST_TICKS, MOST_TICKS = 32, 10**7
 # Ticks per reading [1]: bounds what a wrong time far beyond the others costs, for a tick of a gap takes as much memory
 # as one with a reading. A sensor of 1 Hz among ticks of FASTEST_HZ has 20.

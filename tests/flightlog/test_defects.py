@@ -125,6 +125,14 @@ def test_a_reading_that_is_lost_at_once_drops_out_however_wild_the_flight(within
     assert sum(defect.count for defect in dropouts) == count
 
 
+def test_where_an_airspeed_does_not_read_yet_it_predicts_none():
+    """Ratios to readings of 0 are finite: no warning, and no defect of the other airspeed."""
+    log = flight(recorded=False)
+    unread = np.where(log.time_s < np.median(log.time_s), 0.0, log.channels["cas"].values)
+    channels = {**log.channels, "cas": replace(log.channels["cas"], values=unread)}
+    assert "tas" not in {defect.channel for defect in find_defects(replace(log, channels=channels))}
+
+
 def test_a_channel_that_is_renewed_seldom_does_not_stay_still():
     """Values held for a second, and steps of a knot: nothing between two of them is a defect."""
     log = flight(recorded=False)

@@ -144,9 +144,7 @@ def _bounds_in_words(result: DiagnoseResult, units: Units, state: State) -> dict
         return {"Still possible": [f"{other} slow error of any size"]}
     most = f"in {worst.holds_in:.0%} of the checked flight".replace("%", " %")
     channel, shown = channel_in_words(worst.channel), units.of(worst.effect_unit, channel=worst.channel)
-    if state == "no_fault_found":
-        if worst.seen_effect is None:
-            return {"Still possible": [f"a slow error of {channel} of any size"]}
+    if state == "no_fault_found" and worst.seen_effect is not None:
         length = f"within {worst.seen_within_s:.0f} s ({most})"
         return {
             "Would have been found": [f"slow errors of {channel} above {change(worst.seen_effect, shown)} {length}"]

@@ -34,6 +34,7 @@ EVENT_MORE |= {"threshold", "note", "repeat", "beyond_tolerance", "count", "time
 EVENT_MORE |= {"margin", "refuted_by"}
 LIMIT_KEYS = {"fault", "shape", "excluded_above", "unit", "effect", "within_tolerance", "from_s", "to_s"}
 LIMIT_MORE = {"channel", "effect_unit", "tolerance", "bounds", "holds_in", "grows_on"}
+LIMIT_MORE |= {"seen_above", "seen_effect", "seen_within_s"}
 FIGURES = {"timeline", "limits", "event_1"}
 
 

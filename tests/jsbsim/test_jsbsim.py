@@ -344,7 +344,7 @@ def ordinary_flight(cause: str, size: float = 0.0) -> FlightLog:
 @pytest.mark.parametrize(("cause", "making"), SIMULATED.items())
 def test_an_ordinary_cause_acts_from_its_time_on_and_is_in_the_truth(cause: str, making: Making):
     calm, log = ordinary_flight(""), ordinary_flight(cause, making.size)
-    before, after = log.time_s <= CAUSE_S, log.time_s > CAUSE_S + 40.0
+    before, after = log.time_s < CAUSE_S, log.time_s > CAUSE_S + 40.0
     for name, channel in calm.channels.items():  # but for round-off in JSBSim's sum of the winds
         np.testing.assert_allclose(log.channel(name).values[before], channel.values[before], rtol=1e-6, atol=1e-6)
     assert log.truth is not None

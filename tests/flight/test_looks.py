@@ -15,7 +15,11 @@ WINDOW = (0.0, 60.0)
 
 
 def flight_with(lasting: tuple[str, ...]) -> SimpleNamespace:
-    course = SimpleNamespace(ratio=np.array([1.0, 4.0]), weighted=lambda weights: (np.ones(2), np.ones(2)))
+    course = SimpleNamespace(
+        ratio=np.array([1.0, 4.0]),
+        weighted=lambda weights: (np.ones(2), np.ones(2)),
+        needed=lambda level: np.full(2, np.sqrt(level)),
+    )
     scan = SimpleNamespace(
         kinds=(SimpleNamespace(name="lift"),),
         constants=SimpleNamespace(knows_zero_lift=False),
@@ -43,6 +47,7 @@ def scanned(lasting: tuple[str, ...], kept: list[Scanned]) -> tuple[Scanned, lis
 def test_a_window_beside_a_fault_that_lasts_has_the_threshold_of_such_windows(lasting: tuple[str, ...]):
     one, (key,) = scanned(lasting, [])
     assert (one.fault, one.onset_s, one.lasting) == ("tas", 20.0, lasting)
+    assert one.declared["tas"] == pytest.approx(np.sqrt(AT.level) + 1.2816, rel=1e-4)  # with 90 % power, sd 1
     assert key == ScanKey(residuals=("lift",), length_s=60.0, knows_zero_lift=False, beside=bool(lasting))
 
 

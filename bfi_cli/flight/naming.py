@@ -87,7 +87,8 @@ def finding_of_fit(
     _, sign = hypothesis_of(name)
     errors = {fault_name(other): effects(record, other) for other in reversed(fits)}
     error = abs(errors[name].get(name, 0.0))
-    rivals = {other: sizes[other] for other, sizes in errors.items() if error and other != name and other in sizes}
+    others = errors.keys() & set(recorded) - {name} if error else set()
+    rivals = {other: sizes[other] for other, sizes in errors.items() if other in others and other in sizes}
     return Finding(
         fault=name,
         among=among,

@@ -9,7 +9,7 @@ Nelder 1989, 9.2).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from .weight import Ordinary, Weight
 REACH_S = 60  # to both sides of a proposed onset or end, in which it is sought: beyond it another fault begins
 COARSE_S = 5  # between the seconds that are tried first; then every second between the neighbours of the best
 FEWEST_S = 5  # of a fault that are weighed
-LONGEST_S = 240  # of a fault that ends at once, in which its onset is sought: the longest window of the finders
 TAIL = 0.025  # share of the likelihood to each side of an interval
 
 
@@ -89,41 +88,6 @@ def timing_of(
         onset_ci95=(float(time_s[begins.first.onset] - 1.0), float(time_s[begins.last.onset] + 0.5)),
         offset_s=offset,
         weight=known,
-    )
-
-
-def earlier_fault(
-    bench: Bench, weight: Weight, onset_s: float, *, least: float, until_s: float = np.inf
-) -> Timing | None:
-    """Return the error of a channel that ends where one is proposed to begin; None where it begins there.
-
-    What comes back at once steps as what begins at once: the record before and after tells which reading was wrong.
-
-    Parameters
-    ----------
-    weight : of a sudden error from the proposed onset on.
-    least : log density by which an error that ends there must be better.
-    """
-    flown = bench.model.time_s[min(bench.checks)] + CHECK_S
-    earlier_s = int(np.clip(onset_s - flown, 0, LONGEST_S))
-    place = place_of(bench, onset_s, None, until_s, earlier_s=earlier_s)
-    if place is None or earlier_s < FEWEST_S:
-        return None
-    end = place.onset
-    part = place.until(end + SHOWN_S)
-    ordinary = ordinary_of(part)
-    (begins,) = _weights(weight, [part.at(end, None)], ordinary)
-    places = [part.at(second, end) for second in range(end - earlier_s, end - FEWEST_S + 1)]
-    peaks = [_peak(replace(weight, growth_s=growth_s), places, ordinary) for growth_s in (0.0, np.inf)]
-    best = max((peak for peak in peaks if peak is not None), key=lambda peak: peak.weight.margin)
-    if best.weight.refused or best.weight.margin < begins.margin + least:
-        return None
-    time_s = bench.model.time_s[place.part]
-    return Timing(
-        onset_s=float(time_s[best.best.onset] - 0.5),
-        onset_ci95=(float(time_s[best.first.onset] - 1.0), float(time_s[best.last.onset] + 0.5)),
-        offset_s=onset_s,
-        weight=best.weight,
     )
 
 

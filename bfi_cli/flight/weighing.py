@@ -28,7 +28,7 @@ from .result import Event, OrdinaryEvent
 from .seconds import seconds_of
 from .tables import ALTIMETER_SET, ON_GROUND
 from .tables import ORDINARY as CAUSES
-from .timing import Timing, earlier_fault, timing_of
+from .timing import timing_of
 from .weight import Weight
 
 # Log density over the best ordinary explanation above which a fault is declared: none of 14 healthy flights of seven
@@ -210,14 +210,11 @@ def _weighed(
         return event
     weight = max(weights, key=lambda weight: (not weight.refused, weight.margin))
     best = judgement.weights[0]
-    sure = event.state == "declared" or (may_be_sure and weight.margin > SURE * DECLARED and not weight.refused)
-    if sure and _may_be_renamed(event, best.fault) and best.margin > max(DECLARED, weight.margin + DECLARED):
+    may_be = _may_be_renamed(event, best.fault) and event.state == "declared"
+    if may_be and best.margin > max(DECLARED, weight.margin + DECLARED):
         return _renamed(bench, event, best, judgement.among, until_s)
     if weight.margin > DECLARED and not weight.refused:
-        confirmed = _confirmed(event, weight, judgement, may_be_sure=may_be_sure)
-        sudden = weight.growth_s == 0.0 and weight.fault == event.fault and event.offset_s is None
-        earlier = earlier_fault(bench, weight, event.onset_s, least=DECLARED, until_s=until_s) if sudden else None
-        return confirmed if earlier is None else _sized(_timed(confirmed, earlier), earlier.weight)
+        return _confirmed(event, weight, judgement, may_be_sure=may_be_sure)
     known = _stated_cause(bench, event, weight, causes)
     if known is not None:
         return _ordinary(event, known.cause, {"margin": weight.margin}, stated=True)
@@ -340,60 +337,43 @@ def _renamed(bench: Bench, event: Event, best: Weight, among: tuple[str, ...], u
     """
     timing = timing_of(bench, best, event.onset_s, event.offset_s, until_s=until_s)
     if timing is not None:
-        event, best = _timed(event, timing), replace(timing.weight, margin=best.margin, shares=best.shares)
+        event = replace(
+            event,
+            onset_s=timing.onset_s,
+            onset_ci95=timing.onset_ci95,
+            offset_s=timing.offset_s,
+            seen_until_s=max(event.seen_until_s, timing.onset_s),
+        )
+        best = replace(timing.weight, margin=best.margin, shares=best.shares)
+    line = best.growth_s is None
     channels = channels_of(best.fault, bench.model.seconds.recorded)
-    effect = {name: size for name, size in event.effect.items() if name in channels}
-    named = replace(
+    lasts_s = (event.seen_until_s if event.offset_s is None else event.offset_s) - event.onset_s
+    drifts = best.growth_s == np.inf
+    magnitude = None if line else best.size / max(lasts_s, 1.0) if drifts else best.size
+    sd = None if line or best.sd is None else best.sd / max(lasts_s, 1.0) if drifts else best.sd
+    unit = "" if line else STANDARD[best.fault].unit
+    half = None if sd is None else TWO_SIDED_95 * sd
+    return replace(
         event,
-        constant_s=None,
-        magnitude=None,
-        sd=None,
-        ci95=None,
         fault=best.fault,
         among=tuple(name for name in among if name != FROZEN),
         channels=channels,
         state="declared",
-        shape=best.fault,
-        kind="slow" if best.fault in SLOW else "abrupt",
-        unit="",
-        effect=effect,
+        shape=best.fault if line else "drift" if drifts else "bias",
+        kind="slow" if drifts or best.fault in SLOW else "abrupt",
+        constant_s=None,
+        magnitude=magnitude,
+        unit=per_second(unit) if drifts and unit else unit,
+        sd=sd,
+        ci95=None if magnitude is None or half is None else (magnitude - half, magnitude + half),
+        effect={name: size for name, size in event.effect.items() if name in channels}
+        if line
+        else {best.fault: best.size},
         stages=tuple(dict.fromkeys((*event.stages, MODEL))),
         margin=best.margin,
         refuted_by=_against(best),
         note=f"first taken for '{event.fault}'",
         repeat=repeat_advice(among),
-    )
-    return named if best.growth_s is None else _sized(named, best)
-
-
-def _timed(event: Event, timing: Timing) -> Event:
-    """Return an event that begins and ends when its own likelihood says."""
-    return replace(
-        event,
-        onset_s=timing.onset_s,
-        onset_ci95=timing.onset_ci95,
-        offset_s=timing.offset_s,
-        seen_until_s=max(event.seen_until_s, timing.onset_s),
-    )
-
-
-def _sized(event: Event, weight: Weight) -> Event:
-    """Return an event with the course and the size of an error of one channel."""
-    lasts_s = (event.seen_until_s if event.offset_s is None else event.offset_s) - event.onset_s
-    drifts, unit = weight.growth_s == np.inf, STANDARD[weight.fault].unit
-    per = max(lasts_s, 1.0) if drifts else 1.0
-    magnitude, sd = weight.size / per, None if weight.sd is None else weight.sd / per
-    half = None if sd is None else TWO_SIDED_95 * sd
-    return replace(
-        event,
-        shape="drift" if drifts else "bias",
-        kind="slow" if drifts else "abrupt",
-        constant_s=None,
-        magnitude=magnitude,
-        unit=per_second(unit) if drifts and unit else unit,
-        sd=sd,
-        ci95=None if half is None else (magnitude - half, magnitude + half),
-        effect={weight.fault: weight.size},
     )
 
 

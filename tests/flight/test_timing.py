@@ -13,8 +13,7 @@ from bfi_cli.flight.bench import Bench, bench_of
 from bfi_cli.flight.judge import judge
 from bfi_cli.flight.model import flight_model
 from bfi_cli.flight.seconds import seconds_of
-from bfi_cli.flight.timing import earlier_fault, timing_of
-from bfi_cli.flight.weighing import DECLARED
+from bfi_cli.flight.timing import timing_of
 from bfi_cli.flight.weight import Weight
 from bfi_cli.flightlog.injection import inject
 
@@ -74,7 +73,7 @@ def test_an_onset_is_in_its_interval_wherever_it_was_proposed(
 
 
 @pytest.mark.slow
-def test_an_end_is_found_with_the_onset() -> None:
+def test_an_end_is_found_with_the_onset():
     bench = bench_with(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S},offset_s={OFFSET_S}")
     weight = weight_of(bench, "tas", ONSET_S, OFFSET_S)
     timing = timing_of(bench, weight, ONSET_S - 15.0, OFFSET_S + 20.0)
@@ -84,29 +83,8 @@ def test_an_end_is_found_with_the_onset() -> None:
     assert timing.weight.size == pytest.approx(4.0, abs=0.3)
 
 
-def test_where_nothing_is_flown_nothing_begins() -> None:
+def test_where_nothing_is_flown_nothing_begins():
     bench = bench_with(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}")
     weight = weight_of(bench, "tas", ONSET_S, None)
     assert timing_of(bench, weight, 20.0, None) is None
     assert timing_of(bench, weight, float(np.max(bench.model.time_s)), None) is None
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("spec", "growth_s"), [("drift,channel=tas,magnitude=0.3", np.inf), ("bias,channel=tas,magnitude=6", 0.0)]
-)
-def test_what_ends_at_once_is_no_fault_that_begins_there(spec: str, growth_s: float) -> None:
-    bench = bench_with(f"{spec},onset_s={ONSET_S},offset_s={OFFSET_S}")
-    weight = weight_of(bench, "tas", OFFSET_S, None)
-    assert weight.growth_s == 0.0
-    timing = earlier_fault(bench, weight, OFFSET_S, least=DECLARED)
-    assert timing is not None
-    assert timing.offset_s == OFFSET_S
-    assert timing.weight.growth_s == growth_s
-    assert timing.onset_s == pytest.approx(ONSET_S, abs=2.0)
-
-
-@pytest.mark.slow
-def test_what_begins_is_no_end() -> None:
-    bench = bench_with(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}")
-    assert earlier_fault(bench, weight_of(bench, "tas", ONSET_S, None), ONSET_S, least=DECLARED) is None

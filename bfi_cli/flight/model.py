@@ -475,7 +475,14 @@ def _with_noise(model: FlightModel) -> Frame:
     if "normal_acc" in rows:
         fixed_R[:, rows.index("normal_acc")] += (BANKED * G * np.minimum(c.bank**2, 1.0)) ** 2
     # What the aircraft does on purpose is seen in its channels, before the states may follow.
-    acceleration = maximum_filter1d(np.minimum(_acceleration(model), MOST_ACCELERATION), size=LOAD_S)
+    acceleration = np.zeros(n)
+    for name in ("tas", "cas"):
+        if name in rows:
+            acceleration = np.maximum(acceleration, np.abs(rate_of(filled(model.y[:, rows.index(name)]))))
+    ground = ground_speed_of(model.seconds)
+    if ground is not None:
+        acceleration = np.maximum(acceleration, np.abs(rate_of(filled(ground), LOAD_S)))
+    acceleration = maximum_filter1d(np.minimum(acceleration, MOST_ACCELERATION), size=LOAD_S)
     fixed_Q[:, states.index("airspeed")] += acceleration**2
     if "pitch" in rows:
         pitching = np.abs(rate_of(filled(model.seconds.channels["pitch"])))
@@ -487,24 +494,6 @@ def _with_noise(model: FlightModel) -> Frame:
             elif name in rows:
                 fixed_R[:, rows.index(name)] += (share * pitching * speed) ** 2
     return replace(frame, shares=tuple(shares), fixed_R=fixed_R, fixed_Q=fixed_Q)
-
-
-def _acceleration(model: FlightModel) -> FloatArray:
-    """Return (n,) the size of the change of speed per second that is recorded beside the airspeeds.
-
-    By the ground speed, and by the specific force along the body less its part of gravity; of the airspeeds themselves,
-    which are to be weighed, only where there is neither.
-    """
-    channels, parts = model.seconds.channels, []
-    ground = ground_speed_of(model.seconds)
-    if ground is not None:
-        parts.append(rate_of(filled(ground), LOAD_S))
-    if {"longitudinal_acc", "pitch"} <= channels.keys():
-        along = filled(channels["longitudinal_acc"]) - G * np.sin(filled(channels["pitch"]))
-        parts.append(smoothed(along - np.median(along[model.frame.airborne]), LOAD_S))
-    if not parts:
-        parts = [rate_of(filled(model.y[:, model.row(name)])) for name in ("tas", "cas") if name in model.rows]
-    return np.max(np.abs(parts), axis=0) if parts else np.zeros(model.n)
 
 
 def _step(seconds: Seconds, row: str) -> float:

@@ -164,30 +164,6 @@ def test_rows_of_a_known_fault_testify_no_more(with_fault: Callable[[str], Bench
     assert all(one.margin < DECLARED for one in judgement.weights if not one.refused)
 
 
-@pytest.mark.parametrize("beside", [("velocity_north", "velocity_east"), ("longitudinal_acc",)])
-def test_what_moves_an_airspeed_is_told_by_no_airspeed(journey: FlightLog, beside: tuple[str, ...]) -> None:
-    """The noise of the row under test is that of the flight: a step of it does not widen what the flight may do."""
-    others = {"velocity_north", "velocity_east", "longitudinal_acc"} - {*beside}
-    log = replace(journey, channels={name: one for name, one in journey.channels.items() if name not in others})
-    models = [model_of(log), model_of(inject(log, [parse_spec(STEP, unit_of=lambda name: log.channel(name).unit)]))]
-    healthy, faulty = (model.noise(model.levels)[1][:, model.state("airspeed")] for model in models)
-    about = np.abs(models[0].time_s - ONSET_S) < 60.0
-    assert faulty[about] == pytest.approx(healthy[about], rel=0.05)
-
-
-@pytest.mark.slow
-def test_a_wind_that_is_stated_adds_nothing_to_an_airspeed_that_steps(with_fault: Callable[[str], Bench]) -> None:
-    model = with_fault(STEP).model
-    margins = []
-    for causes in ([], [("wind", ONSET_S)]):
-        judgement = judge(bench_of(model, causes=causes), ONSET_S, None, named=("tas",))
-        assert judgement is not None
-        weight = judgement.weight("tas")
-        assert weight is not None
-        margins.append(weight.margin)
-    assert margins[1] <= margins[0] + DECLARED
-
-
 def test_what_the_ground_shows_is_no_place_in_flight(healthy: Bench) -> None:
     assert is_on_ground(healthy, 20.0)
     assert not is_on_ground(healthy, ONSET_S)

@@ -43,6 +43,7 @@ def test_the_keys_are_those_of_the_contract(diagnoses: Diagnoses):
     assert document.keys() == KEYS | MORE
     assert (document["kind"], document["schema"]) == ("diagnose", 4)
     (event,) = document["events"]
+    assert (event["fault"], event["among"]) == ("pitot_icing", ["pitot_icing"])
     assert event.keys() == EVENT_KEYS | EVENT_MORE
     assert all(one.keys() == LIMIT_KEYS | LIMIT_MORE for one in document["limits"])
     assert all(one.keys() == {"phase", "from_s", "to_s"} for one in document["phases"])

@@ -411,6 +411,7 @@ def load_dictionary(
     source: str | Path | Mapping[str, Any] | DictionaryDocument,
     *,
     where: str | None = None,
+    folder: Path | None = None,
     allow_outside: bool = False,
     channel: str = CHANNEL,
 ) -> Dictionary:
@@ -420,15 +421,17 @@ def load_dictionary(
     ----------
     source : a `str` is a path, or the name of a dictionary of `SHIPPED`.
     where : name of the dictionary in messages; default the path, or "dictionary".
-    allow_outside : sample files may lie outside the folder of the file, to which they are relative. Those of a mapping
-        are relative to the working directory, and may lie anywhere.
+    folder : to which the sample files of a mapping are relative, default the working directory; those of a file are
+        relative to the file.
+    allow_outside : sample files may lie outside that folder. They may in any case for a mapping without a folder, whose
+        sample files the caller names.
     channel : of entries without a channel in a dictionary without one.
 
     Raises
     ------
     DictionaryError : all complaints in one line. Sample files are only checked to exist.
     """
-    sha256, context = None, dict[str, object]()
+    sha256 = None
     if isinstance(source, str | Path):
         path = Path(source)
         if isinstance(source, str) and is_shipped(source):
@@ -438,12 +441,12 @@ def load_dictionary(
                 f"{source}: no such file or shipped dictionary; the shipped ones are {', '.join(SHIPPED)}"
             )
         text = read_text(path, error=DictionaryError)
-        where, sha256 = where or str(path), hashlib.sha256(path.read_bytes()).hexdigest()
-        context = {"folder": path.parent, "allow_outside": allow_outside}
+        where, folder, sha256 = where or str(path), path.parent, hashlib.sha256(path.read_bytes()).hexdigest()
         source = _parsed(text, where)
     where = where or "dictionary"
     document = source
     if not isinstance(document, DictionaryDocument):
+        context = {} if folder is None else {"folder": folder, "allow_outside": allow_outside}
         document = validate(DictionaryDocument, source, where=where, error=DictionaryError, context=context)
     try:
         atoms = expand(document, channel)

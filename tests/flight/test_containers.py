@@ -20,7 +20,7 @@ LEAST = 121
 # Tables of the program and coefficients of the frequency bound, which no sample of a log is in.
 NO_SERIES = {"decision.calibration.Null", "parity.calibration.ParityTable", "kernels.onset.profile.ProfilePolynomial"}
 # Kinds of containers today: the next is made of one that is there, and what is saved is taken off.
-MOST = {"identify": 21, "diagnose": 43}
+MOST = {"identify": 20, "diagnose": 43}
 
 
 def dataclasses_of_package() -> Iterator[type]:

@@ -76,26 +76,6 @@ MOSTLY = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Detectable:
-    """The sizes of a hypothesis that would be declared with 90 % power, by onset: scaled, (n_onsets,).
-
-    Attributes
-    ----------
-    onset_s : on the log's axis.
-    magnitude : infinite where none would be; error : that it makes within the window.
-    """
-
-    onset_s: FloatArray
-    magnitude: FloatArray
-    error: FloatArray
-
-    def mostly(self, near_s: FloatArray | None = None) -> float:
-        """Return the error that is declared at most onsets: of all, or of those nearest to `near_s` (n_near,)."""
-        nearest = slice(None) if near_s is None else np.abs(near_s[:, None] - self.onset_s).argmin(axis=1)
-        return float(np.quantile(self.error[nearest], MOSTLY, method="higher"))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Limits:
     """The magnitudes of a hypothesis that the scan would declare, and excludes, by onset: scaled, (n_onsets,).
 
@@ -103,13 +83,14 @@ class Limits:
     ----------
     profile : over the onsets.
     onset_s : on the log's axis.
-    detectable : at all of them.
+    declared : magnitude that is declared with 90 % power, infinite where none is; seen : its largest error.
     excluded : magnitude beyond which the record excludes the fault, infinite where none is; effect : its largest error.
     """
 
     profile: Profile
     onset_s: FloatArray
-    detectable: Detectable
+    declared: FloatArray
+    seen: FloatArray
     excluded: FloatArray
     effect: FloatArray
 
@@ -117,6 +98,11 @@ class Limits:
         """Return magnitude and error that are excluded at the worst onset, of those `near` (n_onsets,) or of all."""
         worst = int(np.argmax(self.effect if near is None else np.where(near, self.effect, -1.0)))
         return float(self.excluded[worst]), float(self.effect[worst])
+
+    def mostly_seen(self, near_s: FloatArray | None = None) -> float:
+        """Return the error that is declared at most onsets: of all, or of those nearest to `near_s` (n_near,)."""
+        nearest = slice(None) if near_s is None else np.abs(near_s[:, None] - self.onset_s).argmin(axis=1)
+        return float(np.quantile(self.seen[nearest], MOSTLY, method="higher"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -131,7 +117,7 @@ class Likeliness:
         each.
     tolerance : of the channel, scaled.
     parameter : of the hypothesis: frequency, time constant or duration.
-    detectable : at some onsets; None where it was not asked for.
+    limits : at some onsets; None where they were not asked for.
     """
 
     profile: Profile
@@ -140,7 +126,7 @@ class Likeliness:
     errors: FloatArray
     ratios: FloatArray
     tolerance: float
-    detectable: Detectable | None
+    limits: Limits | None
 
     def hidden(self, near: BoolArray | None = None) -> tuple[float, float]:
         """Return magnitude and error that are excluded at 95 %, at the onsets `near` (n_onsets,) or at all."""
@@ -272,8 +258,7 @@ def _sized(
         return candidate if peak is None else _bounded(record, candidate, form.output, peak.profile, ())
     worst = max(covered, key=lambda limits: float(limits.effect.max()))
     likeliest = max((limits.profile for limits in covered), key=lambda profile: float(profile.statistic.max()))
-    sizes = [limits.detectable for limits in covered]
-    return _bounded(record, candidate, form.output, likeliest, sizes, *worst.hidden())
+    return _bounded(record, candidate, form.output, likeliest, covered, *worst.hidden())
 
 
 def _weighed(
@@ -308,7 +293,7 @@ def _weighed(
     covered = {claimed: glance for claimed, glance in glances.items() if glance is not None}
     if not covered:
         return candidate
-    sizes = [glance.detectable for glance in covered.values() if glance.detectable is not None]
+    limits = [glance.limits for glance in covered.values() if glance.limits is not None]
     if every > 1:
         worst_forms = {
             claimed
@@ -337,7 +322,7 @@ def _weighed(
     hidden = max(likeliness.hidden() for likeliness in likelinesses)
     # What is scanned as another shape is seen by the likelihood of faults beyond the tolerance.
     least = 0.0 if peak is not None else tolerance
-    return _bounded(record, candidate, form.output, likeliest.profile, sizes, *hidden, least=least, note=note)
+    return _bounded(record, candidate, form.output, likeliest.profile, limits, *hidden, least=least, note=note)
 
 
 def _bounded(
@@ -345,7 +330,7 @@ def _bounded(
     candidate: Candidate,
     output: int,
     profile: Profile,
-    detectable: Sequence[Detectable],
+    limits: Sequence[Limits],
     excluded: float = np.inf,
     effect: float = np.inf,
     *,
@@ -357,11 +342,11 @@ def _bounded(
     Parameters
     ----------
     profile : over the onsets; excluded, effect : magnitude and error, scaled, infinite for any.
-    detectable : of the hypotheses of the shape; least : error below which a fault of it is not declared, scaled.
+    limits : of the hypotheses of the shape; least : error below which a fault of it is not declared, scaled.
     """
     scale, best = float(record.unit[output]), profile.best
-    median = float(np.median([np.median(sizes.magnitude) for sizes in detectable])) if detectable else np.inf
-    seen_above = max((least, *(sizes.mostly() for sizes in detectable))) if detectable else np.inf
+    median = float(np.median([np.median(form_limits.declared) for form_limits in limits])) if limits else np.inf
+    seen_above = max((least, *(form_limits.mostly_seen() for form_limits in limits))) if limits else np.inf
     sized = replace(
         candidate,
         magnitude=finite(scale * float(profile.z[best])),
@@ -388,21 +373,20 @@ def _likeliness(
 
     Parameters
     ----------
-    threshold : of the statistic, of which `detectable` are the sizes; None where they are not asked for.
+    threshold : of the statistic, for `limits`; None where they are not asked for.
     every : of so many onsets one is looked at.
     """
     wave = waveform(form, replace(record.sampling, n_samples=scan.n_samples))
     onsets = _covered(record, scan, form)[::every]
     if onsets.size == 0:
         return None
-    errors, detectable = tolerance * ERRORS, None
+    errors, limits = tolerance * ERRORS, None
     magnitudes = errors[:, None] / wave.largest(scan.n_samples - onsets)
     profile, both_signs = profile_with_deviances(scan, wave, onsets, magnitudes)
     dispersion = profile.dispersion
     if threshold is not None:
         some = profile.take(np.linspace(0, len(onsets) - 1, min(SIZED, len(onsets))).astype(np.intp))
-        magnitude = _sizes(scan, wave, some, threshold, dispersion)[0]
-        detectable = _detectable(record, scan, wave, some.onsets, magnitude)
+        limits = _limits_of(record, scan, wave, some, threshold, dispersion)
     return Likeliness(
         profile=profile,
         parameter=form.parameter or 0.0,
@@ -410,15 +394,7 @@ def _likeliness(
         errors=errors,
         ratios=likelihood_ratios(both_signs, dispersion=dispersion),
         tolerance=tolerance,
-        detectable=detectable,
-    )
-
-
-def _detectable(record: ScanRecord, scan: Scan, wave: Waveform, onsets: IntArray, magnitude: FloatArray) -> Detectable:
-    return Detectable(
-        onset_s=record.onsets_s(onsets + record.sampling.lead),
-        magnitude=magnitude,
-        error=magnitude * wave.largest(scan.n_samples - onsets),
+        limits=limits,
     )
 
 
@@ -487,9 +463,10 @@ def _near(limits: Limits | Likeliness | None, onset_s: float, near_s: float) -> 
     Scaled, infinite where there is none; None where no onset near it is covered.
     """
     near = np.zeros(0, dtype=bool) if limits is None else np.abs(limits.onset_s - onset_s) <= near_s
-    if limits is None or limits.detectable is None or not near.any():
+    declared = limits.limits if isinstance(limits, Likeliness) else limits
+    if limits is None or declared is None or not near.any():
         return None
-    return *limits.hidden(near), limits.detectable.mostly(limits.onset_s[near])
+    return *limits.hidden(near), declared.mostly_seen(limits.onset_s[near])
 
 
 def _claimed(
@@ -585,27 +562,28 @@ def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: fl
     if onsets.size == 0:
         return None
     profile = scan_shape(scan, wave, onsets)
-    detected, admitted = _sizes(scan, wave, profile, threshold, profile.dispersion)
-    excluded = np.maximum(detected, admitted)
-    return Limits(
-        profile=profile,
-        onset_s=record.onsets_s(onsets + record.sampling.lead),
-        detectable=_detectable(record, scan, wave, onsets, detected),
-        excluded=excluded,
-        effect=excluded * wave.largest(scan.n_samples - onsets),
-    )
+    return _limits_of(record, scan, wave, profile, threshold, profile.dispersion)
 
 
-def _sizes(
-    scan: Scan, wave: Waveform, profile: Profile, threshold: float, dispersion: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the magnitudes (n_onsets,) declared with 90 % power, and those that the record excludes at 95 %."""
-    return undeclared_magnitudes(
+def _limits_of(
+    record: ScanRecord, scan: Scan, wave: Waveform, profile: Profile, threshold: float, dispersion: float
+) -> Limits:
+    """Return the limits of a hypothesis at the onsets of a profile: declared with 90 % power, and excluded at 95 %."""
+    declared, admitted = undeclared_magnitudes(
         scan,
         wave,
         profile,
         power=(np.sqrt(threshold) + ONE_SIDED_90 * np.sqrt(dispersion)) ** 2,
         doubt=ONE_SIDED_95**2 * dispersion,
+    )
+    excluded, largest = np.maximum(declared, admitted), wave.largest(scan.n_samples - profile.onsets)
+    return Limits(
+        profile=profile,
+        onset_s=record.onsets_s(profile.onsets + record.sampling.lead),
+        declared=declared,
+        seen=declared * largest,
+        excluded=excluded,
+        effect=excluded * largest,
     )
 
 

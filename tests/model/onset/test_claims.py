@@ -47,7 +47,7 @@ def test_a_fault_of_the_size_that_is_seen_exceeds_the_threshold_by_90_percent_po
     phi = float(limits.profile.statistic.mean())
     assert phi > 1.2
     for i in range(0, len(limits.onset_s), 60):
-        m, onset = limits.detectable.magnitude[i], int(limits.profile.onsets[i])
+        m, onset = limits.declared[i], int(limits.profile.onsets[i])
         without, kept = [], []
         for sign in (1.0, -1.0):
             faulty = y + sign * m * signal_of(record, BIAS, onset)
@@ -69,7 +69,7 @@ def test_a_size_is_excluded_at_95_percent_above_the_likeliest(record: ScanRecord
     assert limits.profile.onsets[i] == onset
     z, sd = float(limits.profile.z[i]), float(limits.profile.sd[i])
     assert (limits.excluded[i] - abs(z)) / (sd * np.sqrt(phi)) == pytest.approx(1.6448536, rel=0.02)
-    assert limits.excluded[i] > limits.detectable.magnitude[i]
+    assert limits.excluded[i] > limits.declared[i]
 
 
 def test_of_one_onset_5_percent_of_faults_of_the_worst_size_are_excluded():

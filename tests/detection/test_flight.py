@@ -76,15 +76,20 @@ def test_what_is_not_looked_for_is_not_excluded() -> None:
     assert every.summary.startswith("no step above ")
 
 
-@pytest.mark.realdata
-@pytest.mark.parametrize("name", ["citation_20180312_f1.h5", "citation_20190312_123416.h5", "px4_flight3"])
-def test_alarms_of_a_whole_healthy_flight_hardly_exceed_their_threshold(flights, name: str) -> None:
-    """One false alarm in a hundred logs is wanted, and not kept: 5 of 16 parts of two flights have one.
+NOT_KEPT = pytest.mark.xfail(reason="5 of 16 parts that begin up to 2.6 s apart alarm, at 1.0 to 1.23 of the threshold")
 
-    The parts begin up to 2.6 s apart. An alarm of a step that counts is many times its threshold.
-    """
+
+@pytest.mark.realdata
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param("citation_20180312_f1.h5", marks=NOT_KEPT),
+        pytest.param("citation_20190312_123416.h5", marks=NOT_KEPT),
+        "px4_flight3",
+    ],
+)
+def test_no_alarm_in_a_whole_recorded_flight(flights, name: str) -> None:
+    """One false alarm in a hundred logs is wanted, so that the chance of one in three is 3 %."""
     from bfi_cli.flightlog import read_log
 
-    alarms = detect_faults(read_log(flights / name), Config()).alarms
-    assert len(alarms) <= 1
-    assert all(alarm.statistic < 1.5 * alarm.threshold for alarm in alarms)
+    assert detect_faults(read_log(flights / name), Config()).alarms == ()

@@ -23,7 +23,7 @@ from flight_faults import (
 )
 from jsbsim_trials import tour
 from threadpoolctl import threadpool_limits
-from whole_flight_trials import flight, recorder
+from whole_flight_trials import NEAR_S, flight, recorder, said_of
 
 from bfi_cli.config import Config
 from bfi_cli.flight import diagnose_flight
@@ -55,7 +55,6 @@ LEAST: Mapping[str, float] = {
     "tat": 4.0,
     "normal_acc": 0.8,
 }
-NEAR_S = 30.0
 
 
 KINDS: Mapping[str, Maker] = {
@@ -182,18 +181,10 @@ def answer_of(trial: Trial, *, folder: Path) -> Answer | None:
         onset_covered=None if best is None else best.onset_ci95[0] <= truth.onset_s <= best.onset_ci95[1],
         others=len(others),
         hours=float(log.time_s[-1] - log.time_s[0]) / 3600.0,
-        events="; ".join(_words(event) for event in result.events) or "nothing",
+        events=said_of(result),
     )
 
 
 def _begins(event: Event, truth: Truth) -> bool:
     low, high = event.onset_ci95
     return abs(event.onset_s - truth.onset_s) <= NEAR_S or low <= truth.onset_s <= high
-
-
-def _words(event: Event) -> str:
-    size = "" if event.magnitude is None else f" {event.magnitude:.3g}"
-    if event.ci95 is not None:
-        size += f" ({event.ci95[0]:.3g} to {event.ci95[1]:.3g})"
-    margin = "" if event.margin is None else f" m{event.margin:.0f}"
-    return f"{'/'.join(event.among)} {event.shape}{size} {event.onset_s:.1f} {event.state}{margin}"

@@ -416,6 +416,10 @@ COMMANDS = {
         }.items()
     },
     "inject good.csv -o new.h5 --ordinary wake@1000": (3, "'wake' at 1000 s is outside: the log has 0 to 59.9 s; give"),
+    "inject good.csv -o new.h5 --ordinary wake@30": (
+        3,
+        "'wake': p_static needs one of p_static, altitude; the log has",
+    ),
     "inject good.csv -o new.h5 --ordinary attitude_settles@30": (3, "'attitude_settles' needs pitch; the log has: ele"),
     "inject good.csv -o new.h5 --ordinary altimeter_set@30": (3, "'altimeter_set' needs baro_altitude; the log has: "),
     "simulate citation -o new.h5 --ordinary flaps@3": (2, "leave out --tas, --altitude, --wind, --ordinary and the"),

@@ -86,7 +86,8 @@ def _with_ordinary(log: FlightLog, occurrence: Occurrence, through: Response) ->
         log = replace(log, time_s=frozen_array(cause.stamps(log, at_s, size)))
     elif cause.impact is not None:
         share = cause.impact(log, at_s, size)
-        moved = Fault(shape="pitot_water", frequency_hz=1.0, magnitude=1.0, onset_s=at_s)  # the tube's pressure alone
+        # Of the tube's pressure alone.
+        moved = Fault(name=occurrence.cause, shape="pitot_water", frequency_hz=1.0, magnitude=1.0, onset_s=at_s)
         added = _stored(log, moved, share, share != 0.0, slice(None), through)
     elif cause.channels is not None:
         for name, change in cause.channels(log, at_s, size).items():

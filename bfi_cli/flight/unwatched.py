@@ -64,12 +64,12 @@ def flown_of(flight: Flight) -> list[Window]:
 def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence[Event]) -> list[Unwatched]:
     """Return where no window bounds a slow fault of the pitot line, or of an airspeed, that begins there.
 
-    An airspeed that no residual reads is bounded by its relation to one that is.
+    A window bounds an airspeed by its residuals, or by its relation to another.
     """
-    drifts = {(bound.fault, bound.bounds): bound.windows for bound in bounds if bound.shape == "drift"}
+    drifts = [bound for bound in bounds if bound.shape == "drift"]
     unbounded: list[tuple[Window, str]] = []
     for name in (PITOT_LINE, *(name for name in AIRSPEEDS if name in flight.recorded)):
-        windows = drifts.get((name, "error")) or drifts.get((name, "disagreement")) or ()
+        windows = [hidden for bound in drifts if bound.fault == name for hidden in bound.windows]
         for piece in left_of(flown_of(flight), union([stretch for hidden in windows for stretch in hidden.watched])):
             if piece[1] - piece[0] >= LEAST_S:
                 unbounded.append((piece, "the pitot line" if name == PITOT_LINE else name))

@@ -163,6 +163,12 @@ def test_relations_alone_do_not_clear_the_pitot_line(cruise: FlightLog):
     assert "a slow fault of any size could be there unseen" in result.summary
 
 
+def test_an_airspeed_that_the_attitude_bounds_less_than_its_relations_is_watched(cruise: FlightLog):
+    names = ("tas", "cas", "altitude", "tat", "aoa", "pitch", "roll")
+    result = diagnosed(replace(cruise, channels={name: cruise.channels[name] for name in names}))
+    assert not any("cas" in why for _, _, why in result.unwatched)
+
+
 @pytest.mark.slow
 def test_one_airspeed_bounds_its_line_as_itself(cruise: FlightLog):
     names = ("tas", "altitude", "altitude_rate", *GROUND)

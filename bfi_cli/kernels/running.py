@@ -47,7 +47,7 @@ def sd_about_lines(x: FloatArray, n_points: int, stride: int) -> FloatArray:
     return np.asarray(np.sqrt(np.einsum("ij,ij->i", rest, rest) / (n_points - 2)))
 
 
-def noise_of_second_differences(x: FloatArray, size: int, share: float) -> float:
+def noise_of_second_differences(x: FloatArray, size: int, share: float, *, rests: float = -np.inf) -> float:
     """Return the standard deviation of white noise that the calmest pieces of a record show, 0 where there are none.
 
     Parameters
@@ -55,12 +55,13 @@ def noise_of_second_differences(x: FloatArray, size: int, share: float) -> float
     x : (n_samples,); pieces with a sample that is not finite are left out.
     size : samples of a piece.
     share : of the pieces that are calmer.
+    rests : within which a piece stays that rests: held by its record, it shows no noise.
     """
     # The variance of x[k-1] - 2 x[k] + x[k+1] is 6 times that of white noise, and no line or slow motion is in it.
     second = np.diff(x, 2) / np.sqrt(6.0)
-    pieces = second[: len(second) // size * size].reshape(-1, size)
-    sds = np.sqrt(np.mean(pieces**2, axis=1))
-    sds = sds[np.isfinite(sds)]
+    n = len(second) // size * size
+    sds = np.sqrt(np.mean(second[:n].reshape(-1, size) ** 2, axis=1))
+    sds = sds[np.isfinite(sds) & (np.ptp(x[1 : n + 1].reshape(-1, size), axis=1) > rests)]
     return float(np.quantile(sds, share)) if sds.size else 0.0
 
 

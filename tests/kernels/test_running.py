@@ -58,6 +58,13 @@ def test_the_noise_is_that_of_white_noise_beside_slow_motion():
     assert noise_of_second_differences(x[:5], 10, 0.5) == 0.0
 
 
+def test_what_rests_shows_no_noise():
+    x = 0.7 * np.random.default_rng(3).standard_normal(20_000)
+    x[: x.size // 2] = 4.0
+    assert noise_of_second_differences(x, 100, 0.05) == 0.0
+    assert noise_of_second_differences(x, 100, 0.5, rests=1e-6) == pytest.approx(0.7, rel=0.05)
+
+
 @given(
     coefficients=st.lists(st.floats(-3.0, 3.0), min_size=4, max_size=4), half=st.integers(1, 8), height=st.floats(1, 9)
 )

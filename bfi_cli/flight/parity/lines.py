@@ -163,7 +163,9 @@ def _line(
         moved = air_data_of({**values, name: values[name] + quanta[name]})
         steps = steps + (np.asarray(getattr(moved, pressure)) - pressures) ** 2 / 12.0
     piece = max(2, round(PIECE_S / blocks.step_s))
-    noise = noise_of_second_differences(np.where(blocks.flies, pressures, np.nan), piece, CALMEST)
+    flown = np.where(blocks.flies, pressures, np.nan)
+    rounded = ROUNDING * float(np.nanmedian(flown)) if np.isfinite(flown).any() else 0.0
+    noise = noise_of_second_differences(flown, piece, CALMEST, rests=rounded)
     # A step that the log does not show may be as slow as a stretch is long: its noise then does not average.
     averaged = max(1, round(POINT_S / blocks.step_s)) if {*used} <= quanta.keys() else 1
     return PressureLine(

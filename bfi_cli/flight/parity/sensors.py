@@ -55,6 +55,10 @@ FASTEST, SECOND_S = 3.0 * G, 1.0
 BESIDE_S = 5.0  # of the medians before and after such a step, and between two
 # USUAL_S [s]: before a step, whose median tells whether it leads away from what the airspeed was, or back to it.
 USUAL_S = 300.0
+# BACK: share of a step that may be left after one that leads back: more is a part of a return, and another error.
+BACK = 0.5
+# LEAST_READ [m/s]: 20 kt, below which airspeed indicators read nothing, so that what comes after is no share of it.
+LEAST_READ = 10.0
 AT_ONCE_EVIDENCE = "airspeed at once"
 # s of the means before and after a step of the temperature, and between them, which a probe and a recorder take to
 # follow.
@@ -252,12 +256,14 @@ def airspeed_steps(log: FlightLog, phases: Sequence[Phase]) -> tuple[Finding, ..
                 continue
             is_shared = len(names) > 1 and len(alike) == len(names)
             lost = step.after < step.before
-            share = (step.after / step.before) ** 2 - 1.0  # of the impact pressure
+            if is_shared and not lost and step.before < LEAST_READ:
+                continue
+            share = (max(step.after, 0.0) / max(step.before, LEAST_READ)) ** 2 - 1.0  # of the impact pressure
             line = "pitot_icing" if lost else "q_impact"
             finding = _step(
                 line if is_shared else name,
                 abs(share) if is_shared and lost else share if is_shared else step.size,
-                sd=step.sd * (2.0 * step.after / step.before**2 if is_shared else 1.0),
+                sd=step.sd * (2.0 * max(step.after, step.sd) / step.before**2 if is_shared else 1.0),
                 unit="1" if is_shared else "m/s",
                 onsets_s=(step.onset_s, step.onset_s - 1.0 / log.rate_hz, step.onset_s + 1.0 / log.rate_hz),
                 statistic=step.statistic,
@@ -265,15 +271,19 @@ def airspeed_steps(log: FlightLog, phases: Sequence[Phase]) -> tuple[Finding, ..
             )
             among = (finding.fault, "pitot_icing") if len(names) == 1 and lost else (finding.fault,)
             effect = {other: twin.size for other, twin in alike.items()}
-            findings.append(replace(finding, among=among, channels=tuple(alike), effect=effect))
+            findings.append(replace(finding, among=among, channels=tuple(alike), effect=effect, offset_s=step.until_s))
     return tuple(findings)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _AirspeedStep:
-    """A step of an airspeed: m/s usually, before and after it, and the error of their difference; the onset, s."""
+    """A step of an airspeed: m/s usually, before and after it, and the error of their difference.
+
+    Its onset and, where another leads back, its end, s.
+    """
 
     onset_s: float
+    until_s: float | None = None
     usual: float
     before: float
     after: float
@@ -311,9 +321,14 @@ def _airspeed_steps(log: FlightLog, values: FloatArray, flown: BoolArray) -> lis
         sd = max(float(np.linalg.norm(spreads)) / float(np.sqrt(BESIDE_S)), 1e-3 * abs(left - level))
         usual = float(np.nanmedian(values[max(0, onset - round(USUAL_S * log.rate_hz)) : onset]))
         step = _AirspeedStep(onset_s=float(log.time_s[onset]), usual=usual, before=level, after=left, sd=sd)
-        # One that leads back ends what began by another such step, or is the end of a loss that others describe.
-        is_away = bool(steps) and not steps[-1].leads_back
-        steps += [step] if step.statistic > 1.0 and (is_away or not step.leads_back) else []
+        if step.statistic <= 1.0:
+            continue
+        # One that leads back ends what began by another such step, or a loss that others describe.
+        begun = steps[-1] if steps and not steps[-1].leads_back and steps[-1].until_s is None else None
+        if begun is not None and abs(step.after - begun.usual) <= BACK * abs(begun.size):
+            steps[-1] = replace(begun, until_s=step.onset_s)
+        elif begun is not None or not step.leads_back:
+            steps.append(step)
     return steps
 
 

@@ -137,10 +137,23 @@ def test_what_a_flight_may_do_and_what_lasts_a_second_is_no_step_of_an_airspeed(
     assert airspeed_steps(log, FLIGHT) == ()
 
 
-def test_an_airspeed_that_comes_back_steps_twice():
-    lost, back = airspeed_steps(with_airspeeds({"tas": -60.0}, until_s=ONSET_S + 30.0), FLIGHT)
-    assert lost.magnitude == -back.magnitude == pytest.approx(-60.0)
-    assert back.onset_s == pytest.approx(ONSET_S + 30.0, abs=1.0 / RATE_HZ)
+@pytest.mark.parametrize("sizes", [{"tas": -60.0}, {"tas": 40.0}, {"tas": -100.0, "cas": -100.0}])
+def test_a_step_of_an_airspeed_ends_where_it_comes_back(sizes: dict[str, float]):
+    (finding,) = airspeed_steps(with_airspeeds(sizes, until_s=ONSET_S + 30.0), FLIGHT)
+    assert finding.offset_s == pytest.approx(ONSET_S + 30.0, abs=1.0 / RATE_HZ)
+    assert finding.effect == {name: pytest.approx(size, abs=0.1) for name, size in sizes.items()}
+
+
+def test_a_return_from_nothing_is_no_share_of_it():
+    log = with_airspeeds({"tas": -100.0, "cas": -100.0}, until_s=ONSET_S + 30.0)
+    for name in ("tas", "cas"):  # 60 of the 100 m/s come back
+        values = log.channels[name].values
+        log = with_values(log, name, np.where(log.time_s >= ONSET_S + 30.0, values - 60.0, values))
+    (finding,) = airspeed_steps(log, FLIGHT)
+    assert finding.fault == "pitot_icing"
+    assert finding.magnitude == pytest.approx(1.0)
+    assert finding.sd is not None
+    assert finding.sd > 0.0
 
 
 def warmer(step_k: float, *, seconds: float = np.inf) -> Record:

@@ -127,8 +127,9 @@ class Flight:
     unusable: tuple[str, ...] = ()
     defects: tuple[Defect, ...] = ()
     lasting: tuple[LastingFault, ...] = ()
-    # By channel, it and the airspeeds that its tolerance depends on, after their first use.
+    # By channel, it and the airspeeds that its tolerance depends on, and by window that, after their first use.
     _alike: dict[str, FlightLog] = field(init=False, repr=False, default_factory=dict)
+    _seen: dict[tuple[str, Window], float] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def recorded(self) -> Collection[str]:
@@ -157,7 +158,10 @@ class Flight:
         if channel not in self._alike:
             names = {channel, *AIRSPEEDS} & self.log.channels.keys()
             self._alike[channel] = replace(self.log, channels={name: self.log.channels[name] for name in names})
-        return tolerance_of(self._alike[channel], self._alike[channel].window(*window), channel)
+        if (channel, window) not in self._seen:
+            alike = self._alike[channel]
+            self._seen[channel, window] = tolerance_of(alike, alike.window(*window), channel)
+        return self._seen[channel, window]
 
     def around(self, from_s: float, to_s: float, beside_s: float) -> Window:
         """Return a stretch with so many seconds on either side, as far as they are in the part that is diagnosed."""

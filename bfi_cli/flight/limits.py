@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -99,8 +100,7 @@ def bounds_of(
         for event in events
         if event.state == "declared" and event.stages[0] != "sensors"
     ]
-    bounds: dict[tuple[str, str, Bound], Bounds] = {}
-    tolerance = cache(flight.tolerance)
+    bounds: dict[tuple[str, str, Bound], tuple[Bounds, list[Hidden]]] = {}
     largest = cache(partial(_largest_error, flight))
 
     def offer(
@@ -123,11 +123,9 @@ def bounds_of(
             declared=declared,
             spreads=spreads,
             scale=scale,
-            tolerance=tolerance(kind.channel, window),
+            tolerance=flight.tolerance(kind.channel, window),
         )
-        key = (kind.fault, kind.shape, kind.bounds)
-        known = bounds.get(key, kind)
-        bounds[key] = replace(known, windows=(*known.windows, hidden))
+        bounds.setdefault((kind.fault, kind.shape, kind.bounds), (kind, []))[1].append(hidden)
 
     for scan in scanned:
         window = scan.window
@@ -149,7 +147,7 @@ def bounds_of(
             kind = Bounds(windows=(), **shared)
             sizes = np.array(limit.sizes)
             offer(kind, window, np.array(limit.onsets_s), sizes, sizes, sizes)
-    return tuple(bounds.values())
+    return tuple(replace(kind, windows=tuple(windows)) for kind, windows in bounds.values())
 
 
 def _is_weighed(fault: str) -> bool:
@@ -273,19 +271,31 @@ def _limits_by_window(
     What begins before a window and grows shows in it as from its first onset on; the fifth is true only for the
     stretches that a window covers itself. All are (n_stretches, n_windows).
     """
-    shape_of = (len(starts), len(windows))
-    sizes, declared, spreads = np.full((3, *shape_of), np.inf)
-    reach, inside = np.zeros((2, *shape_of))
-    for j, hidden in enumerate(windows):
-        first = np.maximum(np.searchsorted(hidden.onsets_s, starts, side="right") - 1, 0)
-        last = np.searchsorted(hidden.onsets_s, starts + BIN_S - 1e-6)
-        for rows, by_onset in ((sizes, hidden.sizes), (declared, hidden.declared), (spreads, hidden.spreads)):
-            rows[last == 0, j] = by_onset[0]
-            for k in np.flatnonzero((last > 0) & (last < len(hidden.onsets_s))).tolist():
-                rows[k, j] = by_onset[first[k] : last[k] + 1].max()
-        reach[:, j] = hidden.scale * (hidden.window[1] - starts if shape == "drift" else 1.0)
-        inside[:, j] = starts >= hidden.window[0] - 1e-6
-    return sizes, declared, spreads, reach, (inside > 0.0) & np.isfinite(sizes)
+    n_onsets = np.array([len(hidden.onsets_s) for hidden in windows])
+    begin, number = np.cumsum(n_onsets) - n_onsets, np.repeat(np.arange(len(windows)), n_onsets)
+    onsets_s = np.concatenate([hidden.onsets_s for hidden in windows])
+
+    def onsets_before(borders_s: FloatArray, side: Literal["left", "right"]) -> NDArray[np.intp]:
+        """Return (n_stretches, n_windows) how many onsets of each window lie before the border of each stretch."""
+        counts = np.zeros((len(borders_s) + 1, len(windows)), dtype=np.intp)
+        np.add.at(counts, (np.searchsorted(borders_s, onsets_s, side=side), number), 1)
+        return np.cumsum(counts, axis=0)[:-1]
+
+    first = np.maximum(onsets_before(starts, "left") - 1, 0)
+    last = onsets_before(starts + BIN_S - 1e-6, "right")
+    by_onset = [[getattr(hidden, name) for hidden in windows] for name in ("sizes", "declared", "spreads")]
+    # An entry more, so that a stretch of onsets may end with the last.
+    joined = np.array([np.append(np.concatenate(values), np.inf) for values in by_onset])
+    limits = np.full((3, *last.shape), np.inf)
+    k, j = np.nonzero((last > 0) & (last < n_onsets))
+    edges = np.column_stack([begin[j] + first[k, j], begin[j] + last[k, j] + 1])
+    if len(edges):
+        limits[:, k, j] = np.maximum.reduceat(joined, edges.ravel(), axis=1)[:, ::2]
+    sizes, declared, spreads = np.where(last == 0, joined[:, None, begin], limits)
+    to_s, scale = (np.array(values) for values in zip(*((h.window[1], h.scale) for h in windows), strict=True))
+    reach = scale * (to_s - starts[:, None] if shape == "drift" else np.ones(last.shape))
+    inside = starts[:, None] >= np.array([hidden.window[0] for hidden in windows]) - 1e-6
+    return sizes, declared, spreads, reach, inside & np.isfinite(sizes)
 
 
 def _grown(

@@ -40,7 +40,7 @@ GLANCE_S, STEP_S = 120.0, 90.0
 # Stretch of a flight too short for these windows that is searched as a whole, s: 60 samples of the analysis at 2 Hz.
 SHORTEST_S = 30.0
 CHUNK = 4  # windows that a worker takes at once; for the speed only
-FEWEST_FOR_WORKERS = 8  # a worker takes a second to start
+FEWEST_FOR_WORKERS = 120  # a worker takes as long to start as 60 windows to scan
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -14,7 +14,7 @@ from made_diagnoses import FROM_S, ONSET_S, PART, TO_S, Diagnoses
 from screens import check_screen, screen
 
 from bfi_cli.config import Config
-from bfi_cli.flight import diagnose_content, diagnose_flight
+from bfi_cli.flight import diagnose_content, diagnose_flight, looks
 from bfi_cli.flightlog import FlightLog, write_log
 
 ICING = f"pitot_icing,magnitude=0.0025,onset_s={ONSET_S}"
@@ -232,7 +232,10 @@ def test_every_stage_of_the_work_is_told(journey: FlightLog):
 
 
 @pytest.mark.slow
-def test_numbers_do_not_depend_on_the_workers(journey: FlightLog, bfi: Callable, tmp_path: Path):
+def test_numbers_do_not_depend_on_the_workers(
+    journey: FlightLog, bfi: Callable, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.setattr(looks, "FEWEST_FOR_WORKERS", 1)
     path, part = tmp_path / "steered.h5", ("--from", 300, "--to", 600)
     write_log(journey, path)
     documents = [

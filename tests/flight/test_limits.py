@@ -111,7 +111,8 @@ def test_one_limit_holds_in_most_of_the_watched_time(flight: Flight, rough: int,
         replace(span(240.0 + 10.0 * k, 270.0 + 10.0 * k, 1.0), onsets_s=np.array([240.0, 250.0]) + 10.0 * k)
         for k in range(44)
     ]
-    calm = [replace(one, sizes=np.full(2, 2.0 if k < rough else 1.0), spreads=np.ones(2)) for k, one in enumerate(calm)]
+    sizes = [np.full(2, 2.0 if k < rough else 1.0) for k in range(44)]
+    calm = [replace(one, sizes=x, declared=x, spreads=np.ones(2)) for one, x in zip(calm, sizes, strict=True)]
     worst, most = limits_of(flight, [bounds(calm, shape="bias", unit="m/s")])
     assert (worst.effect, most.effect) == (2.0, mostly)
 

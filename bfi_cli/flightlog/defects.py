@@ -8,8 +8,9 @@ channels with its motion just before and just after.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -236,18 +237,10 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
         tracks = {**tracks, "+altitude_rate": replace(rate, values=rate.step_s * np.cumsum(rate.values))}
         calm["+altitude_rate"] = calm["altitude_rate"]
     for name in flaws:
-        predictions = [
-            _expected(tracks[name], tracks[relative], calm[relative])
-            for relative in RELATIVES.get(name, ())
-            if relative in tracks
-        ]
+        relatives = [relative for relative in RELATIVES.get(name, ()) if relative in tracks]
+        predictions = [_expected(tracks[name], tracks[relative], calm[relative]) for relative in relatives]
         flaws[name] += _against(tracks[name], predictions, width_s, reach_s)
-        sides = [
-            _expected(tracks[name], tracks[relative], calm[relative], before=before, after=not before)
-            for relative in RELATIVES.get(name, ())
-            if relative in tracks
-            for before in (True, False)
-        ]
+        sides = cache(partial(_sides, tracks[name], [(tracks[relative], calm[relative]) for relative in relatives]))
         flaws[name] += _rests(tracks[name], predictions, sides, width_s, reach_s)
     unwatched = unwatched_in(phases_of(with_bridges(log, _defects(flaws, tracks))))
     for name, every in flaws.items():
@@ -550,7 +543,11 @@ def _against(track: _Track, predictions: Sequence[_Expected], width_s: float, re
 
 
 def _rests(
-    track: _Track, relatives: Sequence[_Expected], sides: Sequence[_Expected], width_s: float, reach_s: float
+    track: _Track,
+    relatives: Sequence[_Expected],
+    sides: Callable[[], Sequence[_Expected]],
+    width_s: float,
+    reach_s: float,
 ) -> list[_Flaw]:
     """Return where a channel is frozen though others predict that it moves, or though it moves before and after.
 
@@ -558,7 +555,7 @@ def _rests(
 
     Parameters
     ----------
-    relatives : predictions by other channels; sides : those from before and from after a stretch alone, of which
+    relatives : predictions by other channels; sides : gives those from before and from after a stretch alone, of which
         all have to move: an error that begins beside a stretch is in one of them only.
     """
     apart = track.size(reach_s) if reach_s else 0
@@ -577,13 +574,14 @@ def _rests(
         here, should = travel(track.values, size), np.zeros(len(track.values) - size + 1)
         if relatives:
             middle = slice(size // 2, size // 2 + len(here))
-            should = np.min(
-                [travel(course, size) * _all_of(known, size) for course, _, known in (*relatives, *sides)], axis=0
-            )
             scatter = np.max([spread[middle] for _, spread, _ in relatives], axis=0)
             sure = MOVED if len(relatives) < FEWEST_WITNESSES else MOVED_BY_TWO
             needed = sure * np.maximum(scatter, floor) + track.quantum
+            should = _least_travel(relatives, size)
             marked = (here <= STILL * should) & (should > needed)
+            if marked.any():
+                should = np.minimum(should, _least_travel(sides(), size))
+                marked = (here <= STILL * should) & (should > needed)
         else:
             should[shift:-shift] = np.minimum(here[: -2 * shift], here[2 * shift :])
             needed = STILLER * np.maximum(here, floor)
@@ -616,6 +614,12 @@ def _rests(
                 )
             )
     return flaws
+
+
+def _least_travel(predictions: Sequence[_Expected], size: int) -> FloatArray:
+    """Return by stretch of `size` ticks the least that predictions travel, 0 where one of them is not known."""
+    travels = [travel(course, size) * _all_of(known, size) for course, _, known in predictions]
+    return np.asarray(np.min(travels, axis=0))
 
 
 def _often_still(track: _Track, size: int, here: FloatArray, floor: float) -> BoolArray:
@@ -654,6 +658,15 @@ def _all_of(marked: BoolArray, size: int) -> BoolArray:
     """Return (n - size + 1,) whether all `size` entries from each entry on are marked."""
     count = np.concatenate([[0], np.cumsum(marked)])
     return np.asarray(count[size:] - count[:-size] == size)
+
+
+def _sides(track: _Track, others: Sequence[tuple[_Track, BoolArray]]) -> list[_Expected]:
+    """Return the predictions of a channel from before and from after each block, by others with where they are calm."""
+    return [
+        _expected(track, other, is_calm, before=before, after=not before)
+        for other, is_calm in others
+        for before in (True, False)
+    ]
 
 
 def _expected(

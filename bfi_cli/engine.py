@@ -20,9 +20,8 @@ from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from typing import Any, Protocol, TypeVar
 
-from threadpoolctl import threadpool_limits
-
 from .errors import SweepError
+from .threads import one_thread
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -68,7 +67,7 @@ def in_order(
 
 
 def _here(work: Callable[[T], R], items: Sequence[T]) -> Generator[tuple[R, float], None, None]:
-    with threadpool_limits(1):
+    with one_thread():
         yield from _timed(work, items)
 
 
@@ -154,7 +153,7 @@ def _in_worker(work: Callable[[T], R], items: Sequence[T]) -> list[tuple[R, floa
 @cache
 def _one_thread() -> None:
     """Limit BLAS for good: tasks of one process may overlap, so that none may give the threads back."""
-    threadpool_limits(1)
+    one_thread()
 
 
 def _timed(work: Callable[[T], R], items: Sequence[T]) -> Iterator[tuple[R, float]]:

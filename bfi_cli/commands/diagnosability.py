@@ -27,16 +27,15 @@ def command(asked: Asked) -> Answer:
     Divergences are in bits: 0 cannot be told, 1 is certain. Before a flight, --model in place of LOG compares
     manoeuvres: --model citation --noise tas=0.01 --manoeuvre 3211 --manoeuvre doublet.
     """
-    from threadpoolctl import threadpool_limits
-
     from .. import diagnosability
+    from ..threads import one_thread
 
     _check_flight(asked)
     dictionary, log_sha256 = asked.dictionary, ""
     if dictionary is None:
         raise ConfigError("--dictionary: no dictionary given; name one, such as airdata or a YAML file")
     asked.check_out(("divergence", "information", "manoeuvres"), ("faults", "manoeuvres"))
-    with threadpool_limits(1):
+    with one_thread():
         if asked.has_log:
             ready = asked.ready()
             dictionary, log_sha256 = asked.dictionary_of(ready.config) or dictionary, ready.log.sha256

@@ -42,11 +42,11 @@ def command(asked: Asked) -> Answer:
     assert dictionary is not None
     asked.check_out(DRAWINGS, TABLES)
     if asked.has_log:
-        from threadpoolctl import threadpool_limits
+        from ..threads import one_thread
 
         ready = asked.ready()
         dictionary, log_sha256 = asked.dictionary_of(ready.config) or dictionary, ready.log.sha256
-        with threadpool_limits(1):
+        with one_thread():
             audit = ready.noted(audit_on_log(ready.log, dictionary, ready.config))
     else:
         audit = audit_dictionary(dictionary, asked.config, duration_s=asked.config.audit.duration_s)

@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ..config import Config
 from ..decision import Candidate, Evidence, candidate_of, conclude, finite, shown_limit
@@ -19,6 +18,7 @@ from ..model.preprocessing.summary import log_summary
 from ..model.preprocessing.tolerance import tolerances_of
 from ..notes import Note
 from ..quantities.text import instant
+from ..threads import one_thread
 from .exact import detect_exactly
 from .parity import detect_by_parity, slower
 from .preparation import FELT, PreparedRecord, prepare_detection
@@ -50,7 +50,7 @@ def detect_faults(
     ConfigError : the healthy time is not in the log, or leaves nothing to watch.
     """
     method, false_alarm = config.detect.method, config.detect.false_alarm
-    with threadpool_limits(1):
+    with one_thread():
         prepared = prepare_detection(log, config)
         tolerances = tolerances_of(log, prepared.part, prepared.outputs, config)
         detection = detect_exactly(prepared) if method == "exact" or (method == "auto" and prepared.exact) else None

@@ -8,7 +8,6 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from ..config import Config, merge
 from ..decision import WITHHELD, State, conclude
@@ -20,6 +19,7 @@ from ..model.preprocessing.summary import LogSummary, log_summary
 from ..notes import Note
 from ..quantities.channels import STANDARD
 from ..quantities.text import quantity
+from ..threads import one_thread
 from .corrected import SHOWN, corrected_channels, course_of
 from .events import (
     Draft,
@@ -113,7 +113,7 @@ def diagnose_flight(
     flight = flight_of(log, config)
 
     # 2. and 3. What lasts: holds, relations and the parity scan.
-    with threadpool_limits(1):
+    with one_thread():
         drafts, static, slow = lasting_faults(flight, progress)
     flight = slow.flight
 

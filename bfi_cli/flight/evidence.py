@@ -11,7 +11,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from ..airdata import DEPENDS_ON, SENSORS, isa_temperature
 from ..config import Config, merge
@@ -27,6 +26,7 @@ from ..notes import Note
 from ..quantities.channels import STANDARD
 from ..quantities.text import instant, quantity
 from ..quantities.units import per_second
+from ..threads import one_thread
 from .diagnose import events_of, lasting_faults
 from .events import growth
 from .flight import Flight, flight_of
@@ -86,7 +86,7 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
     # A line that loses its pressure ends what looks like flight: it is told without the windows of the others.
     if too_short and not (flight.held.findings or flight.resting):
         return _silent(why)
-    with threadpool_limits(1):
+    with one_thread():
         drafts, static, slow = lasting_faults(flight, unseen)
         flight = slow.flight
         events = events_of(flight, drafts)

@@ -10,7 +10,6 @@ from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from ..config import Config, merge
 from ..engine import in_order
@@ -22,6 +21,7 @@ from ..model.onset.detection import search_onsets
 from ..model.onset.glance import Glance, glance
 from ..model.onset.search import OnsetSearch
 from ..model.preprocessing.window import TRUSTED, with_inputs_of
+from ..threads import one_thread
 from .flight import INPUTS, Flight
 from .parity import LENGTHS_S, ParityTable, ScanKey, Threshold, WindowScan, table_for, threshold_of
 from .parity.windows import Window, windows_in
@@ -236,7 +236,7 @@ def search_stretch(log: FlightLog, window: Window, config: Config) -> OnsetSearc
     """Return what `bfi start-time` finds in a stretch of a log, or why it could not be analysed."""
     used = merge(config, {"window": {"from_s": window[0], "to_s": window[1]}})
     try:
-        with threadpool_limits(1):
+        with one_thread():
             return search_onsets(log, with_inputs_of(log, used))
     except BfiError as unusable:
         return str(unusable)

@@ -9,7 +9,6 @@ from importlib import import_module
 from operator import attrgetter
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ..config import Config
 from ..decision import KINDS, Candidate, Conclusion, Evidence, conclude, estimate_of
@@ -22,6 +21,7 @@ from ..flightlog import FlightLog
 from ..kernels.progress import Progress, unseen
 from ..methods import METHODS
 from ..notes import Note
+from ..threads import one_thread
 from .claims import claims_of_entries
 from .free_shape import identify_with_courses
 from .magnitudes import FreeOutcome, MethodResult
@@ -175,7 +175,7 @@ def identification(
     method = METHODS[config.method]
     module, _, function = method.function.partition(":")
     config = with_inputs_of(log, config)
-    with threadpool_limits(1):
+    with one_thread():
         window = prepare_window(
             log,
             dictionary,

@@ -7,7 +7,6 @@ from dataclasses import replace
 from itertools import compress
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ..config import Config, merge
 from ..dictionary import Dictionary
@@ -18,6 +17,7 @@ from ..kernels.progress import Progress, unseen
 from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..methods import METHODS
 from ..notes import Note
+from ..threads import one_thread
 from .maximum_likelihood import identify_by_likelihood
 from .preprocessing.regression import RegressionData, build_regression
 from .preprocessing.window import PreparedWindow, prepare_window, regression_of, selects_support
@@ -43,7 +43,7 @@ def with_those_that_share(
             f"--together: method {config.method} is given its model and learns none, got {len(log.earlier)} further "
             "logs; leave them out"
         )
-    with threadpool_limits(1):
+    with one_thread():
         likeliest = merge(config, {"method": "ml"})
         log = replace(log, earlier_weights=_weights(log, dictionary, likeliest))
         window = prepare_window(log, dictionary, likeliest, selects=selects_support(likeliest))

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ...config import Config
 from ...dictionary import Dictionary
@@ -20,6 +19,7 @@ from ...kernels.progress import Progress, unseen
 from ...model.preprocessing.summary import log_summary
 from ...model.preprocessing.window import with_inputs_of
 from ...notes import Note
+from ...threads import one_thread
 from .peers import Peer, Problem
 from .result import SPREAD_S, ComparisonResult, Isolation, Outcome, Score, Statement, Suspect
 
@@ -105,7 +105,7 @@ def outcome_of(
     try:
         if lacking := [" or ".join(names) for names in peer.needs if problem.part.channels.keys().isdisjoint(names)]:
             raise BfiError(f"needs {', '.join(lacking)}, which the log lacks; map them with --channel")
-        with threadpool_limits(1):
+        with one_thread():
             statement = peer.state(problem)
     except BfiError as error:
         reason = str(error).removeprefix(f"{problem.log.path}: ")

@@ -9,7 +9,6 @@ from importlib import resources
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ...config import Config, merge
 from ...decision.calibration import (
@@ -32,6 +31,7 @@ from ...kernels.lagged import lagged
 from ...kernels.progress import Progress, Report, parts, silent, unseen
 from ...notes import Note
 from ...quantities.text import instant
+from ...threads import one_thread
 from ..preprocessing.manoeuvres import modelled_stretches
 from .scan import HypothesisScan, Peak, bic_change, scan_hypotheses
 from .scan_record import ScanRecord, prepare_record
@@ -323,7 +323,7 @@ def gaussian_table(record: ScanRecord, order: int, *, seed: int, report: Report 
     shrink = min(1.0, STABLE / radius) if radius > 1.0 else 1.0
     past = past * np.repeat(shrink ** np.arange(1, order + 1), n_outputs)[:, None]
     scans = []
-    with threadpool_limits(1):
+    with one_thread():
         for _, share in parts(report, range(TRIALS)):
             expected = driven + sizes * (rng.standard_normal(model.error.shape) @ (scale[:, None] * axes))
             y = record.y.copy()
@@ -442,7 +442,7 @@ def table_of_windows(
                 made.orders != settings.orders or abs(made.rate_hz / settings.rate_hz - 1.0) > TOLERANCES["rate_hz"]
             ):
                 raise LogError(f"{log.path}: the window from {instant(from_s)} s is shorter than the others")
-            with threadpool_limits(1):
+            with one_thread():
                 scans.append(scan_hypotheses(record, record.y, report=share))
         except LogError as unusable:
             n_unusable, problem = n_unusable + 1, unusable

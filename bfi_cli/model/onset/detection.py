@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from ...config import Config, merge
 from ...decision import KINDS, Evidence, conclude
@@ -21,6 +20,7 @@ from ...kernels.normal import TWO_SIDED_95
 from ...kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ...notes import Note
 from ...quantities.text import instant, quantity
+from ...threads import one_thread
 from ..preprocessing.defaults import what_would_help
 from ..preprocessing.manoeuvres import manoeuvres_of
 from ..preprocessing.tolerance import tolerances_of
@@ -79,7 +79,7 @@ def find_onset(
     config = with_inputs_of(log, config)
     published = config.method == "risro"
     search = search_as_published if published else search_onsets
-    with threadpool_limits(1):
+    with one_thread():
         searched = search(log, config, progress)
     flown = () if published else (manoeuvres_of(log, config.outputs),)
     conclusion = conclude([searched.evidence, *beside, *flown], config.require)
@@ -121,7 +121,7 @@ def search_onsets(
     known : faults that were subtracted from the log; limits leave their magnitudes free.
     """
     config = with_inputs_of(log, config)
-    with threadpool_limits(1):
+    with one_thread():
         record = prepare_record(log, config, partial(progress, "the window"), entries=kinds)
         config = merge(config, {"start_time.shapes": record.settings.shapes}) if kinds else config
         first = scan_hypotheses(record, record.y, report=partial(progress, "scan of all onsets"))

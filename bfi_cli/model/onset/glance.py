@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from threadpoolctl import threadpool_limits
-
 from ...config import Config
 from ...flightlog import FlightLog
+from ...threads import one_thread
 from .confirmation import unconfirmed
 from .decision import shipped_rule
 from .estimate import as_scanned
@@ -56,7 +55,7 @@ def glance(log: FlightLog, config: Config) -> Glance | None:
     LogError, ExcitationError : the window cannot be analysed.
     ConfigError : no table has these shapes.
     """
-    with threadpool_limits(1):
+    with one_thread():
         record = prepare_record(log, config)
         rule = shipped_rule(record, config)
         abrupt = [shape for shape in rule.shapes if shape not in GROWING]

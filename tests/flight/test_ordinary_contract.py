@@ -55,6 +55,7 @@ def test_the_judge_weighs_a_new_cause(added: None) -> None:
     assert stated.gain < judgement.gain
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_document_and_report_tell_a_new_cause(added: None, diagnoses: Diagnoses, tmp_path: Path) -> None:
     out = tmp_path / "out"
     words = ("diagnose", diagnoses.log(PITCH), *PART, "--event", f"{NAME}@{ONSET_S}", "--out", out, "--json")

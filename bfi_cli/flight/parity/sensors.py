@@ -1,4 +1,4 @@
-"""Sensors that fail by themselves: any that holds its reading; airspeed, probe, altimeter and accelerometer that step.
+"""Sensors that fail by themselves: any that holds its reading; airspeed, probe, altimeter, load and pitch that step.
 
 What is computed from a temperature follows a probe that is wrong, so that no relation between these channels breaks;
 but no air changes by some kelvin within seconds at one altitude. The mean of a normal acceleration over two minutes is
@@ -81,6 +81,15 @@ STANDS_OUT, FITS = 6.0, 4
 LOAD_MEAN_S, LARGEST_BANK, FEWEST = 120, np.radians(20.0), 0.6
 LEAST_STEP, UNUSUAL_LOAD = 0.15, 10.0
 ALIKE_S = 10.0  # over which errors of the means are alike, where an onset is sought
+# s of the means of pitch and climb before and after a step of the pitch, between them, and of those of the jump itself.
+# A wing that holds its speed and its load climbs by as much as it pitches, within a second or two.
+PITCH_MEAN_S, PITCH_GAP_S, JUMP_MEAN_S = 8, 3, 3
+# Share of the step that one second of it has, and by which the jump may miss the whole: flaps take some seconds.
+IN_A_SECOND, ALL_AT_ONCE = 0.6, 0.4
+# Times what the flight usually shows beside climb and lift, and times the jump that nine tenths of the minutes beside
+# keep below: of 12 healthy flights of seven aircraft none has a step above 3 of the first and 2.6 of the second.
+UNUSUAL_PITCH, UNUSUAL_JUMP, BESIDE_JUMP_S = 3.0, 3.0, 60
+STEEP_BANK = np.radians(45.0)  # beyond which lift is no more that of climb and load
 
 
 def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:
@@ -227,7 +236,7 @@ def _usual(seconds: FloatArray, flown_s: float) -> float:
 def sensor_steps(
     log: FlightLog, record: Record, phases: Sequence[Phase], *, without: Sequence[Window]
 ) -> tuple[Finding, ...]:
-    """Return the steps of an airspeed, of a temperature probe, of an altimeter and of a normal accelerometer.
+    """Return the steps of an airspeed, a temperature probe, an altimeter, a normal accelerometer and a pitch.
 
     Parameters
     ----------
@@ -238,6 +247,7 @@ def sensor_steps(
         *probe_steps(record, phases, log.channels.keys()),
         *altimeter_steps(record, phases, without),
         *accelerometer_steps(record, phases),
+        *pitch_steps(record, phases),
     )
 
 
@@ -511,6 +521,45 @@ def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Findin
                 onsets_s=(float(times[0]), float(times[1]) - 1.0, float(times[2]) + 1.0),
                 statistic=float(abs(change[first + onset])) / least,
                 words="normal_acc against climb and bank",
+            )
+        )
+    return tuple(findings)
+
+
+def pitch_steps(record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:
+    """Return the steps of the pitch within a second that neither climb nor lift follow."""
+    channels = record.channels
+    if not {"pitch", "roll", "tas", "altitude"} <= channels.keys():
+        return ()
+    flies = within(record.time_s, flight_stretches(phases)) & (np.abs(channels["roll"]) < STEEP_BANK)
+    force = channels["normal_acc"] + G if "normal_acc" in channels else G / np.cos(channels["roll"])
+    speed = np.maximum(channels["tas"], LEAST_READ)
+    # The climb is that of the altitude: a rate may lag by seconds.
+    courses = channels["pitch"], np.gradient(channels["altitude"], record.time_s) / speed, force / speed**2
+    pitch, climb, lift = (np.where(flies, course, np.nan) for course in courses)
+    change, climbs, lifts = (_difference(course, PITCH_MEAN_S, PITCH_GAP_S) for course in (pitch, climb, lift))
+    unexplained, usual = _less_what_follows(change, np.column_stack([climbs, lifts]))
+    jump, second = _difference(pitch, JUMP_MEAN_S, 0), np.nan_to_num(np.abs(np.diff(pitch, prepend=np.nan)))
+    size, off = np.abs(unexplained), np.abs(jump - unexplained)
+    ratio = np.zeros(len(pitch))
+    for k in np.flatnonzero((size > UNUSUAL_PITCH * usual) & (off < ALL_AT_ONCE * size)).tolist():
+        beside = np.abs(np.arange(len(pitch)) - k)
+        others = np.abs(jump[(beside <= BESIDE_JUMP_S) & (beside > 2 * JUMP_MEAN_S) & np.isfinite(jump)])
+        if others.size and second[k - 1 : k + 2].max() > IN_A_SECOND * abs(jump[k]):
+            unusual = float(np.quantile(others, 0.9)) * UNUSUAL_JUMP
+            ratio[k] = min(size[k] / (UNUSUAL_PITCH * usual), abs(jump[k]) / unusual if unusual > 0.0 else np.inf)
+    findings = []
+    for k in _peaks(ratio, PITCH_MEAN_S + PITCH_GAP_S):
+        onset_s = float(record.time_s[k - 1 + int(np.argmax(second[k - 1 : k + 2]))]) - 0.5 * STEP_S
+        findings.append(
+            _step(
+                "pitch",
+                float(unexplained[k]),
+                sd=max(usual, 1e-3 * float(size[k])),
+                unit="rad",
+                onsets_s=(onset_s, onset_s - STEP_S, onset_s + STEP_S),
+                statistic=float(ratio[k]),
+                words="pitch against climb and lift",
             )
         )
     return tuple(findings)

@@ -17,6 +17,7 @@ from bfi_cli.flight.parity.sensors import (
     altimeter_steps,
     altitude_step_within,
     frozen_sensors,
+    pitch_steps,
     probe_steps,
     without_frozen,
 )
@@ -229,6 +230,38 @@ def test_a_static_line_that_leaks_is_no_step_of_an_accelerometer():
     since = np.maximum(log.time_s - ONSET_S, 0.0)
     rate = log.channels["altitude_rate"].values - 36.0 * np.exp(-since / 6.0) * (log.time_s >= ONSET_S)
     assert accelerometer_steps(record_of(with_values(log, "altitude_rate", rate)), FLIGHT) == ()
+
+
+def pitching(step_rad: float, *, within_s: float = 0.0, climbs: bool = False) -> Record:
+    """Return a flight in rough air whose pitch changes by some radians from 400 s on, and its climb with it or not."""
+    log, rng = attitudes(), np.random.default_rng(4)
+    grown = np.clip((log.time_s - ONSET_S + 0.5 / RATE_HZ) / max(within_s, 1e-6), 0.0, 1.0)
+    rough = 0.003 * rng.standard_normal(log.time_s.size)
+    values = {name: log.channels[name].values for name in ("pitch", "altitude")}
+    climbed = 100.0 * step_rad * np.cumsum(grown) / RATE_HZ if climbs else 0.0
+    log = with_values(log, "pitch", values["pitch"] + rough + step_rad * grown)
+    return record_of(with_values(log, "altitude", values["altitude"] + climbed))
+
+
+@pytest.mark.parametrize("step_rad", [0.08, -0.1])
+def test_a_pitch_that_steps_is_named_with_its_size(step_rad: float):
+    (finding,) = pitch_steps(pitching(step_rad), FLIGHT)
+    assert (finding.fault, finding.shape, finding.effect) == ("pitch", "bias", {"pitch": finding.magnitude})
+    assert finding.sd is not None
+    assert finding.magnitude == pytest.approx(step_rad, abs=3.0 * finding.sd)
+    assert finding.onset_ci95[0] <= ONSET_S <= finding.onset_ci95[1]
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        pitching(0.0),
+        pitching(0.08, climbs=True),  # the aircraft climbs as it pitches
+        pitching(0.08, within_s=6.0),  # flaps, which take seconds
+    ],
+)
+def test_what_climbs_and_what_takes_seconds_is_no_step_of_the_pitch(record: Record):
+    assert pitch_steps(record, FLIGHT) == ()
 
 
 def altitude_off(step_m: float, *, seconds: float = np.inf, lag_s: float = 0.0) -> Record:

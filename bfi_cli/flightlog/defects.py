@@ -8,9 +8,8 @@ channels with its motion just before and just after.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -237,11 +236,10 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
         tracks = {**tracks, "+altitude_rate": replace(rate, values=rate.step_s * np.cumsum(rate.values))}
         calm["+altitude_rate"] = calm["altitude_rate"]
     for name in flaws:
-        relatives = [relative for relative in RELATIVES.get(name, ()) if relative in tracks]
-        predictions = [_expected(tracks[name], tracks[relative], calm[relative]) for relative in relatives]
+        movers = [(tracks[other], calm[other]) for other in RELATIVES.get(name, ()) if other in tracks]
+        predictions = [_expected(tracks[name], *mover) for mover in movers]
         flaws[name] += _against(tracks[name], predictions, width_s, reach_s)
-        sides = cache(partial(_sides, tracks[name], [(tracks[relative], calm[relative]) for relative in relatives]))
-        flaws[name] += _rests(tracks[name], predictions, sides, width_s, reach_s)
+        flaws[name] += _rests(tracks[name], predictions, movers, width_s, reach_s)
     unwatched = unwatched_in(phases_of(with_bridges(log, _defects(flaws, tracks))))
     for name, every in flaws.items():
         is_out = within(np.array([flaw.time_s for flaw in every]), unwatched)
@@ -545,7 +543,7 @@ def _against(track: _Track, predictions: Sequence[_Expected], width_s: float, re
 def _rests(
     track: _Track,
     relatives: Sequence[_Expected],
-    sides: Callable[[], Sequence[_Expected]],
+    movers: Sequence[tuple[_Track, BoolArray]],
     width_s: float,
     reach_s: float,
 ) -> list[_Flaw]:
@@ -555,8 +553,9 @@ def _rests(
 
     Parameters
     ----------
-    relatives : predictions by other channels; sides : gives those from before and from after a stretch alone, of which
-        all have to move: an error that begins beside a stretch is in one of them only.
+    relatives : predictions by other channels. Those from before and from after a stretch alone have to move as well:
+        an error that begins beside a stretch is in one of them only.
+    movers : these channels, and where they have no large error.
     """
     apart = track.size(reach_s) if reach_s else 0
     moves = travel(track.values, max(2, track.size(1.0)))
@@ -564,25 +563,24 @@ def _rests(
     # The least that the channel moves by: its quantum, or its travel in the calmest seconds where it has none.
     least = track.quantum or (float(np.quantile(moves, CALMEST_SECONDS)) if moves.size else 0.0)
     floor = max(STILL_QUANTUM * least, ROUNDING * float(np.abs(track.values).max()))
+    sizes = [size for size in map(track.size, reversed(STILL_S)) if size >= FEWEST_STILL]
+    sizes = [size for size in sizes if len(track.values) >= 3 * size + 4 * apart + 1]
+    rests = _rests_beside(track, relatives, sizes, floor)
+    sides = [
+        _expected(track, *mover, before=before, after=not before, asked=rests)
+        for mover in (movers if rests.any() else ())
+        for before in (True, False)
+    ]
     flaws: list[_Flaw] = []
     taken = ~track.known
-    for seconds in reversed(STILL_S):
-        size = track.size(seconds)
-        shift = size + 2 * apart
-        if size < FEWEST_STILL or len(track.values) < 3 * size + 4 * apart + 1:
-            continue
-        here, should = travel(track.values, size), np.zeros(len(track.values) - size + 1)
+    for size in sizes if rests.any() or not relatives else ():
+        here, shift = travel(track.values, size), size + 2 * apart
         if relatives:
-            middle = slice(size // 2, size // 2 + len(here))
-            scatter = np.max([spread[middle] for _, spread, _ in relatives], axis=0)
-            sure = MOVED if len(relatives) < FEWEST_WITNESSES else MOVED_BY_TWO
-            needed = sure * np.maximum(scatter, floor) + track.quantum
-            should = _least_travel(relatives, size)
+            should, needed = _should_move(relatives, size, floor, track.quantum)
+            should = np.minimum(should, _least_travel(sides, size))
             marked = (here <= STILL * should) & (should > needed)
-            if marked.any():
-                should = np.minimum(should, _least_travel(sides(), size))
-                marked = (here <= STILL * should) & (should > needed)
         else:
+            should = np.zeros(len(here))
             should[shift:-shift] = np.minimum(here[: -2 * shift], here[2 * shift :])
             needed = STILLER * np.maximum(here, floor)
             # Wings are level between turns: a sensor shows its noise there, one that stays still shows nothing.
@@ -616,10 +614,34 @@ def _rests(
     return flaws
 
 
+def _rests_beside(track: _Track, relatives: Sequence[_Expected], sizes: Sequence[int], floor: float) -> BoolArray:
+    """Return (n,) the ticks of stretches of some sizes in which a channel rests though all others say that it moves."""
+    rests = np.zeros(len(track.values), dtype=bool)
+    for size in sizes if relatives else ():
+        should, needed = _should_move(relatives, size, floor, track.quantum)
+        for first, end in runs((travel(track.values, size) <= STILL * should) & (should > needed)):
+            rests[first : end + size - 1] = True
+    return rests
+
+
+def _should_move(
+    predictions: Sequence[_Expected], size: int, floor: float, quantum: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return by stretch of `size` ticks how far a channel should move, and from how much on a still one is frozen.
+
+    Parameters
+    ----------
+    floor : travel of a channel that rests; quantum : of the channel.
+    """
+    scatter = np.max([spread for _, spread, _ in predictions], axis=0)[size // 2 :]
+    should = _least_travel(predictions, size)
+    sure = MOVED if len(predictions) < FEWEST_WITNESSES else MOVED_BY_TWO
+    return should, sure * np.maximum(scatter[: len(should)], floor) + quantum
+
+
 def _least_travel(predictions: Sequence[_Expected], size: int) -> FloatArray:
-    """Return by stretch of `size` ticks the least that predictions travel, 0 where one of them is not known."""
-    travels = [travel(course, size) * _all_of(known, size) for course, _, known in predictions]
-    return np.asarray(np.min(travels, axis=0))
+    """Return by stretch of `size` ticks the least travel of several predictions, 0 where one is not known."""
+    return np.asarray(np.min([travel(course, size) * _all_of(known, size) for course, _, known in predictions], axis=0))
 
 
 def _often_still(track: _Track, size: int, here: FloatArray, floor: float) -> BoolArray:
@@ -660,17 +682,14 @@ def _all_of(marked: BoolArray, size: int) -> BoolArray:
     return np.asarray(count[size:] - count[:-size] == size)
 
 
-def _sides(track: _Track, others: Sequence[tuple[_Track, BoolArray]]) -> list[_Expected]:
-    """Return the predictions of a channel from before and from after each block, by others with where they are calm."""
-    return [
-        _expected(track, other, is_calm, before=before, after=not before)
-        for other, is_calm in others
-        for before in (True, False)
-    ]
-
-
 def _expected(
-    track: _Track, other: _Track, is_calm: BoolArray, *, before: bool = True, after: bool = True
+    track: _Track,
+    other: _Track,
+    is_calm: BoolArray,
+    *,
+    before: bool = True,
+    after: bool = True,
+    asked: BoolArray | None = None,
 ) -> _Expected:
     """Return the prediction of a channel from another, (n,), its scatter with noise, (n,), and where it is known, (n,).
 
@@ -680,6 +699,7 @@ def _expected(
     ----------
     is_calm : (n_other,) where the other channel has no large error.
     before, after : whether what lies before and after a block is used.
+    asked : (n,) ticks whose blocks are predicted; None for all.
     """
     other_values = np.interp(track.time_s, other.time_s, other.values)
     known = np.interp(track.time_s, other.time_s, (other.known & is_calm).astype(np.float64)) > 0.99
@@ -688,7 +708,8 @@ def _expected(
     usable, starts = np.flatnonzero(known & track.known), np.arange(0, n, block)
     begin = np.searchsorted(usable, np.maximum(0, starts - before * outside))
     count = np.searchsorted(usable, np.minimum(n, starts + block + after * outside)) - begin
-    enough = np.flatnonzero(count >= FEWEST_TICKS)
+    is_asked = np.full(len(starts), True) if asked is None else np.logical_or.reduceat(asked, starts)
+    enough = np.flatnonzero((count >= FEWEST_TICKS) & is_asked)
     for some in (enough[k : k + BLOCKS] for k in range(0, len(enough), BLOCKS)):
         stride = np.maximum(1, count[some] // MOST_ROWS)[:, None]
         k = begin[some, None] + stride * np.arange(int(np.max(-(-count[some] // stride[:, 0]))))

@@ -5,6 +5,8 @@ The weights of rows whose errors change in size are made of such statistics too:
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from . import FloatArray, IntArray
@@ -91,17 +93,11 @@ def running_median(x: FloatArray, block: int, n_blocks: int) -> FloatArray:
 
     At the ends of the record the blocks are those next to them.
     """
-    from scipy.ndimage import median_filter
-
     n = max(1, len(x) // block)
-    medians = np.median(x[: n * block].reshape(n, -1), axis=1)
     half = n_blocks // 2
+    medians = medians_of_rows(x[: n * block].reshape(n, -1))
     padded = np.pad(medians, half, mode="edge" if n <= half else "reflect")
-    smooth = (
-        median_filter(padded, 2 * half + 1)[half : half + n]  # of odd width, so that a median is one of the values
-        if np.isfinite(padded).all()
-        else np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1)
-    )
+    smooth = _along(padded, 2 * half + 1, medians_of_rows)  # of odd width: a median is one of the values
     return np.asarray(smooth[np.minimum(np.arange(len(x)) // block, n - 1)])
 
 
@@ -114,10 +110,22 @@ def median_of_neighbours(x: FloatArray, size: int) -> FloatArray:
     ----------
     x : (n_samples,); size : for the long stretches of a long record the running medians of scipy are faster.
     """
-    padded, middle = np.pad(x, (size // 2, (size - 1) // 2), mode="edge"), size // 2
-    stretches = np.lib.stride_tricks.sliding_window_view(padded, size)
-    blocks = [stretches[start : start + BLOCK] for start in range(0, len(x), BLOCK)]
-    return np.concatenate([np.partition(block, middle, axis=1)[:, middle] for block in blocks] or [x])
+    padded = np.pad(x, (size // 2, (size - 1) // 2), mode="edge")
+    return _along(padded, size, lambda rows: np.sort(rows, axis=1)[:, size // 2])
+
+
+def medians_of_rows(x: FloatArray) -> FloatArray:
+    """Return (n_rows,) medians of rows (n_rows, n), NaN of a row that holds NaN: `np.median`, sorted at once."""
+    ordered, n = np.sort(x, axis=1), x.shape[1]
+    middle = 0.5 * (ordered[:, (n - 1) // 2] + ordered[:, n // 2])
+    return np.asarray(np.where(np.isnan(ordered[:, -1]), np.nan, middle))
+
+
+def _along(x: FloatArray, size: int, by_row: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """Return (n - size + 1,) what a function of rows makes of every stretch of `size` samples, some at a time."""
+    stretches, several = np.lib.stride_tricks.sliding_window_view(x, size), max(1, BLOCK * 16 // size)
+    blocks = [by_row(stretches[start : start + several]) for start in range(0, len(stretches), several)]
+    return np.concatenate([*blocks, np.zeros(0)])
 
 
 def travel(x: FloatArray, size: int) -> FloatArray:

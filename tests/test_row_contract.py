@@ -76,7 +76,8 @@ WITH_ROWS = """
 import io, json, sys
 from contextlib import redirect_stdout
 folder, lines = json.loads(sys.stdin.read())
-import bfi_cli.commands, bfi_cli.flightlog, bfi_cli.model
+import bfi_cli.analysis, bfi_cli.commands, bfi_cli.flightlog, bfi_cli.model
+bfi_cli.analysis.MOST_SAMPLES = 0  # leaves out the scan beside the identification
 for package in (bfi_cli.commands, bfi_cli.flightlog, bfi_cli.model):
     package.__path__.append(f"{folder}/{package.__name__.rpartition('.')[2]}")
 from bfi_cli.commands import COMMANDS, report, run_command

@@ -73,11 +73,15 @@ def lines_of(shape: str, folder: Path) -> list[list[str]]:
     if entry.acts_on == "course":  # nobody knows what to inject
         lines, log = [], f"{folder}/clean.h5"
     if shape in IN_DICTIONARY or shape not in SHAPES:
-        lines.append(["identify", log, "-d", atoms, "--output", "tas", *QUICK])
+        lines.append(["identify", log, "-d", atoms, "--output", "tas", "--from", "4", "--to", "24", *QUICK])
     if shape in SCANNED or shape not in SHAPES:
         sampled = ["--samples", values["file"]] if shape == "samples" else []
         lines.append(["start-time", log, "--shape", shape, *sampled, "--calibration", "gaussian", *QUICK])
-    return [*lines, ["diagnose", log, "--workers", "1", "--json", "--series"]]
+    # Of a shape that is added, that it is searched for is all there is to see.
+    only = ["--config", atoms.replace(".json", ".yaml")] if shape not in SHAPES else []
+    if only:
+        Path(only[-1]).write_text(f"start_time: {{shapes: [{shape}]}}\n")
+    return [*lines, ["diagnose", log, "--workers", "1", "--json", "--series", *only]]
 
 
 @pytest.mark.slow

@@ -31,12 +31,20 @@ def bench_with(spec: str) -> Bench:
     return bench_of(model)
 
 
+@cache
 def weight_of(bench: Bench, fault: str, onset_s: float, offset_s: float | None) -> Weight:
     judgement = judge(bench, onset_s, offset_s, named=(fault,))
     assert judgement is not None
     weight = judgement.weight(fault)
     assert weight is not None
     return weight
+
+
+def test_where_nothing_is_flown_nothing_begins():
+    bench = bench_with(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}")
+    weight = weight_of(bench, "tas", ONSET_S, None)
+    assert timing_of(bench, weight, 20.0, None) is None
+    assert timing_of(bench, weight, float(np.max(bench.model.time_s)), None) is None
 
 
 @pytest.mark.first_rows(1)
@@ -81,10 +89,3 @@ def test_an_end_is_found_with_the_onset():
     assert timing.onset_s == pytest.approx(ONSET_S, abs=1.0)
     assert timing.offset_s == pytest.approx(OFFSET_S, abs=1.0)
     assert timing.weight.size == pytest.approx(4.0, abs=0.3)
-
-
-def test_where_nothing_is_flown_nothing_begins():
-    bench = bench_with(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}")
-    weight = weight_of(bench, "tas", ONSET_S, None)
-    assert timing_of(bench, weight, 20.0, None) is None
-    assert timing_of(bench, weight, float(np.max(bench.model.time_s)), None) is None

@@ -20,10 +20,11 @@ ASKED = {"conditioning.rate_hz": 4.0, "model.order": 2}
 @pytest.fixture(scope="module", params=[start_time, identify, diagnose, detect], ids=lambda call: call.__name__)
 def result(request: pytest.FixtureRequest) -> Presented:
     call: Callable = request.param
+    log = "citation_clean.h5" if call is diagnose else "citation_bias.h5"
     config = merge(Config(), ASKED) if call in (start_time, identify) else Config()
     if call is detect:
         config = merge(config, {"detect.train": (0.0, 10.0)})
-    shown: Presented = call(read_log(DATA / "citation_bias.h5"), config=config)
+    shown: Presented = call(read_log(DATA / log), config=config)
     return shown
 
 

@@ -9,7 +9,9 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
+from . import flightlog, model
 from .config import Config, merge
 from .decision import (
     KINDS,
@@ -20,28 +22,25 @@ from .decision import (
     verdicts_of,
     with_limit_of_scan,
 )
-from .decision.implausible import Implausible
 from .dictionary import Dictionary, dead_reason_of_kind
 from .errors import ConfigError, DictionaryError, LogError
 from .faults import Fault, FaultEstimate
 from .faults.filters import alternatives, response_of
 from .faults.shapes import LINE_SHAPES, SHAPES, Kind, Shape, scanned_shape
-from .faults.truth import Comparison, compare_by_onset
-from .flightlog import FlightLog, inject
-from .flightlog.defects import is_told_by_physics
-from .flightlog.injection import without_line_fault
-from .flightlog.recorder import recorder_filters
+from .faults.truth import compare_by_onset
 from .kernels.progress import Progress, unseen
 from .methods import METHODS
-from .model.identify import Identification, conclusion_of, identification, result_of
-from .model.onset import OnsetResult, OnsetSearch, find_onset, search_onsets
-from .model.preprocessing.defaults import require_one_trim
-from .model.preprocessing.sampling_rate import Purpose, require_one_model, slowest_rate_hz
-from .model.preprocessing.window import must_resample, with_inputs_of
-from .model.result import IdentifyResult, ScanSummary
-from .model.shared_model import with_those_that_share
+from .model import onset, preprocessing
 from .notes import Note
 from .quantities.text import instant, quantity
+
+if TYPE_CHECKING:
+    from .decision.implausible import Implausible
+    from .faults.truth import Comparison
+    from .flightlog import FlightLog
+    from .model import Identification, IdentifyResult, ScanSummary
+    from .model.onset import OnsetResult, OnsetSearch
+    from .model.preprocessing import Purpose
 
 # Samples by which an estimated onset may miss the injected one: one for the estimate, half a one for the resampling.
 # Chosen without a tuning record; only the comparison with an injected truth depends on it.
@@ -62,10 +61,10 @@ def start_time(
     ----------
     findings : on channels that are wrong throughout the flight.
     """
-    config = with_inputs_of(log, config)
+    config = preprocessing.with_inputs_of(log, config)
     _require_one_model(log.window(config.window.from_s, config.window.to_s), config)
     physics, scanning = _physics(log, config, progress)
-    result = find_onset(log, scanning, progress, beside=[physics, _arithmetic(findings)])
+    result = onset.find_onset(log, scanning, progress, beside=[physics, _arithmetic(findings)])
     return replace(result, false_alarm=config.start_time.false_alarm)
 
 
@@ -75,13 +74,13 @@ def _arithmetic(findings: Sequence[Implausible]) -> Evidence:
 
 def _require_one_model(part: FlightLog, config: Config, purpose: Purpose = "scan") -> None:
     """Refuse at once a window that is too long for one model, whatever rate is chosen for it."""
-    rate_hz = slowest_rate_hz(part.rate_hz, config.conditioning.rate_hz)
-    require_one_model(part.path, part.n_samples / part.rate_hz, rate_hz, purpose=purpose)
+    rate_hz = preprocessing.slowest_rate_hz(part.rate_hz, config.conditioning.rate_hz)
+    preprocessing.require_one_model(part.path, part.n_samples / part.rate_hz, rate_hz, purpose=purpose)
 
 
 def _physics(log: FlightLog, config: Config, progress: Progress) -> tuple[Evidence, Config]:
     """Return what physics says of the window, and the configuration of a search with its share of the level."""
-    if config.method != "ml" or not is_told_by_physics(log, config.outputs):
+    if config.method != "ml" or not flightlog.is_told_by_physics(log, config.outputs):
         return Evidence(source="physics"), config
     # What is imported here takes as long as a short log without such channels.
     from .flight.evidence import SHARE, physics_evidence
@@ -117,14 +116,14 @@ def identify(
     ------
     LogError, ConfigError, DictionaryError : see `bfi_cli.model.identify_faults` and `bfi_cli.model.onset.find_onset`.
     """
-    config = with_inputs_of(log, config)
+    config = preprocessing.with_inputs_of(log, config)
     part = log.window(config.window.from_s, config.window.to_s)
     kinds = () if dictionary is None else _live_kinds(part, dictionary.searched, config)
     arithmetic = _arithmetic(findings)
     if dictionary is None or (kinds and not dictionary.exact.atoms):
         return _identify_kinds(log, part, dictionary, kinds, config, arithmetic, progress)
     _require_one_model(part, config, "estimate")
-    log, on_model = with_those_that_share(log, dictionary.exact, config, progress) if log.earlier else (log, ())
+    log, on_model = model.with_those_that_share(log, dictionary.exact, config, progress) if log.earlier else (log, ())
     part = replace(part, earlier=log.earlier)
     result = _identify_entries(log, part, dictionary, kinds, config, arithmetic, progress)
     return replace(result, notes=(*on_model, *result.notes)), dictionary
@@ -158,32 +157,32 @@ def _identify_kinds(
     _require_one_model(part, config)
     physics, scanning = _physics(log, config, progress)
     scanned = [kind for kind in kinds if scanned_shape(kind.shape) is not None]
-    searched = search_onsets(log, merge(scanning, {"method": "ml"}), progress, kinds=scanned)
+    searched = onset.search_onsets(log, merge(scanning, {"method": "ml"}), progress, kinds=scanned)
     evidence = searched.evidence
     if dictionary is not None:
         from_s = float(part.time_s[0]) if dictionary.relative_to == "window" else 0.0
         evidence = replace(evidence, faults=tuple(_named(fault, dictionary, from_s) for fault in evidence.faults))
     sources = [evidence, physics, arithmetic]
-    conclusion = conclusion_of(log, config, sources)
+    conclusion = model.conclusion_of(log, config, sources)
     declared = [fault for fault in conclusion.faults if fault.source == "scan"]
     proposed = _as_dictionary([estimate.fault for estimate in declared] or searched.likeliest, dictionary)
-    log, on_model = with_those_that_share(log, proposed, config) if log.earlier else (log, ())
+    log, on_model = model.with_those_that_share(log, proposed, config) if log.earlier else (log, ())
     if declared:
-        fit = identification(log, proposed, config, progress, given=config.method == "ml")
+        fit = model.identification(log, proposed, config, progress, given=config.method == "ml")
     else:
         nothing = config.selection.model_copy(update={"max_active": 0})
         none = config.model_copy(update={"selection": nothing, "method": "ml"})
-        fit = identification(log, proposed, none, progress)
+        fit = model.identification(log, proposed, none, progress)
     if fit.outcome.fires:
         # The search decides, whatever becomes of a solver that only makes the model that is shown.
-        conclusion = conclusion_of(log, config, sources, replace(fit.outcome, converged=True))
+        conclusion = model.conclusion_of(log, config, sources, replace(fit.outcome, converged=True))
     how = "no dictionary" if dictionary is None else "the onsets of the dictionary are not known"
     if declared:
         how += f": {len(declared)} declared by the search over all onsets, magnitudes estimated jointly"
     else:
         percent = 100.0 * config.start_time.false_alarm
         how += f": the search over all onsets declares none at a false-alarm rate of {percent:.3g} %"
-    result = result_of(
+    result = model.result_of(
         log,
         config,
         fit,
@@ -250,14 +249,14 @@ def _identify_entries(
 ) -> IdentifyResult:
     """Identify entries that state their onsets, and search the window less these for what they do not explain."""
     stated = dictionary.exact.resolved(float(part.time_s[0]))
-    require_one_trim(part, stated, config)
+    preprocessing.require_one_trim(part, stated, config)
     physics, scanning = _physics(log, config, progress)
-    fit = identification(log, dictionary.exact, config, progress)
+    fit = model.identification(log, dictionary.exact, config, progress)
     searched: OnsetSearch | str
     if not fit.outcome.converged:
         searched = "not scanned: the solver did not converge"
-        conclusion = conclusion_of(log, config, [fit.evidence, arithmetic], fit.outcome)
-        return result_of(log, config, fit, conclusion, _not_scanned(searched), notes=[Note.limit(searched)])
+        conclusion = model.conclusion_of(log, config, [fit.evidence, arithmetic], fit.outcome)
+        return model.result_of(log, config, fit, conclusion, _not_scanned(searched), notes=[Note.limit(searched)])
     summary = fit.window.summary
     exact = summary.rate_hz == summary.native_rate_hz and all(vaf > EXPLAINED for vaf in fit.vaf_output.values())
     looked_for = {candidate.kind for candidate in fit.candidates if candidate.state is not None}
@@ -281,9 +280,9 @@ def _identify_entries(
         )
     if isinstance(searched, str):
         fit = fit if exact else _within_tolerance(fit, None, config)
-        conclusion = conclusion_of(log, config, [fit.evidence, physics, arithmetic], fit.outcome)
+        conclusion = model.conclusion_of(log, config, [fit.evidence, physics, arithmetic], fit.outcome)
         notes = (*physics.notes, Note.limit(searched))
-        return result_of(log, config, fit, conclusion, _not_scanned(searched), notes=notes)
+        return model.result_of(log, config, fit, conclusion, _not_scanned(searched), notes=notes)
     fit = _within_tolerance(fit, searched, config)
     fit = replace(
         fit,
@@ -293,14 +292,14 @@ def _identify_entries(
     candidates, scan_evidence = as_entries(fit.candidates, searched.evidence)
     fit = replace(fit, candidates=candidates)
     sources = [fit.evidence, _beside_entries(scan_evidence, looked_for), physics, arithmetic]
-    conclusion = conclusion_of(log, config, sources, fit.outcome)
+    conclusion = model.conclusion_of(log, config, sources, fit.outcome)
     joint = _jointly(log, dictionary, conclusion.faults, config, progress)
     if joint is not None:
         # All faults in one model have other sizes than each beside some of them, and the same states.
         sources = [replace(evidence, faults=_sized_by(joint, evidence.faults, log, config)) for evidence in sources]
-        conclusion = conclusion_of(log, config, sources, fit.outcome)
+        conclusion = model.conclusion_of(log, config, sources, fit.outcome)
     declares = any(fault.source == "scan" for fault in conclusion.faults)
-    return result_of(
+    return model.result_of(
         log,
         config,
         fit,
@@ -342,12 +341,12 @@ def _scan_beside(
     """
     try:
         channels = [name for name in (*config.inputs, *config.outputs) if name in window.channels]
-        must_resample(window, channels, config.conditioning.rate_hz)
+        preprocessing.must_resample(window, channels, config.conditioning.rate_hz)
         scanning = merge(config, {"method": "ml", "model.feedthrough": config.feedthrough})
         if config.start_time.calibration == "self":
             scan = scanning.start_time.model_copy(update={"calibration": None})
             scanning = scanning.model_copy(update={"start_time": scan})
-        return search_onsets(window, scanning, progress, kinds=kinds, entries=entries, claims=claims, known=known)
+        return onset.search_onsets(window, scanning, progress, kinds=kinds, entries=entries, claims=claims, known=known)
     except (ConfigError, LogError) as problem:
         return f"not scanned for other onsets: {problem}"
 
@@ -395,7 +394,7 @@ def _jointly(
     if config.method != "ml" or not with_signal:
         return None
     atoms = tuple(replace(estimate.fault, name=estimate.name, magnitude=1.0) for estimate in with_signal)
-    return identification(log, replace(dictionary, atoms=atoms, relative_to="log"), config, progress, given=True)
+    return model.identification(log, replace(dictionary, atoms=atoms, relative_to="log"), config, progress, given=True)
 
 
 def _sized_by(
@@ -403,7 +402,7 @@ def _sized_by(
 ) -> tuple[FaultEstimate, ...]:
     """Return faults with the magnitudes of a model that has all of them."""
     # An uncertain recorder was profiled for each fault where it was found, and is not for all of them together.
-    if alternatives(recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)[0]):
+    if alternatives(flightlog.recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)[0]):
         return tuple(faults)
     sized = {fault.name: fault for fault in joint.faults}
     keys = ("magnitude", "physical_value", "sd", "ci95")
@@ -416,16 +415,16 @@ def _sized_by(
 def _corrected(part: FlightLog, fit: Identification, config: Config) -> FlightLog:
     """Return the window of a log less the faults that are declared in it, through the recorder that they suit."""
     recorder = fit.recorder or config.recorder
-    response = response_of(recorder_filters(part, recorder.edge_hz, recorder.kind)[0], part.rate_hz)
+    response = response_of(flightlog.recorder_filters(part, recorder.edge_hz, recorder.kind)[0], part.rate_hz)
     # A channel that is derived from others is made of them anew in the scan.
     known = [estimate for estimate in fit.faults if estimate.magnitude and estimate.fault.channel in part.channels]
     line_faults = [estimate for estimate in known if estimate.fault.shape in LINE_SHAPES]
     faults = [
         replace(estimate.fault, magnitude=-estimate.magnitude) for estimate in known if estimate not in line_faults
     ]
-    part = replace(inject(part, faults, response=response), truth=None) if faults else part
+    part = replace(flightlog.inject(part, faults, response=response), truth=None) if faults else part
     for line_fault in line_faults:
-        part = without_line_fault(part, replace(line_fault.fault, magnitude=line_fault.magnitude), response)
+        part = flightlog.without_line_fault(part, replace(line_fault.fault, magnitude=line_fault.magnitude), response)
     return part
 
 
@@ -433,11 +432,11 @@ def _summary_of(evidence: Evidence, note: str) -> ScanSummary:
     """Return what the search alone says of the window."""
     verdicts = verdicts_of(evidence.candidates)
     faults = tuple(_sentence(fault) for fault in evidence.faults)
-    return ScanSummary(decision=decide(verdicts, KINDS), verdicts=verdicts, faults=faults, note=note)
+    return model.ScanSummary(decision=decide(verdicts, KINDS), verdicts=verdicts, faults=faults, note=note)
 
 
 def _not_scanned(why: str) -> ScanSummary:
-    return ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=why)
+    return model.ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=why)
 
 
 def _sentence(estimate: FaultEstimate) -> str:

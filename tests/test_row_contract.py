@@ -81,11 +81,11 @@ bfi_cli.analysis.MOST_SAMPLES = 0  # leaves out the scan beside the identificati
 for package in (bfi_cli.commands, bfi_cli.flightlog, bfi_cli.model):
     package.__path__.append(f"{folder}/{package.__name__.rpartition('.')[2]}")
 from bfi_cli.commands import COMMANDS, report, run_command
-from bfi_cli.flightlog import read, rows
+from bfi_cli.flightlog import formats, rows
 from bfi_cli.methods import METHODS, Method
 COMMANDS["count"] = "The samples of a log."
 METHODS["in-order"] = Method("the first entry (in-order)", "model.in_order:identify_by_order", intervals=False)
-read.WITH_GROUPS += ((rows.is_rows, rows.read_rows),)
+formats.WITH_GROUPS += ((rows.is_rows, "rows:read_rows"),)
 report.KINDS["count"] = ("commands.count", "count_content")
 answers = []
 for line in lines:

@@ -19,6 +19,12 @@ from .output import note
 if TYPE_CHECKING:
     from ..config import Config
     from ..flightlog import FlightLog
+    from ..model.result import IdentifyResult
+    from ..quantities.display_units import Units
+    from ..report.content import ReportContent
+
+DRAWINGS = ("hidden", "outputs", "fault", "magnitudes", "residuals", "orders")
+TABLES = ("faults", "candidates", "residuals", "truth", "orders", "series")
 
 
 def _check(given: Mapping[str, Any]) -> None:
@@ -69,7 +75,6 @@ def command(asked: Asked) -> Answer:
     """
     from ..library import identify
     from ..model.document import identify_document
-    from ..model.report import DRAWINGS, TABLES, identify_content
 
     asked.check_out(DRAWINGS, (*TABLES, "proved"))
     flight = asked.flight()
@@ -84,8 +89,15 @@ def command(asked: Asked) -> Answer:
     )
     return Answer(
         document=partial(identify_document, result),
-        content=lambda _document, units: identify_content(result, units),
+        content=partial(_content_of, result),
         log_sha256=flight.sha256,
         dictionary=asked.dictionary,
         decided=result,
     )
+
+
+def _content_of(result: IdentifyResult, _: Mapping[str, Any], units: Units) -> ReportContent:
+    """Return what the report of a result holds; with --json nothing of it is made."""
+    from ..model.report import identify_content
+
+    return identify_content(result, units)

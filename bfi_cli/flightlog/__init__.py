@@ -3,13 +3,38 @@
 A log has one time axis and channels under standard names in SI units and radians; see `record.FlightLog`.
 """
 
-from .injection import inject
-from .px4 import is_log_folder
-from .quality import LogReport, inspect_log, require_usable
-from .read import digest_of_log, read_log
-from .record import Channel, FlightLog, Segment, Truth
-from .resampling import resample, resample_with
-from .write import write_log
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ..first_use import import_on_first_use
+
+if TYPE_CHECKING:
+    from .defects import is_told_by_physics
+    from .formats import digest_of_log, is_log_folder
+    from .injection import inject, without_line_fault
+    from .quality import LogReport, inspect_log, require_usable
+    from .read import read_log
+    from .record import Channel, FlightLog, Segment, Truth
+    from .recorder import recorder_filters
+    from .resampling import resample, resample_with
+    from .write import write_log
 
 __all__ = ["Channel", "FlightLog", "LogReport", "Segment", "Truth", "digest_of_log", "inject", "inspect_log"]
-__all__ += ["is_log_folder", "read_log", "require_usable", "resample", "resample_with", "write_log"]
+__all__ += ["is_log_folder", "is_told_by_physics", "read_log", "recorder_filters", "require_usable", "resample"]
+__all__ += ["resample_with", "without_line_fault", "write_log"]
+
+__getattr__ = import_on_first_use(
+    __name__,
+    {
+        "defects": ("is_told_by_physics",),
+        "formats": ("digest_of_log", "is_log_folder"),
+        "injection": ("inject", "without_line_fault"),
+        "quality": ("LogReport", "inspect_log", "require_usable"),
+        "read": ("read_log",),
+        "record": ("Channel", "FlightLog", "Segment", "Truth"),
+        "recorder": ("recorder_filters",),
+        "resampling": ("resample", "resample_with"),
+        "write": ("write_log",),
+    },
+)

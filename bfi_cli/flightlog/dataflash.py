@@ -46,11 +46,6 @@ class _Format:
     fields: Mapping[str, tuple[str, int]]
 
 
-def is_dataflash(head: bytes) -> bool:
-    """Say whether the first bytes of a file are those of a DataFlash log."""
-    return head.startswith(b"\xa3\x95\x80")
-
-
 def read_dataflash_parameters(path: str) -> dict[str, float]:
     """Return the parameters of a DataFlash log by name, each as it was last."""
     parameters = {}

@@ -20,7 +20,6 @@ from ..notes import Note
 from ..quantities.text import instant
 from ..quantities.units import si_unit, to_si
 from . import raw
-from .layouts import with_channels
 from .raw import LARGEST, LARGEST_CHUNK, Asked, FloatArray, RawLog, Track
 from .record import CLEAN, faults_from_json, nothing_between, ordinary_from_json, segments_from_json
 
@@ -222,6 +221,8 @@ def _log_of_rates(
     raw.require_memory(
         path, 16 * sum(signal.data.size for signal in signals.values()), "its parameters", "export fewer"
     )
+    from .layouts import with_channels  # and with it the tables of all recorders
+
     tracks = []
     for signal, rate_hz in zip(signals.values(), rates, strict=True):
         _require_readable(path, signal.name, signal.data)

@@ -22,8 +22,6 @@ from .layouts import with_channels
 from .rates import in_order
 from .raw import Asked, RawLog, Track
 
-HEAD = re.compile(rb"(?:\xef\xbb\xbf)?A[A-Za-z0-9]{3}[^\n]*\n")
-RECORD = re.compile(rb"\n(?:H[FOP][A-Z0-9]{3}|B\d{13}[NS]\d{8}[EW][AV])")
 FIX = re.compile(
     r"B(\d\d)([0-5]\d)([0-5]\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])([AV])(-\d{4}|\d{5})(-\d{4}|\d{5})(.*)", re.DOTALL
 )
@@ -36,11 +34,6 @@ LARGEST = 2 * 10**8  # bytes; a fix each second for a month
 DECIMAL = ("TAS", "IAS", "GSP", "TRT", "TRM", "HDT", "HDM", "OAT", "WSP", "WDI")
 # Codes of further digits: of the minutes of latitude and longitude, and of the seconds.
 FURTHER = ("LAD", "LOD", "TDS")
-
-
-def is_igc(head: bytes) -> bool:
-    """Say whether the first bytes of a file are those of an IGC file."""
-    return HEAD.match(head) is not None and RECORD.search(head) is not None
 
 
 def read_igc(path: str, _: Asked) -> RawLog:

@@ -27,7 +27,6 @@ from ..kernels.low_pass import Response
 from ..kernels.runs import BoolArray, bridged
 from ..notes import Note
 from ..quantities.text import instant
-from .ordinary import INJECTED, check_within
 from .quantities import pressures_of
 from .record import FlightLog, FloatArray, Truth, frozen_array
 
@@ -78,6 +77,8 @@ def inject(
 
 
 def _with_ordinary(log: FlightLog, occurrence: Occurrence, through: Response) -> FlightLog:
+    from .ordinary import INJECTED, check_within
+
     check_within(log, occurrence)
     cause, before = INJECTED[occurrence.cause], log.truth or Truth()
     at_s, size = occurrence.at_s, cause.size if occurrence.size is None else occurrence.size

@@ -80,11 +80,6 @@ class _Messages:
         return column
 
 
-def is_mcap(head: bytes) -> bool:
-    """Say whether a file begins as MCAP does."""
-    return head.startswith(MCAP)
-
-
 def read_mcap(path: str, asked: Asked) -> RawLog:
     """Read the numbers in the JSON messages of all topics, or of the topic that `asked.group` names.
 

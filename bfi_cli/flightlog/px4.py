@@ -11,10 +11,8 @@ started.
 
 from __future__ import annotations
 
-import hashlib
 import itertools
 import mmap
-import os
 import re
 import struct
 from collections.abc import Collection, Iterable
@@ -23,8 +21,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..errors import LogError, reason_of
+from ..errors import LogError
 from ..notes import Note
+from .formats import topic_files
 from .messages import Places, require_tables, table_of
 from .raw import Asked, RawLog, choose_group, require_few
 from .text import read_csv
@@ -43,7 +42,6 @@ LONGEST = 0xFFFF  # bytes of a message
 DEEPEST = 8  # formats inside each other; PX4 nests one
 APPENDED = 1  # the only incompatible flag that is known: data after the end, at the offsets of the flags
 MICROSECOND = 1e-6  # of the time stamps
-HEADERS = ("timestamp,", "timestamp;")  # of a file of `ulog2csv`
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,11 +73,6 @@ class _Stream:
     dropped_ms: int = 0
     damaged: int = 0
     parameters: dict[str, float] = field(default_factory=dict)
-
-
-def is_ulog(head: bytes) -> bool:
-    """Say whether the first bytes of a file are those of a ULog."""
-    return head.startswith(b"ULog\x01\x12\x35")
 
 
 def read_ulog_parameters(path: str) -> dict[str, float]:
@@ -237,30 +230,6 @@ def _layout(name: str, formats: dict[str, list[tuple[str, int, str]]]) -> _Layou
     return _Layout(fields, max(at + int(kind[2:]) for kind, at in fields.values()), total)
 
 
-def _topic_files(folder: str) -> list[Path]:
-    """Return the files of a folder that `ulog2csv` wrote, by name."""
-    try:
-        names = sorted(os.listdir(folder))
-    except OSError as error:
-        raise LogError(f"{folder}: cannot be read, {reason_of(error)}; give the path of a log") from None
-    paths = [Path(folder, name) for name in names if re.fullmatch(r".*_\d+\.csv", name, re.IGNORECASE)]
-    return [path for path in paths if path.is_file() and _is_by_ulog2csv(path)]
-
-
-def is_log_folder(path: str) -> bool:
-    """Return whether a path is a folder with files of `ulog2csv`, which is one log."""
-    return os.path.isdir(path) and bool(_topic_files(path))
-
-
-def folder_digest(folder: str) -> str:
-    """Return the SHA-256 of the names and contents of the files of `ulog2csv` in a folder."""
-    whole = hashlib.sha256()
-    for path in _topic_files(folder):
-        with open(path, "rb") as file:
-            whole.update(f"{path.name} {hashlib.file_digest(file, 'sha256').hexdigest()}\n".encode())
-    return whole.hexdigest()
-
-
 def read_folder(folder: str, asked: Asked) -> RawLog:
     """Read the topics of one log in a folder; `asked` names a field that is no standard channel as `topic.field`.
 
@@ -272,7 +241,7 @@ def read_folder(folder: str, asked: Asked) -> RawLog:
     ------
     LogError : no such files, several logs, a file that cannot be read, no signals.
     """
-    files = _topic_files(folder)
+    files = topic_files(folder)
     if not files:
         raise LogError(f"{folder}: is a directory without files of ulog2csv (LOG_TOPIC_0.csv); give a log")
     named = {path: parts for path in files if (parts := _told_by(path.name, asked.sources))}
@@ -314,20 +283,12 @@ def read_topic_file(path: str, asked: Asked) -> RawLog | None:
     LogError : the file cannot be read, or holds no signals.
     """
     parts = _told_by(Path(path).name)
-    if parts is None or not _is_by_ulog2csv(Path(path)):
+    if parts is None:
         return None
     topic, notes = _topic(Path(path), *parts[1:])
     return log_of_topics(
         path, "px4", [topic], asked, notes=notes, more=[f"{topic.label}.{name}" for name in topic.fields]
     )
-
-
-def _is_by_ulog2csv(path: Path) -> bool:
-    try:
-        with open(path, "rb") as file:
-            return file.read(16).decode("latin-1").startswith(HEADERS)
-    except OSError:
-        return False
 
 
 def _told_by(name: str, wanted: Iterable[str] = ()) -> tuple[str, str, int] | None:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import difflib
-import hashlib
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -14,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ..epoch import Epoch, epoch_since_1970
-from ..errors import ConfigError, LogError, reason_of
-from ..files import HDF5
+from ..errors import ConfigError, LogError
 from ..notes import Note
 from ..quantities.channels import STANDARD, match_name, meant_channel
 from ..quantities.text import instant
@@ -23,14 +21,9 @@ from ..quantities.units import si_unit, to_si
 from .axis import FEWEST_TIMES, LATEST, axis_of
 from .clocks import on_one_clock
 from .conventions import NORMAL, Convention, sentence_of, with_conventions
-from .dataflash import is_dataflash, read_dataflash_topics
-from .hdf5 import read_hdf5
-from .igc import is_igc, read_igc
-from .matlab import read_matlab
-from .mcap import is_mcap, read_mcap
+from .formats import digest_of_log, read_columns
 from .phases import airborne_stretches
 from .plausible import RIGHT, assumed_units, time_scale
-from .px4 import folder_digest, is_ulog, read_folder, read_topic_file, read_ulog_topics
 from .quantities import with_quantities
 from .rates import boot_starts
 from .raw import (
@@ -41,7 +34,6 @@ from .raw import (
     different_length,
     fits,
     most_common,
-    require_size,
     time_column,
     unit_of,
     unit_source,
@@ -51,28 +43,7 @@ from .raw import (
 from .record import Channel, Column, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
 from .recorder import with_seen_recorder
 from .resampling import with_filled, with_short_gaps
-from .tdms import read_tdms
-from .text import read_csv, wide_encoding
-from .tlog import is_tlog, read_tlog_topics
-from .topics import Recorder, Topic, log_of_topics, topics_of
 
-# By the first bytes of a file, its reader; these formats may have groups, of which the reader chooses one.
-MATLAB = (b"MATLAB 5.0 MAT-file", b"MATLAB 7.0 MAT-file")
-Reader = Callable[[str, Asked], RawLog]
-WITH_GROUPS: tuple[tuple[Callable[[bytes], bool], Reader], ...] = (
-    (lambda head: any(head.startswith(HDF5, at) for at in (0, 512, 1024, 2048)), read_hdf5),
-    (lambda head: head.startswith(MATLAB), read_matlab),
-    (lambda head: head.startswith(b"TDSm"), read_tdms),
-    (is_mcap, read_mcap),
-)
-# By the first bytes of a file with messages, its recorder, and the function that reads the topics of given names.
-Topics = Callable[[str, Collection[str]], tuple[list[Topic], list[Note]]]
-MESSAGE_READERS: tuple[tuple[Callable[[bytes], bool], Recorder, Topics], ...] = (
-    (is_ulog, "px4", read_ulog_topics),
-    (is_dataflash, "ardupilot", read_dataflash_topics),
-    (is_tlog, "mavlink", lambda path, _: read_tlog_topics(path)),
-)
-FOREIGN = {b"PK\x03\x04": "a zip archive or spreadsheet", b"\x1f\x8b": "gzip data", b"TDSh": "the index of a TDMS file"}
 # Longest step, s, and highest rate, Hz, of a time axis without a unit, and its units beside seconds.
 LONGEST_STEP, FASTEST_LOG = 5.0, 1000.0
 TIME_UNITS = {"ms": 1e-3, "us": 1e-6}
@@ -142,71 +113,11 @@ def read_log(
         columns=tuple(columns),
         keep=tuple(keep),
     )
-    if os.path.isdir(name):
-        log = with_short_gaps(_log_of_boot(name, read_folder(name, asked), asked, digest_of_log(name), boot))
-    else:
-        raw = _read_file(name, asked)
-        log = with_seen_recorder(with_short_gaps(_log_of_boot(name, raw, asked, digest_of_log(name), boot)))
+    log = with_short_gaps(_log_of_boot(name, read_columns(name, asked), asked, digest_of_log(name), boot))
+    if not os.path.isdir(name):
+        log = with_seen_recorder(log)
     log = with_quantities(log, asked.channel_map)
     return log if fill_s is None else with_filled(log, fill_s)
-
-
-def digest_of_log(path: str) -> str:
-    """Return the SHA-256 of the bytes of a log: a file, or a folder of files of `ulog2csv`.
-
-    Raises
-    ------
-    OSError : it cannot be read.
-    """
-    if os.path.isdir(path):
-        return folder_digest(path)
-    with open(path, "rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
-def _read_file(path: str, asked: Asked) -> RawLog:
-    """Return the columns of a file, in the format that its first bytes show."""
-    if os.path.exists(path) and not os.path.isfile(path):
-        raise LogError(f"{path}: is a device or a pipe, not a file; write the log to a file first")
-    try:
-        with open(path, "rb") as file:
-            head = file.read(4096)
-    except FileNotFoundError:
-        raise LogError(f"{path or repr(path)}: no such file; give the path of a log") from None
-    except (OSError, ValueError) as error:
-        raise LogError(f"{path!r}: cannot be read, {reason_of(error)}; give the path of a log") from None
-    if not head:
-        raise LogError(f"{path}: the file is empty; copy or export it again")
-    for is_one, reader in WITH_GROUPS:
-        if is_one(head):
-            _require_no_columns(path, asked)
-            return reader(path, asked)
-    if asked.group is not None:
-        raise LogError(f"{path}: no group '{asked.group}', a log of this kind has none; leave out --group")
-    for is_one, recorder, topics_in in MESSAGE_READERS:
-        if is_one(head):
-            _require_no_columns(path, asked)
-            require_size(path, os.path.getsize(path), "cut the log")
-            topics, notes = topics_in(path, topics_of(asked.sources))
-            return log_of_topics(path, recorder, topics, asked, notes=notes)
-    if is_igc(head):
-        _require_no_columns(path, asked)
-        return read_igc(path, asked)
-    for magic, kind in FOREIGN.items():
-        if head.startswith(magic):
-            raise LogError(f"{path}: {kind} cannot be read; convert it to CSV or HDF5")
-    if (encoding := wide_encoding(head)) is not None:
-        return read_csv(path, asked, encoding)
-    if b"\0" in head.rstrip(b"\0\r\n"):  # a recorder that lost its power leaves some at the end
-        raise LogError(f"{path}: neither HDF5, MATLAB v5 or v7.3, nor text; convert it to CSV or HDF5")
-    return (None if asked.columns else read_topic_file(path, asked)) or read_csv(path, asked)
-
-
-def _require_no_columns(path: str, asked: Asked) -> None:
-    if asked.columns:
-        raise LogError(
-            f"{path}: --columns names those of a text without a header, this file names its own; leave it out"
-        )
 
 
 def _log_of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None) -> FlightLog:

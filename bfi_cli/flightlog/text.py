@@ -5,7 +5,6 @@ Cells are numbers, with decimal commas too, clocks and dates; columns of text ar
 
 from __future__ import annotations
 
-import codecs
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -35,18 +34,6 @@ ALIKE_S, ALIKE = 2.0, 0.01
 # Limit of a text, bytes: a cell of two characters becomes a number of eight bytes, and assembling holds a log twice.
 LARGEST_TEXT = 10**9
 DECIMAL_POINT = re.compile(r"(?<![\d.])\d+\.\d+(?![\d.])")
-
-
-def wide_encoding(head: bytes) -> str | None:
-    """Return the encoding of a text of two bytes per character from its first bytes; None for any other text."""
-    if head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return "utf-16"
-    even, odd = head[: len(head) // 2 * 2 : 2], head[1::2]
-    if not even or b"\0" not in head:
-        return None
-    if not any(odd) and all(even):
-        return "utf-16-le"
-    return "utf-16-be" if not any(even) and all(odd) else None
 
 
 def read_csv(path: str, asked: Asked, encoding: str | None = None) -> RawLog:

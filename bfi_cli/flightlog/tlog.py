@@ -13,11 +13,12 @@ import re
 import struct
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
 from ..notes import Note
+from .formats import ARRIVAL, V1, packet_length
 from .rates import boot_starts
 from .raw import require_memory
 from .topics import Topic, notes_on
@@ -39,19 +40,9 @@ MESSAGES: Mapping[int, tuple[str, struct.Struct, int, tuple[str, ...]]] = {
         (11020, "AOA_SSA", "Q2f", 205, "time_usec AOA SSA"),
     )
 }
-V1, V2 = 0xFE, 0xFD
-SIGNED = 1  # the flag of version 2 for 13 bytes of signature behind the check sum
-ARRIVAL = 8  # bytes of the time of arrival, microseconds since 1970, most significant first
-YEARS = (946_684_800_000_000, 4_102_444_800_000_000)  # 2000 to 2100
 CLOCK = "time_boot_ms"
 # Bytes of memory for a byte of the file at most: a packet of 48 bytes with its time of arrival takes 550 as objects.
 TAKEN = 12
-
-
-def is_tlog(head: bytes) -> bool:
-    """Say whether the first bytes of a file are two packets, each behind a time of arrival."""
-    first = _length(head, 0)
-    return first is not None and _length(head, first) is not None
 
 
 def checksum(data: bytes) -> int:
@@ -64,7 +55,7 @@ def checksum(data: bytes) -> int:
     return crc
 
 
-def read_tlog_topics(path: str) -> tuple[list[Topic], list[Note]]:
+def read_tlog_topics(path: str, _: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
     """Return the messages of `MESSAGES` of the sender with the most of them, and notes on the file.
 
     Raises
@@ -116,7 +107,7 @@ def _packets(data: mmap.mmap) -> tuple[list[tuple[tuple[int, int], int, bytes]],
     """Return sender, number and payload of the valid packets of `MESSAGES`, and the number of damaged bytes."""
     packets, at, damaged, magic = [], 0, 0, re.compile(b"[\xfd\xfe]")
     while at < len(data):
-        length = _length(data, at)
+        length = packet_length(data, at)
         if length is None or at + length > len(data):
             following = magic.search(data, at + ARRIVAL + 1)
             stop = len(data) if following is None else following.start() - ARRIVAL
@@ -137,14 +128,3 @@ def _packets(data: mmap.mmap) -> tuple[list[tuple[tuple[int, int], int, bytes]],
                 damaged += length
         at += length
     return packets, damaged
-
-
-def _length(data: bytes | mmap.mmap, at: int) -> int | None:
-    """Return the number of bytes of arrival time and packet at `at`, None where no packet begins there."""
-    head = data[at : at + ARRIVAL + 10]
-    if len(head) < ARRIVAL + 10 or not YEARS[0] < int.from_bytes(head[:ARRIVAL], "big") < YEARS[1]:
-        return None
-    kind, size = head[ARRIVAL], head[ARRIVAL + 1]
-    if kind == V1:
-        return ARRIVAL + 6 + size + 2
-    return ARRIVAL + 10 + size + 2 + (13 if head[ARRIVAL + 2] & SIGNED else 0) if kind == V2 else None

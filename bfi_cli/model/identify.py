@@ -23,7 +23,6 @@ from ..methods import METHODS
 from ..notes import Note
 from ..threads import one_thread
 from .claims import claims_of_entries
-from .free_shape import identify_with_courses
 from .magnitudes import FreeOutcome, MethodResult
 from .preprocessing.defaults import what_would_help
 from .preprocessing.manoeuvres import manoeuvres_of
@@ -213,6 +212,8 @@ def identification(
                     f"{dictionary.path}: a fault of unknown shape is estimated from one log, got --together with "
                     f"{len(log.earlier)} more; leave out shape free, or the other logs"
                 )
+            from .free_shape import identify_with_courses
+
             identify = partial(identify_with_courses, identify=identify)
         outcome = identify(window, regression, config, progress)
         suggested = window

@@ -43,8 +43,6 @@ from ..report.proof import proof_tables
 from .document import DERIVED, identify_from_document
 from .result import IdentifyResult, OutputSeries, ResidualSummary
 
-DRAWINGS = ("hidden", "outputs", "fault", "magnitudes", "residuals", "orders")
-TABLES = ("faults", "candidates", "residuals", "truth", "orders", "series")
 # Entries of the dictionary that the figure of the magnitudes has room for.
 MAX_CANDIDATES = 30
 # Below this p-value of the Ljung-Box test the residual is called not white: the usual level of 1 %.

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from ...decision.implausible import Implausible, Setting
 from ...errors import LogError
 from ...flightlog import FlightLog
-from ...flightlog.parameters import parameters_of
+from ...flightlog.formats import parameters_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

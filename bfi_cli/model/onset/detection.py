@@ -35,7 +35,6 @@ from .rivals import known_faults, rivals_of, scans_beside, with_rivals
 from .scan import HypothesisScan, Peak, bic_change, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import ScanRecord, prepare_record
 from .search import OnsetSearch, declared_faults, result_of
-from .thesis import search_as_published
 
 # A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
 MOST_FAULTS = 5
@@ -78,15 +77,20 @@ def find_onset(
         raise ConfigError(f"method: start-time has ml and risro, got {config.method}; give --method scan or thesis")
     config = with_inputs_of(log, config)
     published = config.method == "risro"
-    search = search_as_published if published else search_onsets
     with one_thread():
-        searched = search(log, config, progress)
+        searched = _as_published(log, config, progress) if published else search_onsets(log, config, progress)
     flown = () if published else (manoeuvres_of(log, config.outputs),)
     conclusion = conclude([searched.evidence, *beside, *flown], config.require)
     helps = None if published else what_would_help(log, config, conclusion.verdicts)
     source_notes = [note for source in (searched.evidence, *beside) for note in source.notes]
     notes = [*conclusion.notes, *source_notes, *filter(None, [helps])]
     return result_of(searched, conclusion, config.start_time.false_alarm, notes)
+
+
+def _as_published(log: FlightLog, config: Config, progress: Progress) -> OnsetSearch:
+    from .thesis import search_as_published
+
+    return search_as_published(log, config, progress)
 
 
 def search_onsets(

@@ -16,7 +16,7 @@ from made_px4 import message, ulog_bytes
 from bfi_cli.decision.implausible import Implausible
 from bfi_cli.flight.plausibility.settings import sentence_of_setting, with_setting, with_settings
 from bfi_cli.flightlog import Channel, FlightLog
-from bfi_cli.flightlog.parameters import parameters_of
+from bfi_cli.flightlog.formats import parameters_of
 from bfi_cli.flightlog.record import frozen_array
 
 TIMES = frozen_array(np.arange(3.0))

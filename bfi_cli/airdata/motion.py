@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..kernels.normal import MAD
+from ..kernels import MAD
 from ..kernels.running import block_means
 from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, FloatArray, G
 

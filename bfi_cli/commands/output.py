@@ -49,12 +49,13 @@ def check_out(
     options, inputs : see `emit`; stored : see `write`.
     drawings, tables : names of the figures and tables; zoom : whether a page to zoom is among the files.
     """
+    if options["out"] is None:
+        return
     from ..files import check_folder
     from ..report.files import content_names
 
-    if options["out"] is not None:
-        names = content_names(drawings, tables, stored=stored, zoom=zoom)
-        check_folder(options["out"], names, inputs=inputs, force=options["force"])
+    names = content_names(drawings, tables, stored=stored, zoom=zoom)
+    check_folder(options["out"], names, inputs=inputs, force=options["force"])
 
 
 def emit(

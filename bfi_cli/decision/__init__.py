@@ -15,11 +15,9 @@ from .candidate import (
     two_digits,
     with_limit,
 )
-from .conclude import WITHHELD, Conclusion, conclude
-from .entries import at_entries
-from .evidence import Evidence, Manoeuvre
+from .conclude import WITHHELD, Conclusion, conclude, decide, summarise, verdicts_of
+from .evidence import Evidence, Manoeuvre, at_entries
 from .limits import UNTESTED, Proof, ScanLimit, not_excluded, untested, with_limit_of_scan
-from .verdict import decide, summarise, verdicts_of
 
 __all__ = [
     "BUILD_UP_S",

@@ -16,7 +16,7 @@ from typing import Any, Literal, get_args
 
 from ..faults import Fault, FaultEstimate, build_up_s, magnitude_unit, meaning, physical
 from ..faults.shapes import SHAPES, Kind
-from ..kernels.normal import TWO_SIDED_95
+from ..kernels import TWO_SIDED_95
 from ..quantities.channels import LARGEST_ERROR
 from ..quantities.display_units import SI, Units
 

@@ -1,13 +1,18 @@
-"""What one source says of a window: the faults that it declares, and what became of all that it looked for."""
+"""What one source says of a window: the faults that it declares, and what became of all that it looked for.
+
+What another source finds at an entry of a dictionary is that entry.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from ..faults import FaultEstimate
+from ..faults import Fault, FaultEstimate
+from ..faults.shapes import SHAPES
 from ..notes import Note
-from .candidate import Candidate
+from .candidate import Candidate, with_limit
 
 if TYPE_CHECKING:  # its package needs the configuration, which needs this one
     from .implausible import Implausible
@@ -56,3 +61,73 @@ class Evidence:
     notes: tuple[Note, ...] = ()
     manoeuvres: tuple[Manoeuvre, ...] = ()
     findings: tuple[Implausible, ...] = ()
+
+
+# Samples by which an estimated onset may lie outside of its interval: one for the estimate, half a one for the
+# resampling. Cycles in the window by which a frequency may miss: half of what a window resolves.
+ONSET_SAMPLES, FREQUENCY_CYCLES = 1.5, 0.5
+
+
+def at_entries(
+    candidates: Sequence[Candidate],
+    searched: Evidence,
+    entries: Sequence[Fault],
+    *,
+    rate_hz: float,
+    duration_s: float,
+) -> tuple[tuple[Candidate, ...], Evidence]:
+    """Return the candidates of a dictionary, and the evidence of a source, with each fault at an entry as that entry.
+
+    The entry is declared, by the name that the dictionary gives it and with the magnitude that the source estimates;
+    onset and parameters are those that it found.
+
+    Parameters
+    ----------
+    candidates : of the entries, in their order; entries : with their onsets on the axis of the log.
+    searched : the source: the search over all onsets, or physics.
+    rate_hz, duration_s : of the record.
+    """
+    known, faults, taken = list(candidates), list[FaultEstimate](), set[str]()
+    for fault in searched.faults:
+        at = [
+            k
+            for k, entry in enumerate(entries)
+            if known[k].name not in taken and _is_of_entry(fault, entry, rate_hz=rate_hz, duration_s=duration_s)
+        ]
+        if at:
+            nearest = min(at, key=lambda k: abs(entries[k].onset_s - fault.fault.onset_s))
+            name = known[nearest].name
+            taken.add(name)
+            if known[nearest].state != "declared":
+                known[nearest] = _declared(known[nearest], fault)
+            fault = replace(fault, name=name, fault=replace(fault.fault, name=name))
+        faults.append(fault)
+    left = {(estimate.fault.shape, estimate.fault.channel) for estimate in faults if estimate.name not in taken}
+    remaining = tuple(
+        candidate
+        for candidate in searched.candidates
+        if candidate.state != "declared" or (candidate.shape, candidate.channel) in left
+    )
+    return tuple(known), replace(searched, faults=tuple(faults), candidates=remaining)
+
+
+def _is_of_entry(fault: FaultEstimate, entry: Fault, *, rate_hz: float, duration_s: float) -> bool:
+    """Say whether a fault has the shape, the channel and the frequency of an entry, and its onset in its interval."""
+    estimated = fault.fault
+    both_oscillate = {estimated.shape, entry.shape} <= {"sine", "cosine"}  # which differ by a phase that is estimated
+    if estimated.channel != entry.channel or not (estimated.shape == entry.shape or both_oscillate):
+        return False
+    beside_hz = (entry.frequency_hz or 0.0) - (estimated.frequency_hz or 0.0)
+    if both_oscillate and abs(beside_hz) * duration_s > FREQUENCY_CYCLES:
+        return False
+    low, high = fault.onset_ci95 or (estimated.onset_s, estimated.onset_s)
+    return low - ONSET_SAMPLES / rate_hz <= entry.onset_s <= high + ONSET_SAMPLES / rate_hz
+
+
+def _declared(candidate: Candidate, fault: FaultEstimate) -> Candidate:
+    """Return an entry as declared, with the magnitude of a fault in the entry's own measure."""
+    scale, _ = candidate.meaning
+    magnitude = fault.physical_value / scale
+    sd = fault.sd * abs(magnitude / fault.magnitude) if fault.magnitude else fault.sd
+    kind = SHAPES[candidate.shape].kind
+    return with_limit(candidate, None, None, kind=kind, state="declared", magnitude=magnitude, sd=sd, note=None)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from ..faults.shapes import Kind
+from ..serialization import mapping, member
 from .candidate import Candidate, with_limit
 
 # The note of an entry of a dictionary that counts for no verdict, since no analysis of the window could tell.
@@ -97,3 +99,39 @@ def not_excluded(candidates: Sequence[Candidate], rivals: Collection[tuple[str, 
         else candidate
         for candidate in candidates
     )
+
+
+def with_proof_entries(body: Mapping[str, Any], proofs: Sequence[Proof]) -> dict[str, Any]:
+    """Return the body of a document with the entries `proved`, without them where nothing was proved."""
+    entries = [
+        {
+            "kind": proof.kind,
+            "channel": proof.channel,
+            "size": proof.size,
+            "unit": proof.unit,
+            "found": proof.n_seen,
+            "of": proof.n_added,
+        }
+        for proof in proofs
+    ]
+    rest = {key: value for key, value in body.items() if key != "proved"}
+    return {**rest, "proved": entries} if entries else rest
+
+
+def with_plain_proofs(document: Mapping[str, Any], *, where: str) -> dict[str, Any]:
+    """Return a document with its entries `proved` as plain data of `Proof`, the inverse of `with_proof_entries`.
+
+    Raises
+    ------
+    ConfigError : an entry is damaged.
+    """
+    entries = enumerate(document.get("proved", ()))
+    plain = [
+        {
+            **mapping(entry, where=f"{where}: proved[{i}]"),
+            "n_seen": member(entry, "found", where=f"{where}: proved[{i}]"),
+            "n_added": member(entry, "of", where=f"{where}: proved[{i}]"),
+        }
+        for i, entry in entries
+    ]
+    return {**document, "proved": plain}

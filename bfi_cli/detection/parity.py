@@ -15,9 +15,8 @@ from numpy.typing import NDArray
 
 from ..config import Config
 from ..flightlog.record import frozen_array
-from ..kernels import FloatArray
+from ..kernels import ONE_SIDED_90, ONE_SIDED_99, FloatArray
 from ..kernels.exponential_tail import block_maxima, fit_tail, white_level
-from ..kernels.normal import ONE_SIDED_90, ONE_SIDED_99
 from ..kernels.parity import Drops, StepHeight, drop_at, largest_drops, step_height
 from ..kernels.progress import Report, silent
 from ..kernels.running import running_weights

@@ -16,8 +16,8 @@ from ..flightlog.phases import APART_S, flight_stretches, phases_of
 from ..flightlog.recorder import recorder_filters
 from ..kernels import BoolArray, FloatArray
 from ..kernels.atom_signals import AtomSignals
-from ..kernels.decimation import WHITE, decimate, lost_samples, lowpass_taps
 from ..kernels.input_directions import directions, independent, moments
+from ..kernels.low_pass import WHITE, decimate, lost_samples, lowpass_taps
 from ..model.preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
 from ..model.preprocessing.signals import Signals
 from ..model.preprocessing.window import moves, must_resample, require_outputs_move

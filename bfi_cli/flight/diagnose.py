@@ -13,7 +13,7 @@ from ..config import Config, merge
 from ..decision import WITHHELD, State, conclude
 from ..faults.shapes import SHAPES
 from ..flightlog import FlightLog
-from ..kernels.normal import TWO_SIDED_95
+from ..kernels import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, unseen
 from ..model.preprocessing.summary import LogSummary, log_summary
 from ..notes import Note

@@ -15,7 +15,7 @@ from ..config import Config, merge
 from ..engine import in_order
 from ..errors import BfiError
 from ..flightlog import FlightLog
-from ..kernels.normal import ONE_SIDED_90
+from ..kernels import ONE_SIDED_90
 from ..kernels.progress import Report, silent
 from ..model.onset.detection import search_onsets
 from ..model.onset.glance import Glance, glance

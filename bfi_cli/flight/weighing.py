@@ -10,7 +10,7 @@ import numpy as np
 from ..airdata import DEPENDS_ON
 from ..config import Diagnose, KnownCause
 from ..flightlog.phases import NO_AIRSPEED
-from ..kernels.normal import TWO_SIDED_95
+from ..kernels import TWO_SIDED_95
 from ..kernels.runs import within
 from ..notes import Note
 from ..quantities.channels import STANDARD

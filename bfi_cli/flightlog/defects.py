@@ -17,8 +17,8 @@ import numpy as np
 from ..airdata import IMPACT_SOURCES
 from ..airdata.relations import RELATIONS, relatives
 from ..faults.filters import response_of
+from ..kernels import MAD
 from ..kernels.generalised_least_squares import least_squares
-from ..kernels.normal import MAD
 from ..kernels.quantisation import find_quantum, quantum_of_plateaus
 from ..kernels.running import block_means, interpolation_error, running_median, travel
 from ..kernels.runs import BoolArray, bridged, repeats, runs, within

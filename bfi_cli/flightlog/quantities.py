@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..airdata import DEPENDS_ON, PRESSURES, altitude_of
-from ..kernels.normal import MAD
+from ..kernels import MAD
 from ..kernels.quantisation import find_quantum
 from ..notes import Note
 from ..quantities.channels import STANDARD, quantity_of

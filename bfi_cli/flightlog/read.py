@@ -19,13 +19,12 @@ from ..quantities.channels import STANDARD, match_name, meant_channel
 from ..quantities.text import instant
 from ..quantities.units import si_unit, to_si
 from .axis import FEWEST_TIMES, LATEST, axis_of
-from .clocks import on_one_clock
 from .conventions import NORMAL, Convention, sentence_of, with_conventions
 from .formats import digest_of_log, read_columns
 from .phases import airborne_stretches
 from .plausible import RIGHT, assumed_units, time_scale
 from .quantities import with_quantities
-from .rates import boot_starts
+from .rates import boot_starts, on_one_clock
 from .raw import (
     Asked,
     RawLog,

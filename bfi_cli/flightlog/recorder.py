@@ -7,8 +7,7 @@ from typing import Literal
 
 from ..faults.filters import Filter
 from ..kernels.low_pass import Kind
-from ..kernels.recorder_response import recorder_from_jumps
-from ..kernels.recorder_spectrum import recorder_from_spectra
+from ..kernels.recorder_response import recorder_from_jumps, recorder_from_spectra
 from .quality import is_uniform
 from .record import FlightLog
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ..errors import ConfigError, LogError
 from ..faults.filters import Filter
-from ..kernels.decimation import decimate, lost_samples
+from ..kernels.low_pass import decimate, lost_samples
 from ..kernels.quantisation import Hold
 from ..kernels.runs import bridged, runs
 from ..notes import Note

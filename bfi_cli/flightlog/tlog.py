@@ -55,7 +55,7 @@ def checksum(data: bytes) -> int:
     return crc
 
 
-def read_tlog_topics(path: str, _: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
+def read_tlog_topics(path: str, _names: Collection[str] = ()) -> tuple[list[Topic], list[Note]]:
     """Return the messages of `MESSAGES` of the sender with the most of them, and notes on the file.
 
     Raises

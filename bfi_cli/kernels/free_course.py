@@ -24,10 +24,9 @@ from functools import partial
 import numpy as np
 from scipy.linalg import lapack
 
-from . import FloatArray
+from . import TWO_SIDED_95, FloatArray
 from .covariance import Layout
 from .lagged import lagged
-from .normal import TWO_SIDED_95
 from .variable_projection import RANK_TOLERANCE
 
 # Cells of the walk at most. In simulated residuals of 4 to 20 minutes the course then differs from that of a cell per

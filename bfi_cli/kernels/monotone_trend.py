@@ -14,8 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import FloatArray
-from .normal import MAD, TWO_SIDED_95
+from . import MAD, TWO_SIDED_95, FloatArray
 
 # Standard deviations beyond which a value says nothing: 95 % of the power of least squares in normal noise (Holland &
 # Welsch, table 1).

@@ -12,9 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lapack
 
-from . import FloatArray
+from . import MAD, FloatArray
 from .lagged import add_rows
-from .normal import MAD
 
 # A coefficient is known before the record to about noise / PRIOR, that is, next to nothing is known.
 PRIOR = 1e-3

@@ -9,8 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from . import FloatArray, IntArray
-from .normal import MAD
+from . import MAD, FloatArray, IntArray
 
 # Least running deviation, as a share of its median: calm stretches must not carry the whole record. Tuned with the
 # half-width of ten seconds on two recorded flights; weights from mean squares or a t-distribution take the transient

@@ -20,8 +20,8 @@ from ..faults import did_you_mean
 from ..flightlog import FlightLog, require_usable
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
-from ..kernels.decimation import decimate
 from ..kernels.kalman import FAULT, NO_FAULT, Gaussian, RandomWalk, StateSpace, double_model, state_and_fault
+from ..kernels.low_pass import decimate
 from ..kernels.model_selection import Penalty
 from ..kernels.progress import Progress, unseen
 from ..kernels.whiteness import effective_rows

@@ -13,9 +13,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..decision import Candidate, candidate_of, finite, untested
-from ..kernels import FloatArray
+from ..kernels import ONE_SIDED_95, FloatArray
 from ..kernels.lagged import constants_and_signals
-from ..kernels.normal import ONE_SIDED_95
 from ..kernels.onset.scan import ENDING, STARTING
 from ..kernels.variable_projection import fit_magnitudes, log_dets_beside
 from ..methods import METHODS

@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from ..decision.limits import with_plain_proofs, with_proof_entries
 from ..errors import ConfigError
 from ..notes import Note
 from ..provenance import Provenance
 from ..report.faults import fault_entry, plain_estimate
 from ..report.first_screen import window_screen
-from ..report.proof import with_plain_proofs, with_proof_entries
 from ..serialization import document_of, document_of_kind, from_plain, mapping, member, to_plain
 from .result import IdentifyResult
 

@@ -22,8 +22,8 @@ from ..config import Config
 from ..faults import Fault, active_samples
 from ..flightlog.record import frozen_array
 from ..kernels import BoolArray, FloatArray
-from ..kernels.decimation import decimate
 from ..kernels.free_course import CourseFit, course_problem, fit_course, redrawn, walk_columns
+from ..kernels.low_pass import decimate
 from ..kernels.model_selection import Penalty
 from ..kernels.progress import Progress, unseen
 from ..kernels.variable_projection import fit_magnitudes

@@ -17,7 +17,7 @@ from ..config import STRONG_EVIDENCE, Config
 from ..config import Selection as Rules
 from ..errors import DictionaryError, LogError
 from ..faults.shapes import LINE_SHAPES, SHAPES
-from ..kernels import FloatArray
+from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.model_selection import (
     BACKWARD_LIMIT,
     OrderSearch,
@@ -29,7 +29,6 @@ from ..kernels.model_selection import (
     refine_supports,
     search_orders,
 )
-from ..kernels.normal import TWO_SIDED_95
 from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..notes import Note
@@ -48,8 +47,7 @@ from .preprocessing.magnitudes import (
 from .preprocessing.regression import RegressionData
 from .preprocessing.window import PreparedWindow, regression_of, with_sizes
 from .result import SolverSummary
-from .selection import Selected, Selection
-from .supports import propose_supports
+from .selection import Selected, Selection, propose_supports
 
 # Steps to the magnitude at which the signal of a fault of a pressure line is taken, and the relative change of it that
 # ends them: far below the standard deviation of any magnitude that is declared.

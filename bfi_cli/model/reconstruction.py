@@ -13,7 +13,7 @@ from ..faults.shapes import ADDITIVE
 from ..faults.truth import Comparison, compare_faults, is_same_fault, name_of
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
-from ..kernels.decimation import decimate
+from ..kernels.low_pass import decimate
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
 from .magnitudes import MethodResult
 from .preprocessing.window import PreparedWindow

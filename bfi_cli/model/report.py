@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..decision import Candidate
-from ..kernels import FloatArray
-from ..kernels.normal import TWO_SIDED_95
+from ..kernels import TWO_SIDED_95, FloatArray
 from ..methods import METHODS
 from ..printable import shortened
 from ..quantities.display_units import SI, Units

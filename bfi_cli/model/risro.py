@@ -31,7 +31,7 @@ from .preprocessing.magnitudes import magnitudes_of_fit
 from .preprocessing.regression import RegressionData, as_published, decides_by_rule, solve, stage_of, stopping_of
 from .preprocessing.window import PreparedWindow
 from .result import SolverSummary, SparsityRun, SparsitySummary
-from .supports import StageRun, proposals_of, stage_runs
+from .selection import StageRun, proposals_of, stage_runs
 
 # T section 5-1: a fault is a magnitude whose share of the norm is larger.
 THRESHOLD = 1e-3

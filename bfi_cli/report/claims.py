@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from ..decision import Candidate, shown_limit
-from ..kernels.normal import TWO_SIDED_95
+from ..kernels import TWO_SIDED_95
 from ..printable import shortened
 from ..quantities.display_units import SI, Shown, Units
 from ..quantities.text import change, number, quantity, with_unit

@@ -16,7 +16,7 @@ from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log, require_usable, resample, resample_with
 from bfi_cli.flightlog.quality import is_uniform
 from bfi_cli.flightlog.record import Channel, frozen_array
-from bfi_cli.kernels.decimation import decimate
+from bfi_cli.kernels.low_pass import decimate
 
 RATE = 50.0
 T = 7.0 + np.arange(0.0, 120.0, 1.0 / RATE)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import signal, stats
 
-from bfi_cli.kernels.decimation import SHARP, WHITE, Lowpass, decimate, lost_samples, lowpass_taps
+from bfi_cli.kernels.low_pass import SHARP, WHITE, Lowpass, decimate, lost_samples, lowpass_taps
 
 LOWPASSES = {
     "sharp": SHARP,

@@ -20,7 +20,7 @@ from bfi_cli.dictionary import Dictionary, load_dictionary
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.kernels.model_selection import Penalty, refine_supports, search_orders
 from bfi_cli.model.preprocessing.window import prepare_window, regression_of
-from bfi_cli.model.supports import propose_supports
+from bfi_cli.model.selection import propose_supports
 
 pytestmark = pytest.mark.slow
 

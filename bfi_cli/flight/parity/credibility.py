@@ -21,7 +21,7 @@ from ...airdata.relations import AIRSPEED, LARGEST_SCALE, LEAST_CORRELATION, Fol
 from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.phases import Phase
-from ...kernels.normal import TWO_SIDED_95
+from ...kernels import TWO_SIDED_95
 from ...kernels.quantisation import find_quantum
 from ...model.preprocessing.tolerance import AIRSPEED_LEAST, FIXED
 from .lines import RENEWED_S, renewed_every_s

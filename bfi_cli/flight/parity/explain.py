@@ -8,9 +8,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ...faults.shapes import SHAPES
-from ...kernels import FloatArray
+from ...kernels import CHI_SQUARE_95, FloatArray
 from ...kernels.likelihood_ratio import likelihood_ratio
-from ...kernels.normal import CHI_SQUARE_95
 from .record import STATIC_LEAK, Hypothesis, Record, hypotheses, without_fault
 from .scan import FIRST_ONSET_S, WindowScan, fault_signatures, residual_values
 

@@ -19,8 +19,7 @@ from ...flightlog import FlightLog
 from ...flightlog.defects import FEWEST_REPEATS, STILL, WATCHED, unwatched_in
 from ...flightlog.phases import Phase
 from ...flightlog.quantities import pressures_of
-from ...kernels import BoolArray
-from ...kernels.normal import MAD, TWO_SIDED_95
+from ...kernels import MAD, TWO_SIDED_95, BoolArray
 from ...kernels.quantisation import find_quantum
 from ...kernels.runs import is_repeated, left_of, repeats
 from ...quantities.channels import quantity_of

@@ -11,8 +11,7 @@ import numpy as np
 from ...airdata import relations as table
 from ...airdata.relations import NAMES, Relation, State
 from ...flightlog import FlightLog
-from ...kernels import FloatArray
-from ...kernels.normal import TWO_SIDED_95
+from ...kernels import TWO_SIDED_95, FloatArray
 from ...quantities.channels import STANDARD
 from .circling import FEWEST, NEEDS, circle_scales
 from .seconds import seconds_of

@@ -13,8 +13,7 @@ from ...airdata.relations import NAMES, State
 from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.plausible import impossible_median, sentence_of_impossible
-from ...kernels import FloatArray
-from ...kernels.normal import TWO_SIDED_95
+from ...kernels import TWO_SIDED_95, FloatArray
 from ...model.preprocessing.tolerance import tolerance_of
 from ...notes import Note
 from ...quantities.channels import STANDARD

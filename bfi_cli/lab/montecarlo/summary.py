@@ -13,7 +13,7 @@ import numpy as np
 from ...decision import KINDS
 from ...faults import Decision
 from ...faults.shapes import Kind
-from ...kernels.normal import TWO_SIDED_95
+from ...kernels import TWO_SIDED_95
 from ...notes import Note, unique
 from ...provenance import Provenance
 from ...quantities.text import counted, number

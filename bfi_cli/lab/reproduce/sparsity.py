@@ -27,7 +27,7 @@ from ...kernels.variable_projection import Fit, ProjectedRegression, fit_magnitu
 from ...model.preprocessing.regression import RegressionData, build_regression
 from ...model.preprocessing.window import prepare_window
 from ...model.risro import THRESHOLD
-from ...model.supports import proposals_of, stage_runs
+from ...model.selection import proposals_of, stage_runs
 from ...report.content import Panel, ReportContent, curve
 from ..montecarlo.summary import Proportion, proportion
 from .page import Page, drawing, joined, load, panel, report_content, table

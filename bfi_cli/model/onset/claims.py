@@ -21,8 +21,7 @@ import numpy as np
 from ...decision import KINDS, UNTESTED, Candidate, ScanLimit, candidate_of, finite, kind_of, with_limit
 from ...faults import Fault
 from ...faults.shapes import ADDITIVE, SHAPES, Kind, Shape, scanned_shape
-from ...kernels import BoolArray, FloatArray, IntArray
-from ...kernels.normal import ONE_SIDED_90, ONE_SIDED_95
+from ...kernels import ONE_SIDED_90, ONE_SIDED_95, BoolArray, FloatArray, IntArray
 from ...kernels.onset.frequency import PEAKS, frequency_grid, screen_grid
 from ...kernels.onset.limits import (
     excluded_error,

@@ -15,8 +15,7 @@ from ...faults import Fault, FaultEstimate
 from ...faults.filters import recorder_low_passes
 from ...faults.shapes import SCANNED_AS, Kind
 from ...flightlog import FlightLog
-from ...kernels import FloatArray
-from ...kernels.normal import TWO_SIDED_95
+from ...kernels import TWO_SIDED_95, FloatArray
 from ...kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ...notes import Note
 from ...quantities.text import instant, quantity

@@ -13,8 +13,7 @@ import numpy as np
 
 from ...faults.filters import BETWEEN_RECORDERS, alternatives, response_of
 from ...faults.shapes import Shape
-from ...kernels import FloatArray
-from ...kernels.normal import TWO_SIDED_95
+from ...kernels import TWO_SIDED_95, FloatArray
 from ...kernels.onset import waveform as waveforms
 from ...kernels.onset.scan import Scan, scan_shape
 from ...kernels.progress import Report, Step, silent, steps

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ...decision.limits import with_plain_proofs, with_proof_entries
 from ...faults import FaultEstimate, fault_from_dict, fault_to_dict, physical
 from ...faults.shapes import SHAPES
 from ...provenance import Provenance
@@ -19,7 +20,7 @@ from ...report.clock import with_clock
 from ...report.content import Drawing, Panel, ReportContent, Span, Table, curve, shown_notes
 from ...report.faults import fault_columns, fault_entry, half, kind_in_words, meaning, plain_estimate, until
 from ...report.first_screen import Screen, window_screen
-from ...report.proof import proof_tables, with_plain_proofs, with_proof_entries
+from ...report.proof import proof_tables
 from ...serialization import document_of, from_plain, member, to_plain
 from .result import OnsetResult, ShapeProfile
 

@@ -17,8 +17,7 @@ import numpy as np
 
 from ...faults import FaultEstimate
 from ...faults.shapes import ADDITIVE, SCANNED, SCANNED_AS, SHAPES, Shape, scanned_shape
-from ...kernels import FloatArray
-from ...kernels.normal import ONE_SIDED_95
+from ...kernels import ONE_SIDED_95, FloatArray
 from ...kernels.onset.scan import Scan, default_onsets, largest_statistic
 from .claims import standing_out_hz
 from .estimate import Estimate, as_scanned, estimate, subtract_faults

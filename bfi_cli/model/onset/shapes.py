@@ -17,8 +17,7 @@ from ...decision import KINDS
 from ...faults import Fault, unit_signal
 from ...faults.shapes import SCANNED_AS, SHAPES, Shape, scanned_shape
 from ...kernels import FloatArray
-from ...kernels.decimation import Lowpass, decimate, lost_samples, lowpass_taps
-from ...kernels.low_pass import IDENTITY, Response
+from ...kernels.low_pass import IDENTITY, Lowpass, Response, decimate, lost_samples, lowpass_taps
 from ...kernels.onset import waveform as waveforms
 from ...kernels.onset.waveform import Waveform
 from ...quantities.text import instant

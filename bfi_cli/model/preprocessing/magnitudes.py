@@ -18,10 +18,9 @@ from scipy import special
 from ...config import Config
 from ...errors import LogError
 from ...faults import Fault
-from ...kernels import FloatArray
+from ...kernels import ONE_SIDED_90, FloatArray
 from ...kernels.covariance import Adding, adding_to, additions_and_covariance
 from ...kernels.model_selection import Penalty, ScoredFit, least_criterion
-from ...kernels.normal import ONE_SIDED_90
 from ...kernels.progress import Report, parts, shares, silent
 from ...kernels.variable_projection import Fit, fit_magnitudes, log_dets_beside, single_magnitudes, with_unit_root
 from .fault_free_model import fault_free_fits

@@ -15,8 +15,7 @@ from ...faults.filters import recorded_signal, recorded_signals
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
 from ...kernels.atom_signals import LONGEST_REACH, AtomSignals, Stretch, Stretches, signal_of
-from ...kernels.decimation import WHITE, Lowpass, decimate, lost_samples, lowpass_taps
-from ...kernels.low_pass import IDENTITY, Response
+from ...kernels.low_pass import IDENTITY, WHITE, Lowpass, Response, decimate, lost_samples, lowpass_taps
 
 # Samples of the log that are made at once: 8 MB, and more than any window has that is not a flight of hours.
 BLOCK = 1_000_000

@@ -21,9 +21,8 @@ from ...flightlog.quality import held_hz, is_uniform
 from ...flightlog.recorder import recorder_filters
 from ...kernels import FloatArray
 from ...kernels.atom_signals import AtomSignals
-from ...kernels.decimation import WHITE, Lowpass
 from ...kernels.lagged import constants_and_signals
-from ...kernels.low_pass import Response
+from ...kernels.low_pass import WHITE, Lowpass, Response
 from ...kernels.progress import Report, parts, silent
 from .regression import RegressionData, build_regression, longest_order
 from .sampling_rate import (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bfi_cli.flight.plausibility.constancy import constant_part
+from bfi_cli.flight.plausibility.search import constant_part
 
 T = np.arange(600.0)
 TOLERANCE, ERROR = 1.0, 5.0

@@ -7,18 +7,19 @@ import pytest
 from plain_onset import random_record, record, signal
 from scipy.signal import lfilter
 
-from bfi_cli.kernels.onset import sines
+from bfi_cli.kernels.onset import frequency as sines
 from bfi_cli.kernels.onset import waveform as shapes
 from bfi_cli.kernels.onset.frequency import (
+    Sines,
     frequency_grid,
     scan_frequency,
+    screen_at,
     screen_grid,
     screen_sines,
     sine_onsets,
 )
 from bfi_cli.kernels.onset.pairs import peaks
 from bfi_cli.kernels.onset.scan import default_onsets, prepare_scan, scan_shape, tabulate
-from bfi_cli.kernels.onset.sines import Sines, screen_at
 
 KINDS = ("white", "faulty", "spiky", "drifting", "smooth", "noise-free", "weighted", "two outputs")
 # Statistic of a sine that stands out of any noise.

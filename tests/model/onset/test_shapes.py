@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from bfi_cli.config import StartTime
 from bfi_cli.faults import Fault, unit_signal
-from bfi_cli.kernels.decimation import WHITE, Lowpass, decimate, lost_samples
+from bfi_cli.kernels.low_pass import WHITE, Lowpass, decimate, lost_samples
 from bfi_cli.model.onset.shapes import Sampling, ShapeHypothesis, fault_of, shape_hypotheses, waveform
 
 N, RATE_HZ = 80, 10.0

@@ -15,7 +15,7 @@ from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.atom_signals import AtomSignals
-from bfi_cli.kernels.decimation import WHITE, Lowpass
+from bfi_cli.kernels.low_pass import WHITE, Lowpass
 from bfi_cli.model.preprocessing.sampling_rate import SAMPLES_PER_EDGE, candidate_orders, choose_rate, is_exact
 from bfi_cli.model.preprocessing.signals import NativeSignals, Signals, decimate_native
 

@@ -12,8 +12,7 @@ from bfi_cli.faults import Fault
 from bfi_cli.faults.filters import recorded_signal
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.kernels.decimation import SHARP, WHITE, decimate
-from bfi_cli.kernels.low_pass import IDENTITY, low_pass
+from bfi_cli.kernels.low_pass import IDENTITY, SHARP, WHITE, decimate, low_pass
 from bfi_cli.model.preprocessing import signals
 from bfi_cli.model.preprocessing.signals import NativeSignals
 

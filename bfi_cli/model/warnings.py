@@ -100,7 +100,7 @@ def warnings_of(
     if outcome.condition_number > DEPENDENT:
         notes.append(
             Note.method(
-                f"regressors follow from others to round-off (condition number {outcome.condition_number:.1e}), as in "
+                f"regressors follow from others to round-off (condition number above {DEPENDENT:.0e}), as in "
                 "simulations: coefficients of the model mean nothing, sizes of faults do not depend on them"
             )
         )

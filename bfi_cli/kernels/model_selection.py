@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import chain, combinations
 from operator import attrgetter
 
 import numpy as np
@@ -164,8 +165,8 @@ def refine_supports(
 ) -> tuple[tuple[OrderSearch, ...], bool]:
     """Score proposed supports at every order, and go from the best to a neighbour as long as one is better.
 
-    Neighbours are the supports without one of its atoms, and unless `dropping_only` those with one more and with one
-    exchanged for another, the most promising of either to first order.
+    Neighbours are the supports without one of its atoms, and unless `dropping_only` those with one more and with one,
+    or two, exchanged for another, the most promising of either to first order.
 
     Parameters
     ----------
@@ -283,20 +284,20 @@ class _Visits:
         return best
 
     def search_beside(self, fit: Fit, candidates: Sequence[int], *, exchanging: bool) -> None:
-        """Visit the most promising supports with one atom more, and with one atom exchanged for another.
+        """Visit the most promising supports with one atom more, and with one atom, or two, exchanged for another.
 
-        For an exchange, the supports without one atom are visited first where they were not yet.
+        For an exchange, the supports without these atoms are visited first where they were not yet.
         """
-        for leaving in (None, *fit.atoms) if exchanging else (None,):
+        for leaving in chain(*(combinations(fit.atoms, n) for n in ((0, 1, 2) if exchanging else (0,)))):
             base = fit
-            if leaving is not None:
-                j = fit.atoms.index(leaving)
-                base = (self.scored.get(fit.atoms[:j] + fit.atoms[j + 1 :]) or self.without(fit, j)).fit
-            others = [atom for atom in candidates if atom != leaving and atom not in base.atoms]
+            for atom in leaving:
+                j = base.atoms.index(atom)
+                base = (self.scored.get(base.atoms[:j] + base.atoms[j + 1 :]) or self.without(base, j)).fit
+            others = [atom for atom in candidates if atom not in leaving and atom not in base.atoms]
             if not others or len(base.atoms) >= self.limit:
                 continue
             gains, magnitudes = linear_additions(self.problem, base, others)
-            for n in np.argsort(-gains)[: ADDITIONS if leaving is None else 1]:
+            for n in np.argsort(-gains)[: 1 if leaving else ADDITIONS]:
                 together = dict(zip((*base.atoms, others[n]), (*base.z, magnitudes[n]), strict=True))
                 atoms = tuple(sorted(together))
                 if atoms not in self.scored:

@@ -82,7 +82,7 @@ def posed(row: Mapping[str, Any]) -> tuple[FlightLog, Config]:
     """Return the flight of a window with its fault, and the configuration of the analysis."""
     log, start = flight_log(row["flight"]), row["from_s"]
     if (shape := row["kind"]) != "healthy":
-        keys = {key: row[key] for key in ("magnitude", "onset_s", *KINDS[shape])}
+        keys = {key: row[key] for key in ("magnitude", "onset_s", *KINDS[shape], "phase_rad") if key in row}
         filters = recorder_filters(log)[0]
         log = inject(log, [Fault(shape=shape, channel="tas", **keys)], response=response_of(filters, log.rate_hz))
     window = {"window.from_s": start, "window.to_s": start + LENGTH_S}

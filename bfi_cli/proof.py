@@ -396,7 +396,20 @@ def _with_error(fault: Fault, error: float, window: LogSummary) -> Fault | None:
     """Return a fault with the magnitude that makes its largest error within a window; None where none does."""
     time_s = np.linspace(window.start_s, window.stop_s, window.n_samples)
     largest = float(np.abs(unit_signal(fault, time_s, window_start_s=window.start_s)).max())
-    return replace(fault, magnitude=error / largest) if largest > 0.0 else None
+    if largest == 0.0:
+        return None
+    if fault.shape == "drift" and fault.offset_s is None:
+        return _drift_until(fault, window.stop_s, error)
+    return replace(fault, magnitude=error / largest)
+
+
+def _drift_until(drift: Fault, stop_s: float, error: float) -> Fault:
+    """Return a drift that makes an error by a time and keeps it.
+
+    If it went on, it would make errors by the end of the log that no instrument has; if it ended, that would show as a
+    step back, which is another fault.
+    """
+    return replace(drift, shape="ramp_hold", slope=None, magnitude=error, duration_s=stop_s - drift.onset_s)
 
 
 def flight_claims(result: DiagnoseResult, log: FlightLog) -> list[Claim]:
@@ -433,14 +446,8 @@ def _flight_fault(
         return None
     sign = 1.0 if SHAPES[shape].is_loss else float(rng.choice([-1.0, 1.0]))
     if shape == "drift":
-        # What would end at once would show as a step back, which is another fault.
-        return Fault(
-            shape="ramp_hold",
-            channel=limit.fault,
-            magnitude=sign * limit.seen_above * length_s,
-            onset_s=onset_s,
-            duration_s=length_s,
-        )
+        drift = Fault(shape="drift", channel=limit.fault, magnitude=1.0, onset_s=onset_s)
+        return _drift_until(drift, onset_s + length_s, sign * limit.seen_above * length_s)
     return Fault(
         shape=shape,
         channel=limit.fault if has_channel(shape) else "",

@@ -44,7 +44,7 @@ class Candidate:
     excluded_above : magnitude beyond which the log excludes the fault, at the worst of the onsets covered.
     effect : largest error that this magnitude makes on the channel within the window; tolerance : of the channel.
     seen_above : error, no less than `effect`, from which on a fault would be declared or suspected with 90 % power, at
-        95 % of the onsets covered; None where it is not known.
+        95 % of the onsets, frequencies and time constants covered; None where it is not known.
     onset_s : of an entry of a dictionary, on the log's axis; None where all onsets were looked at.
     note : why it is left out, suspected or not seen.
     onsets_checked : (from, to), s, of the onsets that were searched; None for an entry with a stated onset.

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..airdata import DEPENDS_ON, SENSORS, isa_temperature
 from ..config import Config, merge
-from ..decision import Candidate, Evidence, estimate_of, state_of
+from ..decision import Candidate, Evidence, estimate_of, finite, state_of
 from ..errors import LogError
 from ..faults import Fault, FaultEstimate
 from ..faults.shapes import CONSTANTS, SHAPES
@@ -30,7 +30,7 @@ from ..threads import one_thread
 from .diagnose import events_of, lasting_faults
 from .events import growth
 from .flight import Flight, flight_of
-from .limits import BIN_S, PITOT_LINE, Bounds, bounds_of, hidden_slopes
+from .limits import BIN_S, MOSTLY, PITOT_LINE, Bounds, bounds_of, hidden_slopes
 from .parity import RESIDUALS, Record, available, configuration_changes
 from .parity.explain import course_for
 from .parity.record import STATIC_LEAK, climbing, hypotheses
@@ -224,9 +224,9 @@ def _candidate(
         event for event in events if event.state == "suspected" and channel in event.channels and event.kind == "slow"
     ]
     starts = np.arange(flight.from_s, flight.to_s - BIN_S + 1e-6, BIN_S)
-    errors = _hidden_errors(flight, bounds, channel, starts)
+    errors, declared_errors = _hidden_errors(flight, bounds, channel, starts)
     known = np.flatnonzero(np.isfinite(errors))
-    slope = effect = None
+    slope = effect = seen_above = None
     note = f"{suspected[0].fault}: {suspected[0].note}" if suspected else None
     if declared is not None:
         effect = declared.effect
@@ -235,6 +235,8 @@ def _candidate(
         if np.isfinite(errors[worst]):
             effect = float(errors[worst])
             slope = effect / (flight.to_s - float(starts[worst]))
+            seen = np.quantile(declared_errors[known[0] : known[-1] + 1], MOSTLY, method="higher")
+            seen_above = finite(max(float(seen), effect))
         last_s = float(starts[known[-1]]) + BIN_S
         note = note or f"for onsets from {instant(starts[known[0]])} to {instant(last_s)} s"
     elif not suspected:
@@ -252,23 +254,31 @@ def _candidate(
         sd=None if drift is None or not np.isfinite(drift.sd) else drift.sd,
         excluded_above=slope,
         effect=effect,
-        seen_above=effect,
+        seen_above=seen_above,
         tolerance=tolerance,
         channel_unit=unit,
         note=note,
     )
 
 
-def _hidden_errors(flight: Flight, bounds: Sequence[Bounds], channel: str, starts: FloatArray) -> FloatArray:
+def _hidden_errors(
+    flight: Flight, bounds: Sequence[Bounds], channel: str, starts: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return (n_starts,) the largest error of an output at the window's end that may begin there unseen.
+
+    The second is that from which on a fault that begins there would be declared.
 
     A fault of the channel alone is bounded by what bounds its error, or by its relations to others: these say nothing
     of the sensors that they share with it, of which the lines of pressure have bounds of their own, and the temperature
     probe that of the air.
     """
     part = flight.record.between(flight.from_s, flight.to_s)
-    slopes = {(bound.fault, bound.bounds): hidden_slopes(bound, starts) for bound in bounds if bound.shape == "drift"}
-    nothing = np.full(len(starts), np.inf)
+    slopes = {
+        (bound.fault, bound.bounds): np.array(hidden_slopes(bound, starts))
+        for bound in bounds
+        if bound.shape == "drift"
+    }
+    nothing = np.full((2, len(starts)), np.inf)
     since_s = flight.to_s - starts
     related = slopes.get((channel, "disagreement"), nothing) * since_s
     if "temperature probe" in SENSORS.get(channel, frozenset()):
@@ -278,7 +288,8 @@ def _hidden_errors(flight: Flight, bounds: Sequence[Bounds], channel: str, start
         grown, at_once = _reach(part, line, channel)
         if grown or at_once:
             errors = np.maximum(errors, slopes.get((name, "error"), nothing) * (grown * since_s + at_once))
-    return np.asarray(errors)
+    hidden, declared = errors
+    return hidden, declared
 
 
 def error_of_probe(part: Record, channel: str) -> float:

@@ -187,12 +187,15 @@ def _soonest_seen(row: FlightLimit, rows: Sequence[FlightLimit]) -> FlightLimit:
     return replace(row, seen_above=best.seen_above, seen_effect=best.seen_effect, seen_within_s=best.seen_within_s)
 
 
-def hidden_slopes(bound: Bounds, starts: FloatArray) -> FloatArray:
-    """Return (n_starts,) the steepest drifts that may begin unseen in the stretches from these times on."""
+def hidden_slopes(bound: Bounds, starts: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return (n_starts,) the steepest drifts that may begin unseen in the stretches from these times on.
+
+    The second are those that a window would declare with 90 % power.
+    """
     if not bound.windows:
-        return np.full(len(starts), np.inf)
-    sizes, _, spreads, _, _ = _limits_by_window(bound.windows, starts, bound.shape)
-    return np.asarray(sizes[np.arange(len(starts)), np.argmin(spreads, axis=1)])
+        return np.full(len(starts), np.inf), np.full(len(starts), np.inf)
+    sizes, declared, spreads, _, _ = _limits_by_window(bound.windows, starts, bound.shape)
+    return np.asarray(sizes[np.arange(len(starts)), np.argmin(spreads, axis=1)]), declared.min(axis=1)
 
 
 def limit_courses(flight: Flight, bounds: Sequence[Bounds]) -> tuple[LimitCourse, ...]:

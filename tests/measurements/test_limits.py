@@ -56,7 +56,7 @@ def excluded(record: ScanRecord, y: np.ndarray, form: ShapeHypothesis, unit: flo
     scan = scan_of(record, y, ORDER, output=0)
     if form.shape == "bias":
         # What a threshold asks for is not counted: it makes limits larger still.
-        limits = claims._limits(record, scan, form, 1e-6)
+        limits = claims._limits(record, scan, form, 1e-6, 1e-6)
         assert limits is not None
         return float(limits.effect.max())
     likeliness = claims._likeliness(record, scan, form, unit)

@@ -66,20 +66,21 @@ def deviances(scan: Scan, waveform: Waveform, onsets: IntArray, magnitudes: Floa
 
 
 def undeclared_magnitudes(
-    scan: Scan, waveform: Waveform, profile: Profile, *, power: float, doubt: float
-) -> tuple[FloatArray, FloatArray]:
-    """Return the magnitudes that would be declared, and those that the record does not admit, at every onset.
+    scan: Scan, waveform: Waveform, profile: Profile, *, power: float, suspicion: float, doubt: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the magnitudes that would be declared, that would be suspected, and that the record does not admit.
 
     Parameters
     ----------
     profile : of the shape at the onsets that are asked for.
-    power : statistic that a fault needs to be declared with the wanted power.
+    power, suspicion : statistics that a fault needs to be declared, and to be suspected, with the wanted power.
     doubt : statistic by which the record must disagree with a magnitude to exclude it.
 
     Returns
     -------
-    Two arrays (n_onsets,): the first magnitude from which on every larger one reaches `power`, in the mean of both
-    signs, and the first from which on both signs reach `doubt` beyond the best magnitude; infinite where none does.
+    Three arrays (n_onsets,): the first magnitude from which on every larger one reaches `power`, and `suspicion`, in
+    the mean of both signs, and the first from which on both signs reach `doubt` beyond the best magnitude; infinite
+    where none does.
     """
     seen = np.isfinite(profile.sd)
     linear = np.where(seen, profile.sd, 0.0)
@@ -93,7 +94,11 @@ def undeclared_magnitudes(
     plus, minus = deviances(scan, waveform, profile.onsets, m)
     reached = 0.5 * (plus + minus)
     against = np.minimum(plus, minus) + profile.statistic
-    return _from_there_on(m, reached, power), _from_there_on(m, against, doubt)
+    return (
+        _from_there_on(m, reached, power),
+        _from_there_on(m, reached, suspicion),
+        _from_there_on(m, against, doubt),
+    )
 
 
 def _from_there_on(m: FloatArray, deviance: FloatArray, needed: float) -> FloatArray:

@@ -24,6 +24,7 @@ from ...faults.shapes import ADDITIVE, SHAPES, Kind, Shape, scanned_shape
 from ...kernels import ONE_SIDED_90, ONE_SIDED_95, BoolArray, FloatArray, IntArray
 from ...kernels.onset.frequency import PEAKS, frequency_grid, screen_grid
 from ...kernels.onset.limits import (
+    SPAN,
     excluded_error,
     likelihood_ratios,
     mean_ratios,
@@ -48,6 +49,8 @@ from .shapes import LARGEST_SHARE, ShapeHypothesis, fault_of, waveform
 CLAIMED_CYCLES, CYCLES_LEFT = 6.0, 2.0
 # Frequencies spread over the band, for the sizes that a claim covers; those that stand out are looked at beside them.
 FREQUENCIES = 8
+# Steps by which the equation of `likelier_by` is solved: from the fourth on they move its root by less than 1e-3.
+STEPS = 6
 # Onsets, spread over the window, at which the size that would be declared is sought: its median over them is stated.
 SIZED = 25
 # Of more hypotheses than the first, one of so many onsets as the second is looked at, and all of them for as many that
@@ -70,7 +73,8 @@ EXCLUDED, SUSPECTED = 0.5 * math.exp(-0.5 * ONE_SIDED_95**2), 1.0
 # Errors at which the likelihood is asked, in tolerances: limits from a thousandth to a hundred of them.
 PER_DECADE = 6
 ERRORS = np.geomspace(0.001, 100.0, 5 * PER_DECADE + 1)
-# Share of the onsets at which a fault of the size that an answer says it would see is seen.
+# Share of the onsets, and of the frequencies or time constants, at which a fault of the size that an answer says it
+# would see is seen.
 MOSTLY = 0.95
 
 
@@ -82,7 +86,8 @@ class Limits:
     ----------
     profile : over the onsets.
     onset_s : on the log's axis.
-    declared : magnitude that is declared with 90 % power, infinite where none is; seen : its largest error.
+    declared : magnitude that is declared with 90 % power, infinite where none is.
+    seen : largest error of the magnitude that is declared or suspected with 90 % power.
     excluded : magnitude beyond which the record excludes the fault, infinite where none is; effect : its largest error.
     """
 
@@ -98,10 +103,14 @@ class Limits:
         worst = int(np.argmax(self.effect if near is None else np.where(near, self.effect, -1.0)))
         return float(self.excluded[worst]), float(self.effect[worst])
 
-    def mostly_seen(self, near_s: FloatArray | None = None) -> float:
-        """Return the error that is declared at most onsets: of all, or of those nearest to `near_s` (n_near,)."""
-        nearest = slice(None) if near_s is None else np.abs(near_s[:, None] - self.onset_s).argmin(axis=1)
-        return float(np.quantile(self.seen[nearest], MOSTLY, method="higher"))
+    def seen_near(self, near_s: FloatArray) -> FloatArray:
+        """Return (n_near,) the errors that are seen at the onsets nearest to `near_s`."""
+        return self.seen[np.abs(near_s[:, None] - self.onset_s).argmin(axis=1)]
+
+
+def mostly(errors: FloatArray) -> float:
+    """Return the error that is no less than most of some."""
+    return float(np.quantile(errors, MOSTLY, method="higher"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -251,7 +260,7 @@ def _sized(
 ) -> Candidate:
     """Return a candidate of a shape that is excluded by the size that it would have needed at the worst onset."""
     forms = _claimed(record, scan, form, peak, seen, report)
-    form_limits = [_limits(record, scan, claimed, rule.threshold(form.shape)) for claimed in forms]
+    form_limits = [_limits(record, scan, claimed, *statistics_of(rule, form.shape)) for claimed in forms]
     covered = [limits for limits in form_limits if limits is not None]
     if not covered:
         return candidate if peak is None else _bounded(record, candidate, form.output, peak.profile, ())
@@ -282,11 +291,10 @@ def _weighed(
         return replace(candidate, note="the window is too short for an oscillation")
     assert candidate.tolerance is not None
     tolerance = candidate.tolerance / float(record.unit[form.output])
-    threshold = rule.threshold(shape)
     # Every onset counts for the hypotheses that hide most only: fewer onsets tell which these are.
     every = GLANCED if len(forms) > FULL else 1
     glances = {
-        claimed: _likeliness(record, scan, claimed, tolerance, threshold, every=every)
+        claimed: _likeliness(record, scan, claimed, tolerance, statistics_of(rule, shape), every=every)
         for claimed, _ in parts(weighing, forms)
     }
     covered = {claimed: glance for claimed, glance in glances.items() if glance is not None}
@@ -345,7 +353,7 @@ def _bounded(
     """
     scale, best = float(record.unit[output]), profile.best
     median = float(np.median([np.median(form_limits.declared) for form_limits in limits])) if limits else np.inf
-    seen_above = max((least, *(form_limits.mostly_seen() for form_limits in limits))) if limits else np.inf
+    seen_above = max(least, mostly(np.concatenate([form_limits.seen for form_limits in limits]))) if limits else np.inf
     sized = replace(
         candidate,
         magnitude=finite(scale * float(profile.z[best])),
@@ -364,16 +372,18 @@ def _likeliness(
     scan: Scan,
     form: ShapeHypothesis,
     tolerance: float,
-    threshold: float | None = None,
+    statistics: tuple[float, float] | None = None,
     *,
     every: int = 1,
+    is_weighed: bool = True,
 ) -> Likeliness | None:
     """Return the likelihood ratios of a hypothesis; None where there is no onset that a claim covers.
 
     Parameters
     ----------
-    threshold : of the statistic, for `limits`; None where they are not asked for.
+    statistics : above which a fault is declared, and suspected, for `limits`; None where they are not asked for.
     every : of so many onsets one is looked at.
+    is_weighed : whether a fault is suspected too where the record is likelier with it.
     """
     wave = waveform(form, replace(record.sampling, n_samples=scan.n_samples))
     onsets = _covered(record, scan, form)[::every]
@@ -383,9 +393,11 @@ def _likeliness(
     magnitudes = errors[:, None] / wave.largest(scan.n_samples - onsets)
     profile, both_signs = profile_with_deviances(scan, wave, onsets, magnitudes)
     dispersion = profile.dispersion
-    if threshold is not None:
+    if statistics is not None:
         some = profile.take(np.linspace(0, len(onsets) - 1, min(SIZED, len(onsets))).astype(np.intp))
-        limits = _limits_of(record, scan, wave, some, threshold, dispersion)
+        threshold, suspicion = statistics
+        suspicion = min(suspicion, dispersion * likelier_by(every * len(onsets)) ** 2 if is_weighed else np.inf)
+        limits = _limits_of(record, scan, wave, some, threshold, suspicion, dispersion, least=tolerance)
     return Likeliness(
         profile=profile,
         parameter=form.parameter or 0.0,
@@ -432,11 +444,11 @@ def limits_near_onsets(
         form = ShapeHypothesis(shape=shape, output=output, parameter=parameter, file=fault.file)
         scale, slope = float(record.unit[output]), abs(fault.slope or 1.0)  # a slope is so many times the hypothesis's
         if form not in form_limits:
-            scan = scans[output]
+            scan, statistics = scans[output], statistics_of(rule, shape)
             form_limits[form] = (
-                _likeliness(record, scan, form, tolerances[fault.channel] / scale, rule.threshold(shape))
+                _likeliness(record, scan, form, tolerances[fault.channel] / scale, statistics, is_weighed=False)
                 if shape in WEIGHED
-                else _limits(record, scan, form, rule.threshold(shape))
+                else _limits(record, scan, form, *statistics)
             )
         hidden = _near(form_limits[form], fault.onset_s, near_s)
         if hidden is None:
@@ -465,7 +477,7 @@ def _near(limits: Limits | Likeliness | None, onset_s: float, near_s: float) -> 
     declared = limits.limits if isinstance(limits, Likeliness) else limits
     if limits is None or declared is None or not near.any():
         return None
-    return *limits.hidden(near), declared.mostly_seen(limits.onset_s[near])
+    return *limits.hidden(near), mostly(declared.seen_near(limits.onset_s[near]))
 
 
 def _claimed(
@@ -555,24 +567,59 @@ def _covered(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> IntArray:
     return onsets
 
 
-def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: float) -> Limits | None:
+def likelier_by(n_onsets: int) -> float:
+    """Return the standard deviations by which a fault stands out of a record that is as likely with as without it.
+
+    Its onset is one of so many, of either sign, and its size anywhere in `SPAN`: by Laplace's method
+    exp(s^2 / 2) = 2 n s ln(SPAN) / sqrt(2 pi).
+    """
+    deviations = 1.0
+    for _ in range(STEPS):
+        deviations = math.sqrt(2.0 * math.log(2.0 * n_onsets * deviations * math.log(SPAN) / math.sqrt(2.0 * math.pi)))
+    return deviations
+
+
+def statistics_of(rule: Rule, shape: Shape) -> tuple[float, float]:
+    """Return the statistics of a shape above which a fault is declared, and suspected."""
+    return rule.threshold(shape), rule.suspicion(shape)
+
+
+def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: float, suspicion: float) -> Limits | None:
     """Return the limits of a hypothesis at every onset that a claim covers; None where there is no such onset."""
     wave, onsets = waveform(form, replace(record.sampling, n_samples=scan.n_samples)), _covered(record, scan, form)
     if onsets.size == 0:
         return None
     profile = scan_shape(scan, wave, onsets)
-    return _limits_of(record, scan, wave, profile, threshold, profile.dispersion)
+    return _limits_of(record, scan, wave, profile, threshold, suspicion, profile.dispersion)
 
 
 def _limits_of(
-    record: ScanRecord, scan: Scan, wave: Waveform, profile: Profile, threshold: float, dispersion: float
+    record: ScanRecord,
+    scan: Scan,
+    wave: Waveform,
+    profile: Profile,
+    threshold: float,
+    suspicion: float,
+    dispersion: float,
+    *,
+    least: float = 0.0,
 ) -> Limits:
-    """Return the limits of a hypothesis at the onsets of a profile: declared with 90 % power, and excluded at 95 %."""
-    declared, admitted = undeclared_magnitudes(
+    """Return the limits of a hypothesis at the onsets of a profile: declared with 90 % power, and excluded at 95 %.
+
+    Parameters
+    ----------
+    threshold, suspicion : statistics above which it is declared, and suspected where its error is at least `least`.
+    """
+
+    def with_power(statistic: float) -> float:
+        return (math.sqrt(statistic) + ONE_SIDED_90 * math.sqrt(dispersion)) ** 2
+
+    declared, suspected, admitted = undeclared_magnitudes(
         scan,
         wave,
         profile,
-        power=(np.sqrt(threshold) + ONE_SIDED_90 * np.sqrt(dispersion)) ** 2,
+        power=with_power(threshold),
+        suspicion=with_power(suspicion),
         doubt=ONE_SIDED_95**2 * dispersion,
     )
     excluded, largest = np.maximum(declared, admitted), wave.largest(scan.n_samples - profile.onsets)
@@ -580,7 +627,7 @@ def _limits_of(
         profile=profile,
         onset_s=record.onsets_s(profile.onsets + record.sampling.lead),
         declared=declared,
-        seen=declared * largest,
+        seen=np.minimum(declared * largest, np.maximum(suspected * largest, least)),
         excluded=excluded,
         effect=excluded * largest,
     )

@@ -40,7 +40,8 @@ def test_a_fault_of_the_limit_reaches_the_statistic_in_the_mean_of_both_signs(na
     u, y = record(N)
     waveform, scan = waveforms(N)[name], prepare_scan(u, y, order=ORDER)
     profile = scan_shape(scan, waveform, ONSETS)
-    limit, _ = undeclared_magnitudes(scan, waveform, profile, power=power, doubt=5.4)
+    limit, suspected, _ = undeclared_magnitudes(scan, waveform, profile, power=power, suspicion=power, doubt=5.4)
+    np.testing.assert_array_equal(suspected, limit)
     assert np.isfinite(limit).all()
     for onset, m in zip(ONSETS, limit, strict=True):
         reached = []
@@ -59,7 +60,7 @@ def test_the_second_limit_is_beyond_the_best_magnitude_on_both_sides():
     y[:, 0] += 0.5 * signal(waveform, 150)
     scan = prepare_scan(u, y, order=ORDER)
     profile = scan_shape(scan, waveform, np.array([150]))
-    _, admitted = undeclared_magnitudes(scan, waveform, profile, power=50.0, doubt=5.4)
+    _, _, admitted = undeclared_magnitudes(scan, waveform, profile, power=50.0, suspicion=25.0, doubt=5.4)
     z, sd = float(profile.z[0]), float(profile.sd[0])
     assert z == pytest.approx(0.5, abs=4 * sd)
     assert abs(z) + 2.0 * sd < admitted[0] < abs(z) + 3.0 * sd
@@ -72,7 +73,7 @@ def test_limits_scale_with_the_record_and_not_with_its_level():
     for scale, level in ((1.0, 0.0), (10.0, 0.0), (1.0, 500.0)):
         scan = prepare_scan(u, scale * y + level, order=ORDER)
         profile = scan_shape(scan, waveform, ONSETS)
-        limits.append(np.array(undeclared_magnitudes(scan, waveform, profile, power=40.0, doubt=5.4)))
+        limits.append(np.array(undeclared_magnitudes(scan, waveform, profile, power=40.0, suspicion=20.0, doubt=5.4)))
     np.testing.assert_allclose(limits[1], 10.0 * limits[0], rtol=1e-5)
     np.testing.assert_allclose(limits[2], limits[0], rtol=1e-5)
 

@@ -42,7 +42,7 @@ def test_a_fault_of_the_size_that_is_seen_exceeds_the_threshold_by_90_percent_po
     """Its root, in the mean of both signs, lies 1.28 standard deviations of the scatter above the threshold's."""
     y = record.y + 0.03 * signal_of(record, BIAS, 100)
     scan = scan_of(record, y, ORDER, output=0)
-    limits = claims._limits(record, scan, BIAS, threshold)
+    limits = claims._limits(record, scan, BIAS, threshold, threshold)
     assert limits is not None
     phi = float(limits.profile.statistic.mean())
     assert phi > 1.2
@@ -62,7 +62,7 @@ def test_a_size_is_excluded_at_95_percent_above_the_likeliest(record: ScanRecord
     """Where next to any fault would be declared, what the record does not admit is what is left of the limit."""
     onset = 150
     y = record.y + size * signal_of(record, BIAS, onset)
-    limits = claims._limits(record, scan_of(record, y, ORDER, output=0), BIAS, threshold=1e-6)
+    limits = claims._limits(record, scan_of(record, y, ORDER, output=0), BIAS, threshold=1e-6, suspicion=1e-6)
     assert limits is not None
     phi = max(1.0, float(limits.profile.statistic.mean()))
     i = int(limits.profile.best)
@@ -119,7 +119,7 @@ def test_a_lag_is_suspected_where_the_record_is_likelier_with_one_beyond_the_tol
         assert (beyond(z) >= 1.0) is suspected
         assert 0.5 < beyond(z) < 2.0
         scan = scan_of(record, record.y + z * theta, ORDER, output=0)
-        rule = SimpleNamespace(threshold=lambda _shape: 30.0)
+        rule = SimpleNamespace(threshold=lambda _shape: 30.0, suspicion=lambda _shape: 20.0)
         looked_for = candidate_of(fault_of(LAG, "tas", magnitude=1.0, onset_s=0.0), "m/s", tolerance=tolerance)
         candidate = claims._weighed(record, scan, rule, looked_for, LAG, None, None, lambda _: None)
         assert (candidate.state == "suspected") is suspected
@@ -131,7 +131,7 @@ def test_a_lag_is_suspected_where_the_record_is_likelier_with_one_beyond_the_tol
 
 def test_limits_near_an_onset_are_of_the_onsets_within_the_tolerance(record: ScanRecord):
     scan = scan_of(record, record.y, ORDER, output=0)
-    limits = claims._limits(record, scan, BIAS, 30.0)
+    limits = claims._limits(record, scan, BIAS, 30.0, 20.0)
     assert limits is not None
     i = len(limits.onset_s) // 2
     near = np.abs(np.arange(len(limits.onset_s)) - i) <= 10

@@ -105,7 +105,7 @@ class Limits:
 
     def seen_near(self, near_s: FloatArray) -> FloatArray:
         """Return (n_near,) the errors that are seen at the onsets nearest to `near_s`."""
-        return self.seen[np.abs(near_s[:, None] - self.onset_s).argmin(axis=1)]
+        return np.asarray(self.seen[np.abs(near_s[:, None] - self.onset_s).argmin(axis=1)])
 
 
 def mostly(errors: FloatArray) -> float:

@@ -136,11 +136,11 @@ LINES = (
     ),
     Line(
         "model/onset/claims.py",
-        "power=(np.sqrt(threshold) + ONE_SIDED_90 * np.sqrt(dispersion)) ** 2,",
+        "return (math.sqrt(statistic) + ONE_SIDED_90 * math.sqrt(dispersion)) ** 2",
         (
-            "power=threshold,",
-            "power=(np.sqrt(threshold) + ONE_SIDED_90) ** 2,",
-            "power=np.sqrt(threshold) + ONE_SIDED_90 * np.sqrt(dispersion),",
+            "return statistic",
+            "return (math.sqrt(statistic) + ONE_SIDED_90) ** 2",
+            "return math.sqrt(statistic) + ONE_SIDED_90 * math.sqrt(dispersion)",
         ),
         ONSET_CLAIMS,
     ),

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy import optimize, stats
 
+from bfi_cli import kernels
 from bfi_cli.config import Config, merge
 from bfi_cli.decision import candidate_of
-from bfi_cli.kernels import normal
 from bfi_cli.model.onset import claims
 from bfi_cli.model.onset.scan import scan_of
 from bfi_cli.model.onset.scan_record import ScanRecord, prepare_record
@@ -81,7 +81,7 @@ def test_of_one_onset_5_percent_of_faults_of_the_worst_size_are_excluded():
 
     worst = max(map(missed, np.linspace(0.5, 8.0, 751)))
     assert 0.03 < worst <= 0.05
-    np.testing.assert_allclose(stats.norm.cdf([normal.ONE_SIDED_90, normal.ONE_SIDED_95]), [0.9, 0.95], rtol=1e-12)
+    np.testing.assert_allclose(stats.norm.cdf([kernels.ONE_SIDED_90, kernels.ONE_SIDED_95]), [0.9, 0.95], rtol=1e-12)
 
 
 @pytest.mark.parametrize("form", [BIAS, LAG])

@@ -19,8 +19,8 @@ from bfi_cli import Config, merge, read_log, write_log
 from bfi_cli.detection import detect_document
 from bfi_cli.flight import diagnose_document
 from bfi_cli.lab.compare import PEERS, compare_document
-from bfi_cli.model.document import identify_document
 from bfi_cli.model.onset import onset_document
+from bfi_cli.model.result import identify_document
 from bfi_cli.provenance import provenance
 from bfi_cli.serialization import to_json
 

@@ -8,8 +8,8 @@ import pytest
 from made_results import fault_result, no_fault_result
 
 from bfi_cli.errors import ConfigError
-from bfi_cli.model.document import identify_document, identify_from_document
 from bfi_cli.model.report import content_of_document
+from bfi_cli.model.result import identify_document, identify_from_document
 from bfi_cli.notes import NOTE_KINDS, Note, unique
 from bfi_cli.provenance import provenance
 from bfi_cli.serialization import OLDEST_READ, SCHEMA, check_schema, from_plain, to_plain

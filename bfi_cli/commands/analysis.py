@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import click
 
 from .options import CHANNELS, OPTIONS, Command, GroupedCommand, config_of, with_options
-from .output import check_out, emit, note
-from .progress import stages
+from .output import check_out, emit, note, stages
 
 if TYPE_CHECKING:
     from ..config import Config

@@ -12,8 +12,7 @@ import click
 from ..notes import Note
 from .analysis import inputs_of, log_of
 from .options import MODEL, SIGNALS, config_of, fleet_argument, with_options
-from .output import note, show_lines
-from .progress import stages
+from .output import note, show_lines, stages
 
 
 @click.command("calibrate")

@@ -19,8 +19,7 @@ import click
 
 from ..errors import BfiError, ConfigError, reason_of
 from .analysis import ANSWERS, Answer, Asked, exit_code_of, inputs_of
-from .output import note, print_text, show_lines, without_notes
-from .progress import progress
+from .output import note, print_text, progress, show_lines, without_notes
 
 if TYPE_CHECKING:
     from ..config import Config

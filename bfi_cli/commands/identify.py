@@ -74,7 +74,7 @@ def command(asked: Asked) -> Answer:
     Without a dictionary the scan over all onsets (bfi start-time) proposes the faults.
     """
     from ..library import identify
-    from ..model.document import identify_document
+    from ..model.result import identify_document
 
     asked.check_out(DRAWINGS, (*TABLES, "proved"))
     flight = asked.flight()

@@ -10,8 +10,7 @@ import click
 
 from .analysis import inputs_of
 from .options import with_options
-from .output import check_out, note, show, write
-from .progress import progress
+from .output import check_out, note, progress, show, write
 
 if TYPE_CHECKING:
     from pathlib import Path

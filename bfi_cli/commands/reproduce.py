@@ -9,8 +9,7 @@ import click
 
 from ..errors import BfiError, ConfigError
 from .options import CHANNELS, OPTIONS, with_options
-from .output import check_out, emit, write
-from .progress import progress
+from .output import check_out, emit, progress, write
 
 if TYPE_CHECKING:
     from ..flightlog import FlightLog

@@ -14,8 +14,7 @@ from click.core import ParameterSource
 from ..errors import ConfigError
 from ..library import SIMULATION, simulate
 from .options import Command, pairs, with_options
-from .output import write_and_show
-from .progress import stages
+from .output import stages, write_and_show
 
 SIZES: Mapping[str, Any] = {"default": None, "multiple": True, "callback": pairs("tas=0.01", float)}
 AMPLITUDE = """

@@ -25,11 +25,10 @@ import numpy as np
 
 from . import FloatArray
 from .lagged import Compressed
-from .risro import NO_SKETCH, Factors, least_squares, risro
+from .risro import NO_SKETCH, Factors, WhitenedOutputs, least_squares, risro, whitened_outputs
 from .sparsity import SparseSolution, SparseStage, published_updates, sparse_supports
 from .termination import Iterate, StoppingRule, Termination, iterate
 from .variable_projection import ProjectedRegression, project_inputs
-from .whitened_outputs import WhitenedOutputs, whitened_outputs
 
 Corner = Literal["free", "imposed"]
 

@@ -26,9 +26,8 @@ from scipy.linalg import lapack
 
 from . import FloatArray
 from .lagged import PANEL
-from .risro import least_squares
+from .risro import least_squares, whitened_outputs
 from .variable_projection import ProjectedRegression
-from .whitened_outputs import whitened_outputs
 
 Sparsity = Literal["none", "l1", "lp", "exp-l0"]
 KINDS: tuple[str, ...] = get_args(Sparsity)

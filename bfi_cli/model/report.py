@@ -39,8 +39,7 @@ from ..report.content import (
 from ..report.faults import fault_columns, meaning
 from ..report.first_screen import Screen, window_screen
 from ..report.proof import proof_tables
-from .document import DERIVED, identify_from_document
-from .result import IdentifyResult, OutputSeries, ResidualSummary
+from .result import DERIVED, IdentifyResult, OutputSeries, ResidualSummary, identify_from_document
 
 # Entries of the dictionary that the figure of the magnitudes has room for.
 MAX_CANDIDATES = 30

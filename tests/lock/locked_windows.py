@@ -13,8 +13,8 @@ from typing import Any
 from locked_answers import Difference, differences, plain
 from window_trials import answers, posed
 
-from bfi_cli.model.document import identify_document
 from bfi_cli.model.onset import onset_document
+from bfi_cli.model.result import identify_document
 from bfi_cli.provenance import provenance
 
 STORED = Path(__file__).parent / "windows.jsonl"

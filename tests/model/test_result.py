@@ -15,8 +15,9 @@ from bfi_cli.errors import ConfigError, DictionaryError, ExcitationError, LogErr
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject
 from bfi_cli.kernels.termination import Termination
-from bfi_cli.model import document, identify_faults
-from bfi_cli.model.document import identify_document, identify_from_document
+from bfi_cli.model import identify_faults
+from bfi_cli.model import result as results
+from bfi_cli.model.result import identify_document, identify_from_document
 from bfi_cli.provenance import provenance
 from bfi_cli.quantities.display_units import SI
 from bfi_cli.report.first_screen import candidate_lines
@@ -104,7 +105,7 @@ def test_residual_summary(result):
 
 @pytest.mark.parametrize("most", [10_000, 317, 100])
 def test_the_series_of_a_long_record_are_thinned_in_the_document_only(result, monkeypatch, most):
-    monkeypatch.setattr(document, "MOST_SAMPLES", most)
+    monkeypatch.setattr(results, "MOST_SAMPLES", most)
     made = identify_document(result, provenance(log_sha256=""))
     series, k = made["series"], -(-result.log.n_samples // most)
     assert series["time_s"] == result.time_s[::k].tolist()

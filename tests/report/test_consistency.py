@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 from made_results import fault_result, no_fault_result, two_output_result
 
-from bfi_cli.model.document import identify_document
+from bfi_cli.model.result import identify_document
 from bfi_cli.report.consistency import contradiction_of
 from bfi_cli.serialization import to_plain
 

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from made_results import PROVENANCE, fault_result, inconclusive_result, no_fault_result
 
 from bfi_cli.errors import ConfigError
-from bfi_cli.model.document import identify_document, identify_from_document
-from bfi_cli.model.result import Candidate
+from bfi_cli.model.result import Candidate, identify_document, identify_from_document
 
 CONTRACT_KEYS = {
     "": {"kind", "schema", "log", "decision", "verdicts", "faults", "candidates", "model", "vaf", "solver", "notes"},

@@ -11,8 +11,8 @@ from made_results import fault_result
 from bfi_cli.commands.identify import DRAWINGS, TABLES
 from bfi_cli.errors import ConfigError
 from bfi_cli.files import list_of_files, replace_files
-from bfi_cli.model.document import identify_document, identify_from_document
 from bfi_cli.model.report import identify_content
+from bfi_cli.model.result import identify_document, identify_from_document
 from bfi_cli.report.files import content_files, content_names
 
 

@@ -14,9 +14,9 @@ from bfi_cli.detection.result import DetectResult
 from bfi_cli.faults.shapes import SHAPES
 from bfi_cli.flight.first_screen import diagnose_screen
 from bfi_cli.flight.result import DiagnoseResult
-from bfi_cli.model.document import identify_from_document
 from bfi_cli.model.onset.report import onset_from_document, onset_screen
 from bfi_cli.model.report import CHANGES, READINGS, identify_screen
+from bfi_cli.model.result import identify_from_document
 from bfi_cli.provenance import provenance
 from bfi_cli.quantities.channels import unit_of
 from bfi_cli.quantities.display_units import SI

@@ -8,7 +8,7 @@ import pytest
 from made_results import fault_result
 
 from bfi_cli.commands import run_command
-from bfi_cli.model.document import identify_document
+from bfi_cli.model.result import identify_document
 from bfi_cli.serialization import to_json
 
 ROOT = Path(__file__).parents[2]

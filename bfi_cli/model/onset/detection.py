@@ -25,12 +25,10 @@ from ..preprocessing.manoeuvres import manoeuvres_of
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
 from .claims import claims_of, covered_s, limits_near_onsets
-from .confirmation import unconfirmed
 from .decision import Rule, Verdict, rule_for
-from .estimate import Estimate, estimate, subtract_faults, unit_signals
-from .magnitudes import measure
+from .estimate import Estimate, estimate, measure, subtract_faults, unit_signals
 from .result import OnsetResult
-from .rivals import known_faults, rivals_of, scans_beside, with_rivals
+from .rivals import known_faults, rivals_of, scans_beside, unconfirmed, with_rivals
 from .scan import HypothesisScan, Peak, bic_change, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import ScanRecord, prepare_record
 from .search import OnsetSearch, declared_faults, result_of

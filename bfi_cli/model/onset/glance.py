@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from ...config import Config
 from ...flightlog import FlightLog
 from ...threads import one_thread
-from .confirmation import unconfirmed
 from .decision import shipped_rule
 from .estimate import as_scanned
+from .rivals import unconfirmed
 from .scan import may_exceed, scan_hypotheses
 from .scan_record import prepare_record
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,12 +11,12 @@ from ...flightlog import FlightLog
 from ...kernels import FloatArray
 from ...kernels.coherence import detectable_deviations
 from ...kernels.covariance import FitRows, single_additions, unfold
-from ...kernels.model_selection import Penalty, ScoredFit, least_criterion
-from ...kernels.variable_projection import Fit, fit_magnitudes
+from ...kernels.model_selection import Penalty, least_criterion
+from ...kernels.variable_projection import Fit
 from ...kernels.whiteness import exceedances
 from ...notes import Note
 from ...quantities.text import instant
-from .regression import RegressionData, build_regression
+from .regression import RegressionData, build_regression, fault_free_fits
 from .summary import ModelSummary, noise_of
 from .window import PreparedWindow
 
@@ -94,26 +93,6 @@ def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
             noise_sd=noise_of(unfolded.error * regression.unit, config.outputs),
         ),
     )
-
-
-def fault_free_fits(regression: RegressionData, config: Config, n_candidates: int) -> tuple[list[ScoredFit], Penalty]:
-    """Return the fits without fault terms at every order, scored, and the penalty with the effective rows of the best.
-
-    Parameters
-    ----------
-    n_candidates : entries of the dictionary that could be declared.
-    """
-    fits = [fit_magnitudes(regression.problem(order), ()) for order in regression.orders]
-    return scored_by(regression, fits, regression.penalty(config.selection, n_candidates))
-
-
-def scored_by(regression: RegressionData, fits: Sequence[Fit], penalty: Penalty) -> tuple[list[ScoredFit], Penalty]:
-    """Return fits scored by a criterion with the effective rows of the best of them, and that criterion."""
-    best = min(fits, key=penalty.criterion)
-    free = best.n_parameters / regression.layout.y.shape[1]
-    effective = regression.effective_rows(regression.unfold(best).weighted_error, free)
-    penalty = replace(penalty, n_effective=effective)
-    return [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits], penalty
 
 
 def about_the_log(log: FlightLog, window: PreparedWindow, fitted: FaultFreeModel) -> list[Note]:

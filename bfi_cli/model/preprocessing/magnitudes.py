@@ -23,8 +23,7 @@ from ...kernels.covariance import Adding, adding_to, additions_and_covariance
 from ...kernels.model_selection import Penalty, ScoredFit, least_criterion
 from ...kernels.progress import Report, parts, shares, silent
 from ...kernels.variable_projection import Fit, fit_magnitudes, log_dets_beside, single_magnitudes, with_unit_root
-from .fault_free_model import fault_free_fits
-from .regression import RegressionData, build_regression
+from .regression import RegressionData, build_regression, fault_free_fits
 from .signals import decimate_native
 from .window import PreparedWindow, regression_of, shifts_within, signals_of_faults, with_onsets
 

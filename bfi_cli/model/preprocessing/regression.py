@@ -13,7 +13,7 @@ from ...kernels import FloatArray
 from ...kernels.atom_signals import AtomSignals, standardised
 from ...kernels.covariance import FitRows, Layout, unfold_own
 from ...kernels.lagged import Compressed, EarlierRows, restrict, with_fault, with_scaled_outputs
-from ...kernels.model_selection import Penalty
+from ...kernels.model_selection import Penalty, ScoredFit
 from ...kernels.progress import Report, silent
 from ...kernels.risro_varx import VarxSolution, risro_varx
 from ...kernels.running import running_weights
@@ -246,6 +246,26 @@ def build_regression(
         floor=floor,
         centred=centred,
     )
+
+
+def fault_free_fits(regression: RegressionData, config: Config, n_candidates: int) -> tuple[list[ScoredFit], Penalty]:
+    """Return the fits without fault terms at every order, scored, and the penalty with the effective rows of the best.
+
+    Parameters
+    ----------
+    n_candidates : entries of the dictionary that could be declared.
+    """
+    fits = [fit_magnitudes(regression.problem(order), ()) for order in regression.orders]
+    return scored_by(regression, fits, regression.penalty(config.selection, n_candidates))
+
+
+def scored_by(regression: RegressionData, fits: Sequence[Fit], penalty: Penalty) -> tuple[list[ScoredFit], Penalty]:
+    """Return fits scored by a criterion with the effective rows of the best of them, and that criterion."""
+    best = min(fits, key=penalty.criterion)
+    free = best.n_parameters / regression.layout.y.shape[1]
+    effective = regression.effective_rows(regression.unfold(best).weighted_error, free)
+    penalty = replace(penalty, n_effective=effective)
+    return [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits], penalty
 
 
 def _scaled_signals(theta: AtomSignals, atoms: Sequence[int], unit: FloatArray) -> tuple[AtomSignals, FloatArray]:

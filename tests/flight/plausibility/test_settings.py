@@ -14,7 +14,7 @@ from made_dataflash import dataflash_bytes, fmt
 from made_px4 import message, ulog_bytes
 
 from bfi_cli.decision.implausible import Implausible
-from bfi_cli.flight.plausibility.settings import sentence_of_setting, with_setting, with_settings
+from bfi_cli.flight.plausibility.implausible import sentence_of_setting, with_setting, with_settings
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.formats import parameters_of
 from bfi_cli.flightlog.record import frozen_array

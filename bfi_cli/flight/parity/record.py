@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -93,6 +94,11 @@ class Record:
         if not ({"tat", "sat"} & channels.keys() and "altitude" in channels and channels.keys() & {*IMPACT_SOURCES}):
             return channels["altitude_rate"]
         return np.asarray(channels["altitude_rate"] * (self.air.sat / isa_temperature(channels["altitude"])))
+
+    @cached_property
+    def slopes(self) -> dict[tuple[str, Hypothesis, float], Any]:
+        """What small faults make of its residuals, by residual, fault and angle of zero lift (`scan.Slope`)."""
+        return {}
 
     @cached_property
     def _small_faults(self) -> dict[Hypothesis, tuple[Record, frozenset[str]]]:

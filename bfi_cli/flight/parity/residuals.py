@@ -44,7 +44,7 @@ class ResidualKind:
     Attributes
     ----------
     needs : groups of channels, of each group one is enough.
-    reads : every channel that its values and its rate may depend on.
+    reads : every channel that its values and its rate may depend on; by_speed : it goes with `Constants.speed`.
     nuisances : (n, m) columns beside the constant, and the prior standard deviation of each.
     levels : of the fast noise, from which one is chosen; slow : from times, (n, n) covariance of the slow noise.
         The levels of the recorded flights of a Cessna Citation lie inside by a factor of three (docs/theory.md, 15.7).
@@ -63,6 +63,7 @@ class ResidualKind:
     levels: FloatArray
     slow: Callable[[FloatArray], FloatArray]
     dispersion: float
+    by_speed: bool = False
 
 
 def _exponential(sd: float, seconds: float) -> Callable[[FloatArray], FloatArray]:
@@ -146,6 +147,7 @@ RESIDUALS = (
         levels=np.geomspace(0.1, 5.0, 12),
         slow=_exponential(0.3, 30.0),
         dispersion=1.9,
+        by_speed=True,
     ),
     ResidualKind(
         name="climb",

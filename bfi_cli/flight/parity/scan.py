@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -90,7 +90,7 @@ def scan_window(
     zero_lift : angle of attack of zero lift, rad, where it is known.
     only : names of the residuals to use; None for all that the log allows.
     lasting : faults that began before the window. Whatever constant and drift they may have in it is no evidence.
-    whole : what `record` is some seconds of: its small faults are made once for all of its windows.
+    whole : what `record` is some seconds of: its slopes are made once for all of its windows.
     """
     kinds, lacking = available(record.channels)
     kinds = tuple(kind for kind in kinds if only is None or kind.name in only)
@@ -140,10 +140,8 @@ def scan_window(
         constants=constants,
         lacking=lacking,
     )
-    healthy = [level_of(kind, record, constants) for kind in kinds]
     signatures = {
-        hypothesis.fault: fault_signatures(scan, record, hypothesis, ramps, healthy, whole)
-        for hypothesis in hypotheses(record)
+        hypothesis.fault: fault_signatures(scan, record, hypothesis, ramps, whole) for hypothesis in hypotheses(record)
     }
     signatures = {fault: by_kind for fault, by_kind in signatures.items() if any(some.any() for some in by_kind)}
     ratios = dict(zip(signatures, likelihood_ratios(residuals, list(signatures.values())), strict=True))
@@ -217,80 +215,87 @@ def _integral(rates: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Level:
-    """A residual at a record before anything is integrated: its values (n,) and its rate (n,), None where none is."""
+class Slope:
+    """What a small constant fault makes of a residual, over its size.
+
+    Attributes
+    ----------
+    values : (n,) of what is not integrated; rate : (n,) of what is, None where nothing is.
+    climb : (n,) by the rate of the fault: a static pressure that changes shows as a climb; None where none does.
+    """
 
     values: FloatArray
     rate: FloatArray | None
+    climb: FloatArray | None
+
+    def taken(self, rows: slice, scale: float) -> Slope:
+        """Return some of its samples, times a scale."""
+        rate, climb = (None if x is None else scale * x[rows] for x in (self.rate, self.climb))
+        return Slope(values=scale * self.values[rows], rate=rate, climb=climb)
+
+    def signature(self, courses: FloatArray) -> FloatArray:
+        """Return (n, n_courses) what a fault of these courses, (n, n_courses), makes of the residual."""
+        signature = self.values[:, None] * courses
+        if self.rate is not None:
+            signature = signature - _integral(np.nan_to_num(bridged(self.rate))[:, None] * courses)
+        if self.climb is not None:
+            signature = signature + self.climb[:, None] * np.gradient(courses, STEP_S, axis=0)
+        return np.asarray(signature)
 
 
-def level_of(kind: ResidualKind, record: Record, constants: Constants) -> Level:
-    """Return where a residual is at a record."""
-    return Level(values=kind.values(record, constants), rate=None if kind.rate is None else kind.rate(record))
+def slope_of(kind: ResidualKind, record: Record, hypothesis: Hypothesis, constants: Constants) -> Slope | None:
+    """Return the slope of a residual at a record, None where it reads nothing that the fault moves."""
+    other, moved = record.with_small(hypothesis)
+    if moved.isdisjoint(kind.reads):
+        return None
+    healthy, rate, climb = kind.values(record, constants), None, None
+    if kind.rate is not None:
+        rate = (kind.rate(other) - kind.rate(record)) / hypothesis.size
+    if hypothesis.fault == STATIC_LEAK and "altitude_rate" in kind.reads:
+        climb = (kind.values(climbing(record, hypothesis.size), constants) - healthy) / hypothesis.size
+    return Slope(values=(kind.values(other, constants) - healthy) / hypothesis.size, rate=rate, climb=climb)
 
 
 def fault_signatures(
-    scan: WindowScan,
-    record: Record,
-    hypothesis: Hypothesis,
-    courses: FloatArray,
-    healthy: Sequence[Level] | None = None,
-    whole: Record | None = None,
+    scan: WindowScan, record: Record, hypothesis: Hypothesis, courses: FloatArray, whole: Record | None = None
 ) -> list[FloatArray]:
     """Return what a fault of these courses, (n, n_courses), makes of every residual; 0 of one that it leaves alone.
 
     Parameters
     ----------
-    record : where it is linearised.
-    healthy : where the residuals of the scan are at the record, for several faults at one record; None to find out.
-    whole : see `scan_window`.
+    record : where it is linearised; whole : see `scan_window`.
     """
     signatures: list[FloatArray] = []
-    other, moved = _small_fault(record, hypothesis, whole)
-    # A static pressure that changes shows as a climb while it does.
-    turning = climbing(record, hypothesis.size) if hypothesis.fault == STATIC_LEAK else None
-    for k, (kind, known) in enumerate(zip(scan.kinds, scan.known, strict=True)):
-        if moved.isdisjoint(kind.reads):
+    for kind, known in zip(scan.kinds, scan.known, strict=True):
+        slope = _slope_in(whole, kind, record, hypothesis, scan.constants)
+        if slope is None:
             signatures.append(np.zeros((np.count_nonzero(known), courses.shape[1])))
-            continue
-        level = level_of(kind, record, scan.constants) if healthy is None else healthy[k]
-        signature = _signature(level, level_of(kind, other, scan.constants), hypothesis, courses)
-        if turning is not None and "altitude_rate" in kind.reads:
-            climb = (kind.values(turning, scan.constants) - level.values) / hypothesis.size
-            signature = signature + climb[:, None] * np.gradient(courses, STEP_S, axis=0)
-        signatures.append(np.nan_to_num(signature[known]))
+        else:
+            signatures.append(np.nan_to_num(slope.signature(courses)[known]))
     return signatures
+
+
+def _slope_in(
+    whole: Record | None, kind: ResidualKind, record: Record, hypothesis: Hypothesis, constants: Constants
+) -> Slope | None:
+    """Return `slope_of` a window: some samples of that of the whole record, unless the wind of the window counts."""
+    if whole is None or hypothesis.fault == "ground_speed":
+        return slope_of(kind, record, hypothesis, constants)
+    key = kind.name, hypothesis, constants.zero_lift
+    if key not in whole.slopes:
+        whole.slopes[key] = slope_of(kind, whole, hypothesis, replace(constants, speed=1.0, wind=(0.0, 0.0)))
+    slope, edges_s = whole.slopes[key], record.time_s[[0, -1]] + np.array([-0.5, 0.5]) * STEP_S
+    rows = slice(*np.searchsorted(whole.time_s, edges_s).tolist())
+    return None if slope is None else slope.taken(rows, constants.speed if kind.by_speed else 1.0)
 
 
 def _lasting_columns(
     kind: ResidualKind, constants: Constants, record: Record, hypothesis: Hypothesis, courses: FloatArray
 ) -> FloatArray:
     """Return (n, n_courses + 1) what a fault of any size makes of a residual: each course, and the constant squared."""
-    large, healthy = replace(hypothesis, size=LARGE * hypothesis.size), level_of(kind, record, constants)
-    small_level, large_level = (
-        level_of(kind, record.with_small(candidate)[0], constants) for candidate in (hypothesis, large)
-    )
-    first = _signature(healthy, small_level, hypothesis, courses)
-    ahead = _signature(healthy, large_level, large, courses[:, :1])
-    return np.column_stack([first, ahead - first[:, :1]])
-
-
-def _small_fault(record: Record, hypothesis: Hypothesis, whole: Record | None) -> tuple[Record, frozenset[str]]:
-    """Return a record with a small constant fault, and the channels that it moves."""
-    # A leak's rate of climb is a difference over neighbours, which those of a window end at its borders.
-    if whole is None or (hypothesis.fault == STATIC_LEAK and not record.is_inertial):
-        return record.with_small(hypothesis)
-    other, moved = whole.with_small(hypothesis)
-    if "air" in vars(record):
-        _ = other.air  # once for all windows
-    return other.between(record.time_s[0] - 0.5 * STEP_S, record.time_s[-1] + 0.5 * STEP_S), moved
-
-
-def _signature(healthy: Level, faulty: Level, hypothesis: Hypothesis, courses: FloatArray) -> FloatArray:
-    """Return (n, n_courses) what a fault makes of a residual, from where that is without and with a small one."""
-    moved = (faulty.values - healthy.values) / hypothesis.size
-    signature = moved[:, None] * courses
-    if healthy.rate is None or faulty.rate is None:
-        return signature
-    rates = np.nan_to_num(bridged(faulty.rate - healthy.rate)) / hypothesis.size
-    return np.asarray(signature - _integral(rates[:, None] * courses))
+    sizes = (hypothesis, replace(hypothesis, size=LARGE * hypothesis.size))
+    small, large = (slope_of(kind, record, size, constants) for size in sizes)
+    if small is None or large is None:
+        return np.zeros((len(courses), courses.shape[1] + 1))
+    first = small.signature(courses)
+    return np.column_stack([first, large.signature(courses[:, :1]) - first[:, :1]])

@@ -41,9 +41,8 @@ from .model.onset.claims import CYCLES_LEFT, claimed_band_hz, claimed_constants_
 from .model.onset.scan_record import searched_band_hz
 from .model.preprocessing.summary import LogSummary
 from .model.result import IdentifyResult
-from .provenance import provenance
 from .quantities.channels import STANDARD
-from .serialization import document_of, to_json
+from .serialization import document_of, provenance, to_json
 
 Span = tuple[float, float]
 Result = TypeVar("Result", OnsetResult, IdentifyResult, DiagnoseResult)

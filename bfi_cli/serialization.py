@@ -1,4 +1,4 @@
-"""Dataclasses to plain data (as JSON can hold) and back by their annotations; documents and tables as text."""
+"""Dataclasses to plain data (as JSON can hold) and back by their annotations; documents, their provenance, tables."""
 
 from __future__ import annotations
 
@@ -6,21 +6,68 @@ import csv
 import io
 import json
 import math
+import shlex
 import sys
 import types
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import MISSING, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from datetime import UTC, datetime
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
+from . import __version__
 from .errors import ConfigError, reason_of
 from .files import MARK
 from .notes import Note, unique
 from .printable import printable, valid_text
-from .provenance import Provenance
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Provenance:
+    """Program, inputs, libraries, command line and date behind the numbers of a document."""
+
+    version: str
+    log_sha256: str
+    config_sha256: str | None
+    dictionary_sha256: str | None
+    seed: int
+    numpy: str
+    scipy: str
+    command: str
+    date: str
+
+
+def provenance(
+    *,
+    log_sha256: str,
+    config_sha256: str | None = None,
+    dictionary_sha256: str | None = None,
+    seed: int = 0,
+) -> Provenance:
+    """Return the record of program, inputs, libraries, command line and date (UTC) of a result.
+
+    Parameters
+    ----------
+    log_sha256 : digest of the log, "" for one made in memory.
+    config_sha256, dictionary_sha256 : None where the command was given none.
+    seed : of the random steps.
+    """
+    return Provenance(
+        version=__version__,
+        log_sha256=log_sha256,
+        config_sha256=config_sha256,
+        dictionary_sha256=dictionary_sha256,
+        seed=seed,
+        numpy=version("numpy"),
+        scipy=version("scipy"),
+        command=shlex.join(["bfi", *sys.argv[1:]]),
+        date=datetime.now(UTC).isoformat(timespec="seconds"),
+    )
+
 
 T = TypeVar("T")
 DAMAGED = "the file is damaged or of another program, write it again"

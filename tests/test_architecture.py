@@ -24,10 +24,7 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 # From the ground up. A module imports what stands on lower floors, and its own package; neighbours know nothing of
 # each other. The longest name counts: what several analyses share is below them, wherever its file lies.
 FLOORS = (
-    (
-        *("epoch", "errors", "first_use", "guard", "kernels", "methods", "notes", "printable", "provenance"),
-        "threads",
-    ),
+    ("epoch", "errors", "first_use", "guard", "kernels", "methods", "notes", "printable", "threads"),
     ("airdata", "engine", "files", "programs", "quantities", "yaml12"),
     ("faults", "serialization"),
     ("decision", "dictionary", "flightlog", "journal", "jsbsim"),

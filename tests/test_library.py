@@ -21,8 +21,7 @@ from bfi_cli.flight import diagnose_document
 from bfi_cli.lab.compare import PEERS, compare_document
 from bfi_cli.model.onset import onset_document
 from bfi_cli.model.result import identify_document
-from bfi_cli.provenance import provenance
-from bfi_cli.serialization import to_json
+from bfi_cli.serialization import provenance, to_json
 
 DATA = Path(__file__).parents[1] / "data"
 THESIS = Path(__file__).parents[1] / "configs" / "thesis_dictionary.yaml"

@@ -11,8 +11,7 @@ from bfi_cli.errors import ConfigError
 from bfi_cli.model.report import content_of_document
 from bfi_cli.model.result import identify_document, identify_from_document
 from bfi_cli.notes import NOTE_KINDS, Note, unique
-from bfi_cli.provenance import provenance
-from bfi_cli.serialization import OLDEST_READ, SCHEMA, check_schema, from_plain, to_plain
+from bfi_cli.serialization import OLDEST_READ, SCHEMA, check_schema, from_plain, provenance, to_plain
 
 NOTES = (Note.limit("a"), Note.method("b"), Note.advice("c"))
 

@@ -15,7 +15,7 @@ import pytest
 from bfi_cli import Config, merge, read_log, start_time
 from bfi_cli import proof as proving_module
 from bfi_cli.decision import Proof
-from bfi_cli.decision.limits import with_plain_proofs, with_proof_entries
+from bfi_cli.decision.candidate import with_plain_proofs, with_proof_entries
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.faults.shapes import Kind
@@ -23,9 +23,9 @@ from bfi_cli.journal import Journal, lines_of_journal
 from bfi_cli.model.onset import OnsetResult, onset_content, onset_document
 from bfi_cli.model.onset.report import onset_from_document
 from bfi_cli.proof import JOURNAL, Proving, Sighting, sees, sightings_of
-from bfi_cli.provenance import provenance
-from bfi_cli.quantities.display_units import SI
+from bfi_cli.quantities.text import SI
 from bfi_cli.report.first_screen import proof_in_words
+from bfi_cli.serialization import provenance
 
 DATA = Path(__file__).parents[1] / "data"
 COARSE: dict[str, Any] = {"conditioning.rate_hz": 4.0, "model.order": 2}

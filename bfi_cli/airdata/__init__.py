@@ -12,28 +12,26 @@ The standard atmosphere is that of ICAO Doc 7488 and, below 20 000 m, of the U.S
 """
 
 from .airspeed import (
-    SEA_LEVEL_SPEED_OF_SOUND,
-    SONIC_RATIO,
-    calibrated_airspeed,
-    impact_pressure_of_cas,
-    impact_pressure_of_mach,
-    mach_number,
-    mach_of_tas,
-    speed_of_sound,
-    static_temperature,
-    total_temperature,
-    true_airspeed,
-)
-from .atmosphere import (
     HIGHEST,
     LOWEST,
     PRESSURES,
     SEA_LEVEL_PRESSURE,
+    SEA_LEVEL_SPEED_OF_SOUND,
     SEA_LEVEL_TEMPERATURE,
+    SONIC_RATIO,
     G,
     altitude_of,
+    calibrated_airspeed,
+    impact_pressure_of_cas,
+    impact_pressure_of_mach,
     isa_temperature,
+    mach_number,
+    mach_of_tas,
     pressure_at,
+    speed_of_sound,
+    static_temperature,
+    total_temperature,
+    true_airspeed,
 )
 from .motion import (
     EARTH_RADIUS,

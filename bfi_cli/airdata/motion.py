@@ -12,7 +12,7 @@ import numpy as np
 
 from ..kernels import MAD
 from ..kernels.running import block_means
-from .atmosphere import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, FloatArray, G
+from .airspeed import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, FloatArray, G
 
 # Fits are made again without samples this many robust standard deviations off: flaps, gear, the ground, gusts.
 OUTLYING = 3.5

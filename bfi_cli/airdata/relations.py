@@ -21,16 +21,23 @@ from itertools import product
 import numpy as np
 
 from .airspeed import (
+    HIGHEST,
+    LOWEST,
+    PRESSURES,
     SEA_LEVEL_SPEED_OF_SOUND,
+    FloatArray,
+    G,
+    altitude_of,
     calibrated_airspeed,
     impact_pressure_of_cas,
     impact_pressure_of_mach,
+    isa_temperature,
     mach_number,
+    pressure_at,
     speed_of_sound,
     static_temperature,
     total_temperature,
 )
-from .atmosphere import HIGHEST, LOWEST, PRESSURES, FloatArray, G, altitude_of, isa_temperature, pressure_at
 from .motion import EARTH_RADIUS, KINEMATICS, longitudinal_acceleration, normal_acceleration, vane_angle
 from .system import COLDEST, HOTTEST, SENSORS
 

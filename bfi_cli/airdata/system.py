@@ -10,32 +10,30 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .airspeed import (
+    GAS_CONSTANT,
     HALF,
+    HIGHEST,
+    LOWEST,
     POWER,
+    PRESSURES,
+    SEA_LEVEL_PRESSURE,
     SEA_LEVEL_SPEED_OF_SOUND,
     SONIC_RATIO,
     SONIC_SHARE,
+    FloatArray,
+    G,
+    altitude_of,
     calibrated_airspeed,
     impact_pressure_of_cas,
     impact_pressure_of_mach,
+    isa_temperature,
     mach_number,
     mach_of_tas,
+    pressure_at,
     speed_of_sound,
     static_temperature,
     total_temperature,
     true_airspeed,
-)
-from .atmosphere import (
-    GAS_CONSTANT,
-    HIGHEST,
-    LOWEST,
-    PRESSURES,
-    SEA_LEVEL_PRESSURE,
-    FloatArray,
-    G,
-    altitude_of,
-    isa_temperature,
-    pressure_at,
 )
 
 # The pressures that a channel follows from; `tas` from a temperature too, `sat` where it was made of a recorded `tat`.

@@ -14,11 +14,9 @@ from ..kernels import FloatArray
 from ..model.preprocessing.sampling_rate import SAMPLES_PER_CYCLE
 from ..notes import Note
 from ..printable import shortened
-from ..provenance import Provenance
-from ..quantities.display_units import SI, Units
-from ..quantities.text import change, instant, noise_levels, number, with_unit
+from ..quantities.text import SI, Units, change, instant, noise_levels, number, with_unit
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, notes_of, thinned
-from ..serialization import document_of, to_plain
+from ..serialization import Provenance, document_of, to_plain
 from .comparison import pairs
 from .entries import Audit
 

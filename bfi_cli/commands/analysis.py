@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from ..kernels.progress import Progress
     from ..library import ReadyLog
     from ..proof import Proving
-    from ..provenance import Provenance
-    from ..quantities.display_units import Units
+    from ..quantities.text import Units
     from ..report.content import ReportContent
+    from ..serialization import Provenance
 
 # Exit codes of --strict without a trustworthy answer, and of --fail-on with a declared fault.
 NO_ANSWER, FAULT_DECLARED = 4, 10
@@ -167,7 +167,7 @@ def analysis(
                     options=given, config=config, dictionary=dictionary, log=log, inputs=inputs, progress=progress
                 )
                 answer = answer_to(asked)
-            from ..provenance import provenance
+            from ..serialization import provenance
 
             origin = provenance(
                 log_sha256=answer.log_sha256,

@@ -40,7 +40,7 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     from ..flight.parity.calibration import calibrate_air_data
     from ..model.onset import calibration_windows, table_of_windows
     from ..model.preprocessing.defaults import default_inputs
-    from ..provenance import provenance
+    from ..serialization import provenance
 
     config = config_of(config_path, options)
     logs = _logs_of_aircraft(logs, options["recursive"], options["list_file"])

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ..config import Config
     from ..fleet import FleetLog, LogAnswer, Outcome, Store, Task
     from ..fleet.trends import FleetTrend
-    from ..provenance import Provenance
+    from ..serialization import Provenance
 
 # Options that ask for an answer to many logs, whatever their number.
 FLEET_OPTIONS = ("recursive", "list_file", "jsonl", "scheduler", "by")
@@ -75,7 +75,7 @@ def answer_fleet(kind: str, given: Mapping[str, Any], config: Config) -> int | N
     """
     from ..files import replace_files
     from ..fleet import Store, fleet_files, is_fleet, logs_of, remove_left_over, run_fleet, trends_of
-    from ..provenance import provenance
+    from ..serialization import provenance
 
     if not is_fleet(given["logs"]) and not any(given.get(name) for name in FLEET_OPTIONS):
         return None
@@ -201,7 +201,7 @@ def _analysed(task: Task, request: Request, key: str) -> Outcome:
     """
     from ..fleet import LogAnswer, Outcome, answer_of_diagnosis, answer_of_info, rows_of_constants
     from ..flight.plausibility.constants import constant_errors
-    from ..quantities.display_units import IN_FILES, UNITS
+    from ..quantities.text import IN_FILES, UNITS
     from ..report.files import content_files
     from ..serialization import to_json, without_series
 

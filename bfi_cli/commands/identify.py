@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from ..config import Config
     from ..flightlog import FlightLog
     from ..model.result import IdentifyResult
-    from ..quantities.display_units import Units
+    from ..quantities.text import Units
     from ..report.content import ReportContent
 
 DRAWINGS = ("hidden", "outputs", "fault", "magnitudes", "residuals", "orders")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from ..lab.montecarlo import Sweep
     from ..lab.montecarlo.trial import Row
-    from ..provenance import Provenance
+    from ..serialization import Provenance
 
 STORED = "summary.json"
 
@@ -49,7 +49,7 @@ def command(config_path: str, **options: Any) -> None:
     from ..lab.montecarlo.running import TIMING_COLUMNS, timing_cells
     from ..lab.montecarlo.summary import DRAWINGS, TABLES
     from ..lab.montecarlo.trial import COLUMNS
-    from ..provenance import provenance
+    from ..serialization import provenance
 
     if options["workers"] is not None and options["scheduler"] is not None:
         raise click.UsageError("--workers and --scheduler exclude each other; keep one")

@@ -94,7 +94,7 @@ def _choice(values: Callable[[], Mapping[str, str]]) -> Callback:
 
 
 def _systems_of_units() -> dict[str, str]:
-    from ..quantities.display_units import UNITS
+    from ..quantities.text import UNITS
 
     return {name: name for name in UNITS}
 

@@ -15,14 +15,14 @@ import click
 
 from ..errors import ConfigError, reason_of
 from ..printable import printable
-from ..quantities.display_units import IN_FILES, UNITS, Units
+from ..quantities.text import IN_FILES, UNITS, Units
 
 if TYPE_CHECKING:
     from rich.console import Console
 
     from ..flightlog import FlightLog
-    from ..provenance import Provenance
     from ..report.content import ReportContent
+    from ..serialization import Provenance
 
     ContentIn = Callable[[Units], ReportContent]
     from rich.progress import Progress, ProgressColumn
@@ -268,8 +268,8 @@ def write_and_show(
     seed : of the random steps.
     """
     from ..flightlog import write_log
-    from ..provenance import provenance
     from ..report.log import log_document, log_lines
+    from ..serialization import provenance
 
     write_log(log, options["out_file"])
     log = replace(log, path=str(options["out_file"]))

@@ -9,15 +9,14 @@ from typing import TYPE_CHECKING
 import click
 
 from ..errors import ConfigError
-from ..provenance import Provenance
-from ..quantities.display_units import IN_FILES, UNITS
+from ..quantities.text import IN_FILES, UNITS
 from ..report.consistency import contradiction_of
-from ..serialization import document_of_kind, from_plain, member, read_json
+from ..serialization import Provenance, document_of_kind, from_plain, member, read_json
 from .options import with_options
 from .output import note, show
 
 if TYPE_CHECKING:
-    from ..quantities.display_units import Units
+    from ..quantities.text import Units
     from ..report.content import ReportContent
 
 GIVE = "give the result.json of a command's --out, or what its --json --series printed"

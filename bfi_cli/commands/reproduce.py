@@ -14,8 +14,8 @@ from .output import check_out, emit, progress, write
 if TYPE_CHECKING:
     from ..flightlog import FlightLog
     from ..lab.reproduce import Settings
-    from ..provenance import Provenance
     from ..report.content import ReportContent
+    from ..serialization import Provenance
 
 LOG_OPTIONS = {name: OPTIONS[name].flags[0] for name in ("from_s", "to_s", *CHANNELS)}
 
@@ -37,7 +37,7 @@ def command(context: click.Context, /, name: str, **options: Any) -> None:
     """
     from ..lab.reproduce import Settings
     from ..lab.reproduce.catalogue import REPRODUCTIONS, find, list_content, reproduce_document, run
-    from ..provenance import provenance
+    from ..serialization import provenance
 
     if name not in ("list", "all"):
         name = find(name)

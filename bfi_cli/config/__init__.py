@@ -31,7 +31,7 @@ from ..faults.shapes import SCANNED, Kind, ScannedShape
 from ..faults.validation import Deferred, Number, Positive, Rules, Text, Whole, editor_schema, path_beside, validate
 from ..methods import METHODS
 from ..quantities.channels import STANDARD
-from ..quantities.display_units import UnitsName
+from ..quantities.text import UnitsName
 from ..quantities.units import change_in_si
 from ..yaml12 import load_yaml, read_text
 

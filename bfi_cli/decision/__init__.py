@@ -3,21 +3,26 @@
 from .candidate import (
     BUILD_UP_S,
     KINDS,
+    UNTESTED,
     Candidate,
+    Proof,
+    ScanLimit,
     State,
     beyond_tolerance,
     candidate_of,
     estimate_of,
     finite,
     kind_of,
+    not_excluded,
     shown_limit,
     state_of,
     two_digits,
+    untested,
     with_limit,
+    with_limit_of_scan,
 )
 from .conclude import WITHHELD, Conclusion, conclude, decide, summarise, verdicts_of
 from .evidence import Evidence, Manoeuvre, at_entries
-from .limits import UNTESTED, Proof, ScanLimit, not_excluded, untested, with_limit_of_scan
 
 __all__ = [
     "BUILD_UP_S",

@@ -21,8 +21,7 @@ from ..errors import ConfigError
 from ..kernels import FloatArray
 from ..kernels.exponential_tail import ExcessTail
 from ..notes import Note, unique
-from ..provenance import Provenance
-from ..serialization import SCHEMA, check_schema, from_plain, mapping, member, to_json
+from ..serialization import SCHEMA, Provenance, check_schema, from_plain, mapping, member, to_json
 from ..yaml12 import read_text
 
 # A million windows of three shapes, decades of flight: 20 letters for each number.

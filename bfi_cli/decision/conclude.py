@@ -18,8 +18,7 @@ from typing import TYPE_CHECKING
 from ..faults import Decision, FaultEstimate, build_up_s
 from ..faults.shapes import LINE_SHAPES, SHAPES, Kind
 from ..notes import Note
-from ..quantities.display_units import SI, Units
-from ..quantities.text import instant, quantity
+from ..quantities.text import SI, Units, instant, quantity
 from .candidate import KINDS, Candidate, State, shown_limit, with_limit
 from .evidence import Evidence, Manoeuvre
 

@@ -9,10 +9,8 @@ import numpy as np
 
 from ..notes import Note
 from ..printable import shortened
-from ..provenance import Provenance
 from ..quantities.channels import LARGEST_ERROR, channel_in_words
-from ..quantities.display_units import SI, Units
-from ..quantities.text import change, instant, interval, number, with_unit
+from ..quantities.text import SI, Units, change, instant, interval, number, with_unit
 from ..report.claims import (
     candidate_columns,
     candidate_tables,
@@ -32,7 +30,7 @@ from ..report.first_screen import (
     suspect_in_words,
     undeclared,
 )
-from ..serialization import document_of, from_plain, member, to_plain
+from ..serialization import Provenance, document_of, from_plain, member, to_plain
 from .result import Alarm, ChannelSeries, DetectResult
 
 UNKNOWN = "size not determined"

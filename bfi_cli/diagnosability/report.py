@@ -11,12 +11,10 @@ import numpy as np
 
 from ..kernels import FloatArray
 from ..printable import shortened
-from ..provenance import Provenance
-from ..quantities.display_units import SI, Units
-from ..quantities.text import instant, noise_levels, number, quantity
+from ..quantities.text import SI, Units, instant, noise_levels, number, quantity
 from ..report.clock import with_clock
 from ..report.content import Drawing, HeatMap, Panel, ReportContent, Table, curve, shown_notes
-from ..serialization import document_of, from_plain, mapping, member, to_plain
+from ..serialization import Provenance, document_of, from_plain, mapping, member, to_plain
 from .assess import DiagnosabilityResult, DiagnosedAtom, ManoeuvreScore
 
 ORDER_KEYS = ("orders", "criterion_no_fault", "criterion_best")

@@ -10,11 +10,10 @@ from ..epoch import Epoch
 from ..flight.plausibility.constants import ConstantError
 from ..flightlog.phases import PARTS
 from ..notes import Note
-from ..provenance import Provenance
 from ..quantities.text import counted, instant, number
 from ..report.content import ReportContent
 from ..report.first_screen import State
-from ..serialization import document_of
+from ..serialization import Provenance, document_of
 
 # Order of the lines: what needs a reader first.
 RANKS: Mapping[State, int] = {"fault": 0, "suspected": 1, "deviation": 2, "cannot_tell": 3, "no_fault_found": 4}

@@ -11,10 +11,9 @@ from urllib.parse import quote
 
 from ..notes import Note
 from ..printable import SHOWN, shortened
-from ..provenance import Provenance
 from ..quantities.text import counted, instant
 from ..report.listing import Listing, render_listing
-from ..serialization import document_of, to_json
+from ..serialization import Provenance, document_of, to_json
 from .answers import LogAnswer
 from .store import SUMMARY
 from .tables import table_file, table_names, tables_of

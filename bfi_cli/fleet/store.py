@@ -16,8 +16,7 @@ from typing import Any
 from ..errors import BfiError
 from ..files import replace_files
 from ..journal import Journal, lines_of_journal
-from ..provenance import Provenance
-from ..serialization import document_of, from_plain
+from ..serialization import Provenance, document_of, from_plain
 from .answers import LogAnswer
 
 STORE, SUMMARY, RESULT = "store.jsonl", "summary.json", "result.json"

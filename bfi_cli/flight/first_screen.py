@@ -9,8 +9,7 @@ import numpy as np
 from ..faults.shapes import SHAPES
 from ..kernels.runs import within
 from ..quantities.channels import STANDARD, channel_in_words
-from ..quantities.display_units import SI, Units
-from ..quantities.text import change, duration, instant, interval, number
+from ..quantities.text import SI, Units, change, duration, instant, interval, number
 from ..report.first_screen import (
     Headline,
     Label,

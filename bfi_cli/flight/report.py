@@ -8,20 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from ..decision.limits import with_plain_proofs, with_proof_entries
+from ..decision.candidate import with_plain_proofs, with_proof_entries
 from ..files import EVENTS
 from ..kernels import TWO_SIDED_95
 from ..notes import Note
-from ..provenance import Provenance
 from ..quantities.channels import STANDARD
-from ..quantities.display_units import SI, Shown, Units
-from ..quantities.text import capital, change, duration, instant, number, with_unit
+from ..quantities.text import SI, Shown, Units, capital, change, duration, instant, number, with_unit
 from ..report.clock import with_clock
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, shown_notes
 from ..report.log import lane_panel
 from ..report.proof import proof_tables
 from ..report.timeline import Happening, bands_of, lanes_of, lines_at, phase_table
-from ..serialization import csv_lines, document_of, from_plain, mapping, member, to_plain
+from ..serialization import Provenance, csv_lines, document_of, from_plain, mapping, member, to_plain
 from .first_screen import cause_in_words, diagnose_screen, event_in_words, second
 from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse, OrdinaryEvent
 

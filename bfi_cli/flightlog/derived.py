@@ -2,6 +2,11 @@
 
 They are derived from the whole log when an analysis needs them, so that the angle of zero lift or the wind may be
 estimated in the flight before the window.
+
+Others follow without a parameter, an altitude of the standard atmosphere from another: an altimeter shows
+h(p) - h(setting), with h the altitude of a pressure in the standard atmosphere (ICAO Doc 7488; the setting of an
+airfield is the pressure with which it shows the elevation there): turning the knob moves every altitude by the same
+amount, 0.083 m per Pa at 1013 hPa.
 """
 
 from __future__ import annotations
@@ -12,10 +17,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..airdata import (
+    DEPENDS_ON,
     IMPACT_SOURCES,
     KINEMATICS,
+    PRESSURES,
     STATIC_SOURCES,
     air_data_of,
+    altitude_of,
     climb_angle,
     constant_wind,
     ground_velocity,
@@ -24,11 +32,257 @@ from ..airdata import (
     zero_lift_angle,
 )
 from ..errors import LogError
+from ..kernels import MAD
+from ..kernels.quantisation import find_quantum
 from ..kernels.runs import BoolArray
 from ..notes import Note
-from ..quantities.channels import STANDARD
+from ..quantities.channels import STANDARD, quantity_of
 from ..quantities.text import instant
 from .record import Channel, FlightLog, FloatArray, frozen_array
+
+# Pa: settings of an altimeter; a barometric scale ends at 28.1 and 31.0 inHg (SAE AS8009), airfields at 5000 m are set
+# by QFE.
+SETTINGS = (50_000.0, 108_000.0)
+# s: clicks of the knob this close are one change; so long before and after it, and in so many samples, the flight is a
+# parabola.
+TOGETHER_S, CLIMB_S, FEWEST_BESIDE = 5.0, 8.0, 4
+# Lengths of the fit on either side of a change in which others are made without one, and the fewest of these.
+NEAR, FEWEST_PLACES = 8, 10
+# APART: share of a change that records of altitude and setting differ by, some tenths of a second apart.
+APART = 0.15
+# Log-likelihood ratio, in nats, of an altitude that follows the setting over one that does not, from which it does: 1
+# in 150. A change speaks for no more than `MOST_NATS`, so that one jump of another cause does not decide alone against
+# many.
+FOLLOWS, MOST_NATS = 5.0, 20.0
+# m, of a change below which it tells nothing: less than a click of 0.01 inHg (2.8 m) is rounding of the setting.
+LEAST_CHANGE_M = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DirectDerivation:
+    """A channel that follows from others without a parameter.
+
+    Attributes
+    ----------
+    name : the channel; needs : what it follows from.
+    make : from (n_samples,) by name to the channel, (n_samples,).
+    words : the sentence about it, after "'altitude' is "; stands_in : whether it is another quantity in its place.
+    """
+
+    name: str
+    needs: tuple[str, ...]
+    make: Callable[[Values], FloatArray]
+    words: str
+    stands_in: bool = False
+
+
+def pressure_altitude(baro_altitude: FloatArray, setting: FloatArray) -> FloatArray:
+    """Return the pressure altitude, m, of an altimeter's reading, m, and setting, Pa; both (n_samples,).
+
+    NaN where the setting is none, see `SETTINGS`; a setting that is missing for some samples is the one before. What a
+    change of the setting adds is rounded to the steps of the reading, so that these are the steps of the result too.
+    """
+    known = (setting >= SETTINGS[0]) & (setting <= SETTINGS[1])
+    if not known.any():
+        return np.full(baro_altitude.shape, np.nan)
+    last = np.maximum.accumulate(np.where(known, np.arange(known.size), -1))
+    held = setting[np.where(last < 0, np.argmax(known), last)]
+    shift = altitude_of(np.clip(held, PRESSURES[0], PRESSURES[1]))
+    step = find_quantum(baro_altitude[np.isfinite(baro_altitude)])
+    if step is not None:
+        shift = shift[0] + step * np.round((shift - shift[0]) / step)
+    return np.asarray(baro_altitude + shift)
+
+
+def follows_setting(time_s: FloatArray, altitude: FloatArray, setting: FloatArray) -> bool:
+    """Say whether an altitude moves with the setting of an altimeter where that is changed.
+
+    About each change the part b of what the setting should move is fitted beside a parabola, which the flight is; the
+    same fit at places near it where nothing is set tells its standard deviation. A change says how much likelier its b
+    is with a mean of 1 than of 0.
+
+    Parameters
+    ----------
+    time_s, altitude, setting : (n,) s, m and Pa.
+    """
+    known = np.isfinite(altitude) & np.isfinite(setting) & (setting >= SETTINGS[0]) & (setting <= SETTINGS[1])
+    time_s, altitude = time_s[known], altitude[known]
+    shown = -altitude_of(setting[known])
+    clicks = np.flatnonzero(np.diff(shown))
+    if not clicks.size:
+        return False
+    step_s = float(np.median(np.diff(time_s)))
+    beside = max(FEWEST_BESIDE, round(CLIMB_S / step_s))
+    evidence = 0.0
+    for group in np.split(clicks, np.flatnonzero(np.diff(time_s[clicks]) > TOGETHER_S) + 1):
+        first, last = int(group[0]) + 1 - beside, int(group[-1]) + 1 + beside
+        if first < 0 or last > time_s.size or np.ptp(shown[first:last]) < LEAST_CHANGE_M:
+            continue
+        from_middle = np.linspace(-1.0, 1.0, last - first)
+        flight = np.linalg.qr(np.column_stack([np.ones_like(from_middle), from_middle, from_middle**2]))[0]
+        course = shown[first:last] - flight @ (flight.T @ shown[first:last])
+        weights = course / float(course @ course)
+        around = max(0, first - NEAR * (last - first)), last + NEAR * (last - first)
+        places = np.lib.stride_tricks.sliding_window_view(altitude[slice(*around)], last - first)
+        settings = np.lib.stride_tricks.sliding_window_view(shown[slice(*around)], last - first)
+        quiet = places[np.ptp(settings, axis=1) == 0.0]
+        if len(quiet) < FEWEST_PLACES:
+            continue
+        sd = float(np.hypot(MAD * np.median(np.abs(quiet @ weights)), APART))
+        part = float(altitude[first:last] @ weights)
+        evidence += float(np.clip((part - 0.5) / sd**2, -MOST_NATS, MOST_NATS))
+    return evidence >= FOLLOWS
+
+
+def _magnetic(values: Values) -> FloatArray:
+    return np.asarray((values["magnetic_track"] + values["magnetic_variation"]) % (2.0 * np.pi))
+
+
+def _same(name: str) -> Callable[[Values], FloatArray]:
+    return lambda values: values[name]
+
+
+# The first that a log has the channels of is taken.
+DIRECT = (
+    DirectDerivation(
+        name="altitude",
+        needs=("baro_altitude", "baro_setting"),
+        make=lambda values: pressure_altitude(values["baro_altitude"], values["baro_setting"]),
+        words="the pressure altitude of {0} at the setting {1}",
+    ),
+    DirectDerivation(
+        name="altitude",
+        needs=("p_static", "baro_altitude"),
+        make=lambda values: altitude_of(np.clip(values["p_static"], PRESSURES[0], PRESSURES[1])),
+        words="the pressure altitude of {0}",
+    ),
+    DirectDerivation(
+        name="altitude",
+        needs=("baro_altitude",),
+        make=_same("baro_altitude"),
+        words="{0}, by a setting of the altimeter that the log lacks: it steps where the knob is turned",
+        stands_in=True,
+    ),
+    DirectDerivation(
+        name="altitude_rate",
+        needs=("gps_altitude_rate",),
+        make=_same("gps_altitude_rate"),
+        words="{0}, of satellites or an inertial system: no fault of the static line moves it",
+        stands_in=True,
+    ),
+    DirectDerivation(
+        name="track",
+        needs=("magnetic_track", "magnetic_variation"),
+        make=_magnetic,
+        words="{0} from true north, by {1}",
+    ),
+    DirectDerivation(
+        name="track",
+        needs=("magnetic_track",),
+        make=_same("magnetic_track"),
+        words="{0}, from magnetic north: velocities and winds are turned by the variation",
+        stands_in=True,
+    ),
+    DirectDerivation(
+        name="velocity_north",
+        needs=("ground_speed", "track"),
+        make=lambda values: values["ground_speed"] * np.cos(values["track"]),
+        words="that of the ground velocity of {0} and {1}",
+    ),
+    DirectDerivation(
+        name="velocity_east",
+        needs=("ground_speed", "track"),
+        make=lambda values: values["ground_speed"] * np.sin(values["track"]),
+        words="that of the ground velocity of {0} and {1}",
+    ),
+)
+
+
+def pressures_of(log: FlightLog, name: str) -> tuple[str, ...]:
+    """Return the pressures that a channel of the log follows from, () of any other.
+
+    A static temperature follows from them only where the total one is recorded too, a rate of climb not where it is
+    that of satellites or an inertial system.
+    """
+    channel = log.channels.get(name)
+    if channel is None or (name == "sat" and "tat" not in log.channels):
+        return ()
+    if any(need.startswith("gps_") for need in channel.derived_from):
+        return ()
+    return DEPENDS_ON.get(name, ())
+
+
+def with_quantities(log: FlightLog, typed: Collection[str]) -> FlightLog:
+    """Return the log with its altitude by its right name, and with the channels of `DIRECT` that it lacks.
+
+    An `altitude` that follows the recorded setting of the altimeter is a `baro_altitude`.
+
+    Parameters
+    ----------
+    typed : standard names that the user gave to channels, which stay.
+    """
+    log = _with_baro_altitude(log, typed)
+    channels, notes = dict(log.channels), list(log.notes)
+    clean = dict(log.truth.clean) if log.truth else {}
+    for row in DIRECT:
+        for number in ("", *(f"_{i}" for i in range(1, 10))):
+            name = row.name + number
+            # The setting is one for all sensors.
+            needs = {need: need + number if need + number in STANDARD else need for need in row.needs}
+            if name not in STANDARD or name in channels or not set(needs.values()) <= channels.keys():
+                continue
+            if row.stands_in and any(quantity_of(other) == row.name for other in channels):
+                continue
+            recorded = {need: channels[here].values for need, here in needs.items()}
+            values = frozen_array(row.make(recorded))
+            if not np.isfinite(values).any():
+                continue
+            sources = tuple(needs.values())
+            channels[name] = Channel(
+                name=name,
+                values=values,
+                unit=STANDARD[name].unit,
+                source=name,
+                source_unit=STANDARD[name].unit,
+                derived_from=sources,
+            )
+            if clean.keys() & set(sources):
+                right = {need: clean[here] for need, here in needs.items() if here in clean}
+                clean[name] = frozen_array(row.make(recorded | right))
+            named = (f"'{channels[source].source}'" for source in sources)
+            words = f"'{name}' is {row.words.format(*named)}"
+            notes.append(Note.limit(words) if row.stands_in else Note.method(words))
+    if len(channels) == len(log.channels):
+        return log
+    return replace(log, channels=channels, truth=log.truth and replace(log.truth, clean=clean), notes=tuple(notes))
+
+
+def _with_baro_altitude(log: FlightLog, typed: Collection[str]) -> FlightLog:
+    """Return the log with an altitude that follows the knob as `baro_altitude`."""
+    if not {"altitude", "baro_setting"} <= log.channels.keys() or {"altitude"} & set(typed):
+        return log
+    if "baro_altitude" in log.channels or (
+        log.truth and any(fault.channel == "altitude" for fault in log.truth.faults)
+    ):
+        return log
+    channel = log.channels["altitude"]
+    if not follows_setting(log.time_s, channel.values, log.channels["baro_setting"].values):
+        return log
+
+    def renamed(names: Mapping[str, object]) -> dict[str, str]:
+        return {name: "baro_altitude" if name == "altitude" else name for name in names}
+
+    channels = {new: log.channels[old] for old, new in renamed(log.channels).items()}
+    channels["baro_altitude"] = replace(channel, name="baro_altitude")
+    truth = log.truth and replace(
+        log.truth, clean={new: log.truth.clean[old] for old, new in renamed(log.truth.clean).items()}
+    )
+    note = Note.method(
+        f"'{channel.source}' steps with '{log.channels['baro_setting'].source}' and is taken for baro_altitude; "
+        f"--channel altitude={channel.source} keeps it"
+    )
+    return replace(log, channels=channels, truth=truth, notes=(*log.notes, note))
+
 
 Group = tuple[tuple[str, ...], ...]  # alternatives, each of channels that are all needed
 

@@ -27,7 +27,7 @@ from ..kernels.low_pass import Response
 from ..kernels.runs import BoolArray, bridged
 from ..notes import Note
 from ..quantities.text import instant
-from .quantities import pressures_of
+from .derived import pressures_of
 from .record import FlightLog, FloatArray, Truth, frozen_array
 
 ROUNDING = 1e-12  # of a pressure: a fault that moves it by less, a line trapped in still air, moves nothing

@@ -16,10 +16,9 @@ from ..kernels.runs import BoolArray, shared, within
 from ..notes import Note
 from ..quantities.channels import INPUTS, STANDARD, quantity_of
 from ..quantities.text import instant, quantity
-from .derived import DERIVED, missing_for
+from .derived import DERIVED, missing_for, pressures_of
 from .phases import HOVER, NO_AIRSPEED, TRANSITION, Phase, note_on_rotors, phases_of, spans_of
 from .plausible import doubt_about
-from .quantities import pressures_of
 from .rates import AS_FAST, GAP
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, Segment
 

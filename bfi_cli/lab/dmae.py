@@ -25,11 +25,11 @@ from ..kernels.low_pass import decimate
 from ..kernels.model_selection import Penalty
 from ..kernels.progress import Progress, unseen
 from ..kernels.whiteness import effective_rows
-from ..model.magnitudes import MethodResult
 from ..model.preprocessing.magnitudes import MagnitudeEstimates
 from ..model.preprocessing.regression import RegressionData
 from ..model.preprocessing.window import PreparedWindow
 from ..model.result import SolverSummary
+from ..model.selection import MethodResult
 from ..notes import Note
 from ..quantities.text import instant
 

@@ -16,12 +16,12 @@ from ..kernels.mf2d import largest_weight, solve_mf2d
 from ..kernels.model_selection import Proposal, refine_supports
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.variable_projection import Fit, ProjectedRegression
-from ..model.magnitudes import MethodResult, result_of_selection
 from ..model.maximum_likelihood import best_of
 from ..model.preprocessing.magnitudes import MagnitudeEstimates, magnitudes_of_fit
 from ..model.preprocessing.regression import RegressionData
 from ..model.preprocessing.window import PreparedWindow
 from ..model.result import SolverSummary
+from ..model.selection import MethodResult, result_of_selection
 from ..notes import Note
 
 # Weights relative to that which leaves no magnitude, two a decade, and those of the nuclear norm relative to those of

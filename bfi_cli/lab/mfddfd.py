@@ -23,11 +23,11 @@ from ..kernels.mfddfd import (
 )
 from ..kernels.progress import Progress, parts, unseen
 from ..kernels.variable_projection import fit_magnitudes
-from ..model.magnitudes import MethodResult
 from ..model.preprocessing.magnitudes import MagnitudeEstimates
 from ..model.preprocessing.regression import RegressionData
 from ..model.preprocessing.window import DEPENDENT, PreparedWindow
 from ..model.result import SolverSummary
+from ..model.selection import MethodResult
 from ..notes import Note
 from ..quantities.text import quantity
 

@@ -17,12 +17,12 @@ from ..kernels.progress import Progress, unseen
 from ..kernels.variable_projection import fit_magnitudes
 from ..kernels.whiteness import exceedances
 from ..notes import Note
-from .magnitudes import MethodResult
 from .maximum_likelihood import none_of, select
 from .preprocessing.magnitudes import magnitudes_of_fit
 from .preprocessing.regression import RegressionData
 from .preprocessing.window import PreparedWindow
 from .result import SolverSummary
+from .selection import MethodResult
 
 # Samples between an alarm and the onset of the entry it stands for: the low-pass of the analysis spreads a step over
 # one to either side.

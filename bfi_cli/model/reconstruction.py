@@ -15,9 +15,9 @@ from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.low_pass import decimate
 from ..kernels.whiteness import autocorrelation, exceedances, ljung_box, robust_sd
-from .magnitudes import MethodResult
 from .preprocessing.window import PreparedWindow
 from .result import OutputSeries, ResidualSummary
+from .selection import MethodResult
 
 # An injected fault is an entry of the dictionary if it differs from a multiple of it by less than resampling does.
 SAME_SIGNAL = 1e-6

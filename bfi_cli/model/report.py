@@ -14,8 +14,7 @@ from ..decision import Candidate
 from ..kernels import TWO_SIDED_95, FloatArray
 from ..methods import METHODS
 from ..printable import shortened
-from ..quantities.display_units import SI, Units
-from ..quantities.text import axis_label, change, counted, instant, interval, number, quantity, with_unit
+from ..quantities.text import SI, Units, axis_label, change, counted, instant, interval, number, quantity, with_unit
 from ..report.claims import (
     candidate_columns,
     candidate_tables,

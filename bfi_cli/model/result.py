@@ -12,19 +12,18 @@ from typing import Any
 import numpy as np
 
 from ..decision import Candidate, Proof
+from ..decision.candidate import with_plain_proofs, with_proof_entries
 from ..decision.implausible import Implausible
-from ..decision.limits import with_plain_proofs, with_proof_entries
 from ..errors import ConfigError
 from ..faults import Decision, FaultEstimate
 from ..faults.shapes import Kind
 from ..faults.truth import Comparison
 from ..kernels import FloatArray
 from ..notes import Note
-from ..provenance import Provenance
 from ..report.faults import fault_entry, plain_estimate
 from ..report.first_screen import window_screen
 from ..report.presented import Presented
-from ..serialization import document_of, document_of_kind, from_plain, mapping, member, to_plain
+from ..serialization import Provenance, document_of, document_of_kind, from_plain, mapping, member, to_plain
 from .preprocessing.summary import LogSummary, ModelSummary
 
 

@@ -25,13 +25,12 @@ from ..kernels.sparsity import PUBLISHED, SparseStage, penalty_constants
 from ..kernels.termination import Termination
 from ..kernels.variable_projection import fit_magnitudes
 from ..notes import Note
-from .magnitudes import MethodResult, result_of_selection
 from .maximum_likelihood import best_of, none_of, select
 from .preprocessing.magnitudes import magnitudes_of_fit
 from .preprocessing.regression import RegressionData, as_published, decides_by_rule, solve, stage_of, stopping_of
 from .preprocessing.window import PreparedWindow
 from .result import SolverSummary, SparsityRun, SparsitySummary
-from .selection import StageRun, proposals_of, stage_runs
+from .selection import MethodResult, StageRun, proposals_of, result_of_selection, stage_runs
 
 # T section 5-1: a fault is a magnitude whose share of the norm is larger.
 THRESHOLD = 1e-3

@@ -1,13 +1,172 @@
-"""Numbers and words of tables, figures and reports."""
+"""Units, numbers and words of tables, figures and reports, whose values are stored in SI: SI itself, or a cockpit's.
+
+Files stay in SI, with radians where tables show degrees (`IN_FILES`). `Units` is a value that is passed to whatever
+writes for people; there is no global setting.
+"""
 
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from ..printable import shortened
 from .channels import unit_of
-from .display_units import Shown, Units
+from .units import factor_and_offset, split_rates
+
+FloatArray = NDArray[np.float64]
+UnitsName = Literal["si", "aviation"]
+
+# Heights and their rates: these are flown in ft/min, other velocities in kt.
+VERTICAL = ("altitude", "altitude_rate")
+# A number with a unit in a sentence, or two numbers with one unit, and the channel of a limit. Text in quotation marks
+# (an apostrophe within a word is none) is a name, or quoted as typed; a number after a letter, an equals sign or a
+# quotation mark belongs to a name or a command.
+QUOTED = r"(?<!\w)'.*?'(?!\w)|(?<!\w)\".*?\"(?!\w)"
+AMOUNT = re.compile(
+    rf"{QUOTED}|"
+    r"(?<![\w.='/-])(?:(?P<low>-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) to )?(?P<high>-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) "
+    r"(?P<unit>m/s\^2|m/s|m|rad/s|rad|Pa)(?![\w/^])(?= on (?P<channel>\w+))?"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """The shown unit of values in an SI unit: value in SI = factor * value shown + offset.
+
+    Attributes
+    ----------
+    unit : shown, "" for a log that states none.
+    offset : of readings; differences, limits and rates have none.
+    """
+
+    unit: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+    def reading(self, value: float | None) -> float | None:
+        """Return a reading in the unit shown, None for None."""
+        return None if value is None else (value - self.offset) / self.factor
+
+    def change(self, value: float | None) -> float | None:
+        """Return a difference of two readings: a fault, a limit, a standard deviation; None for None."""
+        return None if value is None else value / self.factor
+
+    def readings(self, values: ArrayLike) -> FloatArray:
+        """Return readings of any shape; the same array where nothing changes."""
+        if self.offset == 0.0:
+            return self.changes(values)
+        return (np.asarray(values, dtype=np.float64) - self.offset) / self.factor
+
+    def changes(self, values: ArrayLike) -> FloatArray:
+        """Return differences of readings, of any shape; the same array where nothing changes."""
+        array = np.asarray(values, dtype=np.float64)
+        return array if self.factor == 1.0 else array / self.factor
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Units:
+    """A system of units.
+
+    Attributes
+    ----------
+    name : of the option and of the key of the configuration.
+    names : the unit shown, by SI unit without its rates and number of divisions by seconds; an entry with more
+        divisions takes precedence. Other units are shown in SI.
+    climb : the unit shown for the rate of a height.
+    """
+
+    name: UnitsName
+    names: Mapping[tuple[str, int], str]
+    climb: str = "m/s"
+
+    def of(self, unit: str, *, channel: str = "", channel_unit: str = "") -> Shown:
+        """Return the shown unit of values in the SI `unit`.
+
+        A rate of a channel is the channel's unit per second: a drift of an airspeed in m/s^2 is shown in kt/s, while
+        an acceleration in m/s^2 stays what it is.
+
+        Parameters
+        ----------
+        unit : SI, as `quantities.units` and the shapes of faults write it: "m/s", "rad/s^2", "1/s"; "" for none.
+        channel : of the values, or of the fault; "" without a channel.
+        channel_unit : unit of that channel, if it is not standard.
+        """
+        stem, power = split_rates(unit)
+        channel_stem, channel_power = split_rates(unit_of(channel, channel_unit))
+        most = channel_power if channel_stem == stem and channel_power <= power else power
+        if stem == "m" and power and channel in VERTICAL:
+            named, name = 1, self.climb
+        else:
+            named = max((k for known, k in self.names if known == stem and k <= most), default=-1)
+            if named < 0:
+                return Shown(unit=unit)
+            name = self.names[stem, named]
+        factor, offset = factor_and_offset(name)
+        rates = power - named
+        per_second = "" if not rates else "/s" if rates == 1 else f"/s^{rates}"
+        if per_second and re.fullmatch(r".*/s(\^\d+)?", name):
+            return Shown(unit=unit)
+        return Shown(unit=f"{name}{per_second}", factor=factor, offset=0.0 if rates else offset)
+
+    def in_file(self, unit: str, *, channel: str = "", channel_unit: str = "") -> Shown:
+        """Return the shown unit of values of a file: in SI as stored, angles in rad too."""
+        return Shown(unit=unit) if self.name == "si" else self.of(unit, channel=channel, channel_unit=channel_unit)
+
+    def sentence(self, text: str, *, channel: str = "") -> str:
+        """Return a stored sentence with its amounts in these units, with as many digits as in SI, at least two.
+
+        A sentence that asks for the unit of a file, which is about the numbers in that file, is not changed.
+
+        Parameters
+        ----------
+        channel : of amounts without "on CHANNEL" after them.
+        """
+        if self.name == "si" or "--unit " in text:
+            return text
+        return AMOUNT.sub(lambda match: self._amount(match, channel), text)
+
+    def _amount(self, match: re.Match[str], channel: str) -> str:
+        if match["unit"] is None:  # quoted
+            return match[0]
+        shown = self.of(match["unit"], channel=match["channel"] or channel)
+        if shown.unit == match["unit"]:
+            return match[0]
+        ends = [end for end in (match["low"], match["high"]) if end is not None]
+        return f"{' to '.join(_with_digits_of(end, float(end) / shown.factor) for end in ends)} {shown.unit}"
+
+
+def _with_digits_of(text: str, value: float) -> str:
+    digits = max(2, len(re.sub(r"e.*|\D", "", text).lstrip("0")))
+    shown = f"{value:.{digits}g}"
+    return shown if "e" not in shown else f"{value:.0f}" if abs(value) >= 1.0 else shown
+
+
+# Angles are shown in degrees in every system.
+SI = Units(name="si", names={("rad", 0): "deg"})
+# Accelerations stay in m/s^2; a file that has them in g is converted when it is read.
+AVIATION = Units(
+    name="aviation",
+    names={
+        ("m", 0): "ft",
+        ("m", 1): "kt",
+        ("m", 2): "m/s^2",
+        ("rad", 0): "deg",
+        ("Pa", 0): "hPa",
+        ("K", 0): "degC",
+    },
+    climb="ft/min",
+)
+# Units of CSV files: as stored, angles in radians.
+IN_FILES = Units(name="si", names={})
+UNITS: Mapping[str, Units] = {units.name: units for units in (SI, AVIATION)}
+assert tuple(UNITS) == get_args(UnitsName)
+
 
 # Heading of a report by decision.
 # From this size on, two significant digits would be written with an exponent.

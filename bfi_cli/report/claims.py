@@ -9,8 +9,7 @@ from typing import Any
 from ..decision import Candidate, shown_limit
 from ..kernels import TWO_SIDED_95
 from ..printable import shortened
-from ..quantities.display_units import SI, Shown, Units
-from ..quantities.text import change, number, quantity, with_unit
+from ..quantities.text import SI, Shown, Units, change, number, quantity, with_unit
 from .content import Curve, Drawing, Panel, Span, Style, Table, curve
 
 CANDIDATE_HEADS = ("fault", "state", "magnitude", "min. detectable", "could hide", "channel", "note")

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..notes import Note
-from ..quantities.display_units import SI, Units
+from ..quantities.text import SI, Units
 from ..serialization import from_plain
 from .first_screen import Screen
 

@@ -9,8 +9,7 @@ from typing import Any
 
 from ..faults import Fault, FaultEstimate
 from ..faults.shapes import SHAPES
-from ..quantities.display_units import Shown, Units
-from ..quantities.text import instant, number
+from ..quantities.text import Shown, Units, instant, number
 from ..serialization import mapping, member, to_plain
 
 # Keys of an entry from the fault; name and magnitude are those of the estimate.

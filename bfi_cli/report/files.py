@@ -10,8 +10,7 @@ import numpy as np
 from ..files import REPORT, list_of_files
 from ..kernels.progress import Report, parts, silent
 from ..printable import SHOWN
-from ..provenance import Provenance
-from ..serialization import to_csv, to_json
+from ..serialization import Provenance, to_csv, to_json
 from .content import Drawing, ReportContent
 
 # Each row has the labels of its axes, `name [unit]`, since panels differ in them.

@@ -17,8 +17,7 @@ from ..faults.shapes import SHAPES, Kind
 from ..notes import Note
 from ..printable import shortened
 from ..quantities.channels import STANDARD, channel_in_words
-from ..quantities.display_units import SI, Shown, Units
-from ..quantities.text import capital, change, duration, instant, interval, number, with_unit
+from ..quantities.text import SI, Shown, Units, capital, change, duration, instant, interval, number, with_unit
 
 State = Literal["fault", "deviation", "suspected", "no_fault_found", "cannot_tell"]
 Label = Literal[

@@ -9,7 +9,7 @@ from importlib import resources
 from typing import TYPE_CHECKING
 
 from ..printable import printable
-from ..provenance import Provenance
+from ..serialization import Provenance
 from .content import ReportContent
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 from dataclasses import dataclass
 
-from ..provenance import Provenance
+from ..serialization import Provenance
 from .content import Drawing
 from .html import page_environment, resource
 

@@ -13,11 +13,9 @@ from ..flightlog.defects import Defect, sentence_of_defect
 from ..flightlog.quality import UNEVEN, ChannelReport, DerivableChannel, Excitation, LogReport
 from ..flightlog.record import FlightLog
 from ..notes import unique
-from ..provenance import Provenance
 from ..quantities.channels import STANDARD
-from ..quantities.display_units import SI, Shown, Units
-from ..quantities.text import counted, instant, with_unit
-from ..serialization import document_of, from_plain, mapping, member, to_plain
+from ..quantities.text import SI, Shown, Units, counted, instant, with_unit
+from ..serialization import Provenance, document_of, from_plain, mapping, member, to_plain
 from .clock import with_clock
 from .content import Drawing, Lane, Panel, ReportContent, Table, notes_of, shown_notes
 from .timeline import lanes_of, phase_columns, phase_table, window_table

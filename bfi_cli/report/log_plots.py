@@ -17,10 +17,18 @@ from ..flightlog.phases import Phase, phases_of
 from ..flightlog.quality import ExcitedWindow, ranked_windows
 from ..flightlog.record import LARGEST_VALUE, Channel, FlightLog, FloatArray, frozen_array
 from ..notes import Note
-from ..provenance import Provenance
-from ..quantities.display_units import SI, Units
-from ..quantities.text import change, instant
-from ..serialization import DECLARED, document_of, document_of_kind, from_plain, mapping, member, read_json, to_plain
+from ..quantities.text import SI, Units, change, instant
+from ..serialization import (
+    DECLARED,
+    Provenance,
+    document_of,
+    document_of_kind,
+    from_plain,
+    mapping,
+    member,
+    read_json,
+    to_plain,
+)
 from .clock import with_clock
 from .content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, shown_notes, thinned
 from .difference import GAP, difference

@@ -8,8 +8,8 @@ from io import StringIO
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from ..errors import ConfigError
-from ..provenance import provenance
-from ..quantities.display_units import SI, Units
+from ..quantities.text import SI, Units
+from ..serialization import provenance
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

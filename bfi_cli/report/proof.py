@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..decision import Proof
-from ..quantities.display_units import SI, Units
-from ..quantities.text import change
+from ..quantities.text import SI, Units, change
 from .content import Table
 
 HEADS = ("kind", "channel", "size", "found", "of")

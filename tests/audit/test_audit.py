@@ -23,8 +23,7 @@ from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.model import identify_faults
 from bfi_cli.model.onset import search_onsets
 from bfi_cli.model.preprocessing.window import prepare_window, with_inputs_of
-from bfi_cli.provenance import provenance
-from bfi_cli.serialization import to_json
+from bfi_cli.serialization import provenance, to_json
 
 ROOT = Path(__file__).parents[2]
 THESIS = ROOT / "configs" / "thesis_dictionary.yaml"

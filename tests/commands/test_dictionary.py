@@ -15,9 +15,9 @@ from bfi_cli.audit import audit_content, audit_dictionary, audit_document, audit
 from bfi_cli.config import Config
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.flightlog import read_log
-from bfi_cli.provenance import provenance
 from bfi_cli.report.figures import draw
 from bfi_cli.report.style import to_png, to_svg
+from bfi_cli.serialization import provenance
 
 ROOT = Path(__file__).parents[2]
 THESIS, AIRDATA = ROOT / "configs" / "thesis_dictionary.yaml", ROOT / "configs" / "airdata_dictionary.yaml"

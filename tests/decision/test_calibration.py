@@ -24,7 +24,7 @@ from bfi_cli.decision.calibration import (
 )
 from bfi_cli.errors import ConfigError
 from bfi_cli.flight.parity.calibration import air_data_in
-from bfi_cli.provenance import provenance
+from bfi_cli.serialization import provenance
 
 MADE = CalibrationSettings(
     rate_hz=2.0,

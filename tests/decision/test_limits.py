@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from bfi_cli.decision.candidate import Candidate
-from bfi_cli.decision.limits import IN_PLACE, ScanLimit, not_excluded, with_limit_of_scan
+from bfi_cli.decision.candidate import IN_PLACE, Candidate, ScanLimit, not_excluded, with_limit_of_scan
 
 EXCLUDED = Candidate(
     name="sine",

@@ -16,7 +16,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.detection import detect_content, detect_document, detect_faults
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, read_log, write_log
-from bfi_cli.provenance import provenance
+from bfi_cli.serialization import provenance
 
 QUICK = merge(Config(), {"detect.train": (0.0, 8.0), "conditioning.rate_hz": 10.0})
 

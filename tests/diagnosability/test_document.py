@@ -10,9 +10,8 @@ import pytest
 
 from bfi_cli.diagnosability import DiagnosabilityResult, diagnosability_content, diagnosability_document
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.provenance import provenance
 from bfi_cli.report.figures import draw
-from bfi_cli.serialization import to_json
+from bfi_cli.serialization import provenance, to_json
 
 ORIGIN = provenance(log_sha256="")
 

@@ -12,7 +12,7 @@ import pytest
 from bfi_cli.fleet import LogAnswer, fleet_files
 from bfi_cli.fleet.results import index_page
 from bfi_cli.fleet.tables import FLIGHTS, SECOND, table_file, table_names, tables_of
-from bfi_cli.provenance import provenance
+from bfi_cli.serialization import provenance
 
 LARGEST_INDEX = 5_000_000  # bytes, at 10 000 logs
 

@@ -12,7 +12,7 @@ from noted import texts
 from bfi_cli.airdata import altitude_of, pressure_at
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject, read_log, write_log
-from bfi_cli.flightlog.quantities import follows_setting, pressure_altitude, with_quantities
+from bfi_cli.flightlog.derived import follows_setting, pressure_altitude, with_quantities
 from bfi_cli.kernels.quantisation import find_quantum
 from bfi_cli.quantities.channels import STANDARD
 

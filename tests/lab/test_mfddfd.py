@@ -12,7 +12,7 @@ from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.model.identify import identify_faults
 from bfi_cli.model.report import identify_content
-from bfi_cli.quantities.display_units import SI
+from bfi_cli.quantities.text import SI
 
 CONFIG = merge(Config(), {"method": "mfddfd", "outputs": ("tas", "pitch"), "conditioning.rate_hz": 10.0})
 ONSETS = (6.0, 11.0, 16.0, 21.0)

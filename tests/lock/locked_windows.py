@@ -15,7 +15,7 @@ from window_trials import answers, posed
 
 from bfi_cli.model.onset import onset_document
 from bfi_cli.model.result import identify_document
-from bfi_cli.provenance import provenance
+from bfi_cli.serialization import provenance
 
 STORED = Path(__file__).parent / "windows.jsonl"
 # [standard deviations]: largest difference of two estimates that count as equal: a tenth of what they leave open.

@@ -21,7 +21,7 @@ from bfi_cli.faults import Fault, FaultEstimate
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.model.onset import OnsetResult, find_onset, table_of_windows
-from bfi_cli.provenance import provenance
+from bfi_cli.serialization import provenance
 
 SEEDS = range(int(os.environ.get("ONSET_SEEDS", sized(100, 0.06))))
 WORKERS = int(os.environ.get("ONSET_WORKERS", "2"))

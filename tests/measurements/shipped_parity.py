@@ -21,8 +21,7 @@ from bfi_cli.flight.parity.scan import scan_window
 from bfi_cli.flight.parity.windows import LENGTHS_S, configuration_changes, overlaps, windows_in, zero_lift_of
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.flightlog.phases import Phase, phases_of
-from bfi_cli.provenance import provenance
-from bfi_cli.serialization import to_json
+from bfi_cli.serialization import provenance, to_json
 
 FLIGHTS = ("citation_20180312_f1.h5", "citation_20190312_123416.h5")
 

@@ -13,7 +13,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.decision.calibration import CalibrationTable, save_tables
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.model.onset import table_of_windows, windows_of
-from bfi_cli.provenance import provenance
+from bfi_cli.serialization import provenance
 
 FLIGHTS = ("citation_20180312_f1.h5", "citation_20190312_123416.h5")
 INPUTS = (("elevator",), ("elevator", "pitch", "longitudinal_acc"), ("auto",))

@@ -33,7 +33,7 @@ from bfi_cli.flight.parity.windows import configuration_changes
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.recorder import with_seen_recorder
-from bfi_cli.provenance import provenance
+from bfi_cli.serialization import provenance
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

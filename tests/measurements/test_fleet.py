@@ -28,8 +28,7 @@ from bfi_cli.fleet import LogAnswer, fleet_files, rows_of_constants, trends_of
 from bfi_cli.flight.plausibility.constants import constant_errors
 from bfi_cli.flightlog import read_log, write_log
 from bfi_cli.flightlog.phases import airborne_stretches
-from bfi_cli.provenance import provenance
-from bfi_cli.serialization import without_series
+from bfi_cli.serialization import provenance, without_series
 
 ROOT = Path(__file__).resolve().parents[2]
 N_LOGS, N_BROKEN, N_KILLS = (200, 20, 10) if FULL else (8, 2, 2)

@@ -18,7 +18,7 @@ from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log, resample
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.model.onset import OnsetResult, find_onset, table_of_windows, windows_of
-from bfi_cli.provenance import provenance
+from bfi_cli.serialization import provenance
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

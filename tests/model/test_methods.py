@@ -15,9 +15,9 @@ from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.flightlog import read_log
 from bfi_cli.methods import METHODS
 from bfi_cli.model import identify_faults
-from bfi_cli.model.magnitudes import MethodResult
 from bfi_cli.model.onset import find_onset
 from bfi_cli.model.preprocessing.window import prepare_window, regression_of
+from bfi_cli.model.selection import MethodResult
 
 DATA = Path(__file__).parents[2] / "data"
 GIVEN = {"dmae.model": "citation"}

@@ -18,9 +18,9 @@ from bfi_cli.kernels.termination import Termination
 from bfi_cli.model import identify_faults
 from bfi_cli.model import result as results
 from bfi_cli.model.result import identify_document, identify_from_document
-from bfi_cli.provenance import provenance
-from bfi_cli.quantities.display_units import SI
+from bfi_cli.quantities.text import SI
 from bfi_cli.report.first_screen import candidate_lines
+from bfi_cli.serialization import provenance
 
 # Without what takes most of the time: the search for an order, and limits for onsets known to a tolerance only.
 SETTINGS = {"model": {"order": 5}, "onset_tolerance_s": 0.0}

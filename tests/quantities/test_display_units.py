@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from bfi_cli.faults.shapes import SHAPES
 from bfi_cli.quantities.channels import STANDARD
-from bfi_cli.quantities.display_units import AVIATION, SI, UNITS
+from bfi_cli.quantities.text import AVIATION, SI, UNITS
 from bfi_cli.quantities.units import to_si
 
 KNOT, FOOT, DEGREE = (

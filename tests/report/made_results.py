@@ -18,7 +18,7 @@ from bfi_cli.model.result import (
     SolverSummary,
 )
 from bfi_cli.notes import Note
-from bfi_cli.provenance import Provenance
+from bfi_cli.serialization import Provenance
 
 ONSET_S = 13.8
 ORDER = 4

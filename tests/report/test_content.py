@@ -12,13 +12,12 @@ import pytest
 from rich.console import Console
 
 from bfi_cli.notes import Note
-from bfi_cli.provenance import provenance
 from bfi_cli.report.content import Curve, Drawing, HeatMap, Panel, ReportContent, Span, Table, curve
 from bfi_cli.report.figures import draw
 from bfi_cli.report.files import content_files
 from bfi_cli.report.html import render_content
 from bfi_cli.report.terminal import MAX_ROWS, print_content
-from bfi_cli.serialization import from_plain, to_plain
+from bfi_cli.serialization import from_plain, provenance, to_plain
 
 X = np.linspace(0.0, 1.0, 5)
 STYLES = ("line", "dashed", "dotted", "wide", "points", "steps", "bars", "intervals", "faint_intervals")

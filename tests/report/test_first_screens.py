@@ -17,12 +17,11 @@ from bfi_cli.flight.result import DiagnoseResult
 from bfi_cli.model.onset.report import onset_from_document, onset_screen
 from bfi_cli.model.report import CHANGES, READINGS, identify_screen
 from bfi_cli.model.result import identify_from_document
-from bfi_cli.provenance import provenance
 from bfi_cli.quantities.channels import unit_of
-from bfi_cli.quantities.display_units import SI
+from bfi_cli.quantities.text import SI
 from bfi_cli.report.content import ReportContent
 from bfi_cli.report.first_screen import Screen, error_in_words
-from bfi_cli.serialization import SCHEMA, from_plain, to_plain
+from bfi_cli.serialization import SCHEMA, from_plain, provenance, to_plain
 
 ANSWERS = Path(__file__).parents[1] / "lock" / "answers"
 KINDS = ("identify", "start_time", "detect", "diagnose")

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from bfi_cli.provenance import provenance
 from bfi_cli.report.listing import Listing, render_listing
+from bfi_cli.serialization import provenance
 
 playwright = pytest.importorskip("playwright.sync_api")
 

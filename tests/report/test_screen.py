@@ -12,7 +12,7 @@ from bfi_cli.faults import Fault
 from bfi_cli.faults.shapes import SHAPES
 from bfi_cli.model.report import identify_content
 from bfi_cli.notes import Note
-from bfi_cli.quantities.display_units import AVIATION, SI
+from bfi_cli.quantities.text import AVIATION, SI
 from bfi_cli.report.first_screen import candidate_lines, estimate_in_words
 
 

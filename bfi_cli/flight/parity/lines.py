@@ -12,8 +12,8 @@ import numpy as np
 
 from ...airdata import IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of
 from ...flightlog import FlightLog
+from ...flightlog.derived import pressures_of
 from ...flightlog.phases import airborne
-from ...flightlog.quantities import pressures_of
 from ...kernels import BoolArray, FloatArray
 from ...kernels.quantisation import find_hold
 from ...kernels.running import noise_of_second_differences, sd_about_lines

@@ -29,7 +29,7 @@ from ...airdata import (
 )
 from ...airdata.relations import State
 from ...flightlog import FlightLog
-from ...flightlog.quantities import pressures_of
+from ...flightlog.derived import pressures_of
 from ...kernels import FloatArray, IntArray
 from ...kernels.running import block_means
 from ...kernels.runs import bridged

@@ -17,8 +17,8 @@ from ...airdata import G, air_data_of, climb_angle
 from ...airdata.relations import load, vane
 from ...flightlog import FlightLog
 from ...flightlog.defects import FEWEST_REPEATS, STILL, WATCHED, unwatched_in
+from ...flightlog.derived import pressures_of
 from ...flightlog.phases import Phase
-from ...flightlog.quantities import pressures_of
 from ...kernels import MAD, TWO_SIDED_95, BoolArray
 from ...kernels.quantisation import find_quantum
 from ...kernels.runs import is_repeated, left_of, repeats

@@ -8,12 +8,10 @@ from typing import Any
 from ...faults import fault_from_dict, fault_to_dict
 from ...kernels.runs import union
 from ...printable import shortened
-from ...provenance import Provenance
-from ...quantities.display_units import SI, Units
-from ...quantities.text import counted, instant, number
+from ...quantities.text import SI, Units, counted, instant, number
 from ...report.clock import with_clock
 from ...report.content import Block, Drawing, Lane, Panel, ReportContent, Span, Table, curve, shown_notes
-from ...serialization import document_of, from_plain, mapping, member, to_plain
+from ...serialization import Provenance, document_of, from_plain, mapping, member, to_plain
 from .result import ComparisonResult, Outcome, Suspect
 
 DECISIONS = {"fault": "yes", "no_fault": "no", "inconclusive": "cannot tell"}

@@ -17,8 +17,7 @@ from ...engine import in_order
 from ...errors import ConfigError, LogError, SweepError
 from ...flightlog.derived import with_derived
 from ...journal import Journal, lines_of_journal
-from ...provenance import Provenance
-from ...serialization import document_of, from_plain
+from ...serialization import Provenance, document_of, from_plain
 from .flight import check_onsets, record_of
 from .scenarios import Sweep
 from .trial import Row, run_trial

@@ -15,10 +15,9 @@ from ...faults import Decision
 from ...faults.shapes import Kind
 from ...kernels import TWO_SIDED_95
 from ...notes import Note, unique
-from ...provenance import Provenance
 from ...quantities.text import counted, number
 from ...report.content import Curve, Drawing, Panel, ReportContent, Table, curve, notes_of
-from ...serialization import SCHEMA, to_plain
+from ...serialization import SCHEMA, Provenance, to_plain
 from . import comparison
 from .comparison import MOST_CURVES, comparison_drawings, comparison_tables, curve_of_shares
 from .scenarios import Sweep

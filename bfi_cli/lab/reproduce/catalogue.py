@@ -9,9 +9,8 @@ from typing import Any, NamedTuple
 
 from ...errors import ConfigError
 from ...faults import did_you_mean, shown
-from ...provenance import Provenance
 from ...report.content import ReportContent, Table
-from ...serialization import document_of, from_plain, mapping, member, to_plain
+from ...serialization import Provenance, document_of, from_plain, mapping, member, to_plain
 from .page import load
 from .record import Settings
 

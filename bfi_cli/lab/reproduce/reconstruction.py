@@ -25,8 +25,8 @@ from ...model.preprocessing.regression import build_regression, solve
 from ...model.preprocessing.window import prepare_window
 from ...model.result import IdentifyResult
 from ...model.risro import THRESHOLD
-from ...provenance import provenance
 from ...quantities.text import interval, number
+from ...serialization import provenance
 from ..dmae import DmaeSettings, dmae
 from .page import load
 from .record import NOISE_M_S, Settings, thesis_dictionary, thesis_record, true_fault, with_noise

@@ -9,19 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from ...decision.limits import with_plain_proofs, with_proof_entries
+from ...decision.candidate import with_plain_proofs, with_proof_entries
 from ...faults import FaultEstimate, fault_from_dict, fault_to_dict, physical
 from ...faults.shapes import SHAPES
-from ...provenance import Provenance
-from ...quantities.display_units import SI, Units
-from ...quantities.text import instant, interval, noise_levels, number, quantity, with_unit
+from ...quantities.text import SI, Units, instant, interval, noise_levels, number, quantity, with_unit
 from ...report.claims import candidate_columns, candidate_tables, hidden_drawing
 from ...report.clock import with_clock
 from ...report.content import Drawing, Panel, ReportContent, Span, Table, curve, shown_notes
 from ...report.faults import fault_columns, fault_entry, half, kind_in_words, meaning, plain_estimate, until
 from ...report.first_screen import Screen, window_screen
 from ...report.proof import proof_tables
-from ...serialization import document_of, from_plain, member, to_plain
+from ...serialization import Provenance, document_of, from_plain, member, to_plain
 from .result import OnsetResult, ShapeProfile
 
 Plain = Mapping[str, Any]

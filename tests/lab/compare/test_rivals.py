@@ -12,7 +12,7 @@ from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.lab.compare import PEERS, ComparisonResult, compare
 from bfi_cli.lab.compare.document import compare_content, compare_document
-from bfi_cli.provenance import provenance
+from bfi_cli.serialization import provenance
 
 TIME_S = np.arange(1200) / 10.0
 RULES = ("px4", "px4-all", "ardupilot")

@@ -19,7 +19,7 @@ from bfi_cli.journal import lines_of_journal
 from bfi_cli.lab.montecarlo import running
 from bfi_cli.lab.montecarlo.running import open_journal
 from bfi_cli.lab.montecarlo.trial import COLUMNS
-from bfi_cli.provenance import provenance
+from bfi_cli.serialization import provenance
 
 ROOT = Path(__file__).parents[3]
 FILES = {f"{name}{end}" for name in ("isolation", "magnitude_error") for end in (".png", ".svg", "_figure.csv")} | {

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from bfi_cli.lab.montecarlo import Sweep, montecarlo_content, run_sweep, summarise, summary_document
-from bfi_cli.provenance import provenance
 from bfi_cli.report.figures import draw
 from bfi_cli.report.style import to_svg
+from bfi_cli.serialization import provenance
 
 HEAD = "record: {model: citation, rate_hz: 10, duration_s: 30}\ndictionary: dictionary.yaml\n"
 OWN = "identify: {conditioning: {rate_hz: none}, method: risro}"

@@ -26,9 +26,8 @@ from bfi_cli.lab.reproduce.catalogue import (
     summary_content,
 )
 from bfi_cli.lab.reproduce.record import thesis_record
-from bfi_cli.provenance import provenance
 from bfi_cli.report.content import ReportContent
-from bfi_cli.serialization import to_plain
+from bfi_cli.serialization import provenance, to_plain
 
 OURS = (
     *("fir", "thesis-table-2-1", "thesis-5-1", "thesis-5-2", "thesis-5-3", "thesis-5-4", "thesis-5-7", "thesis-5-13"),

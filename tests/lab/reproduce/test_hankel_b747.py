@@ -22,9 +22,8 @@ from bfi_cli.lab.reproduce.hankel_b747 import (
     blamed,
     fly,
 )
-from bfi_cli.provenance import provenance
 from bfi_cli.report.content import ReportContent
-from bfi_cli.serialization import to_plain
+from bfi_cli.serialization import provenance, to_plain
 
 BAR = 1e6
 lastings = pytest.mark.parametrize("lasting", KINDS.values(), ids=list(KINDS))

@@ -13,7 +13,7 @@ from bfi_cli.decision.calibration import CalibrationTable, save_tables
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.model.onset.scan_record import prepare_record
-from bfi_cli.provenance import provenance
+from bfi_cli.serialization import provenance
 
 
 @pytest.fixture(scope="session")

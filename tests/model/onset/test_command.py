@@ -16,8 +16,7 @@ from screens import check_screen
 
 from bfi_cli.model.onset import onset_content, onset_document
 from bfi_cli.model.onset.report import onset_from_document
-from bfi_cli.provenance import Provenance
-from bfi_cli.serialization import from_plain
+from bfi_cli.serialization import Provenance, from_plain
 
 DATA = Path(__file__).parents[3] / "data"
 BIAS, CLEAN = DATA / "citation_bias.h5", DATA / "citation_clean.h5"

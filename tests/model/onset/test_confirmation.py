@@ -18,7 +18,7 @@ from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.model.onset import find_onset
 from bfi_cli.model.onset.scan_record import prepare_record
-from bfi_cli.provenance import provenance
+from bfi_cli.serialization import provenance
 
 BIAS = Fault(shape="bias", channel="tas", magnitude=1.0, onset_s=15.6)
 

@@ -10,7 +10,7 @@ from bfi_cli.config import Config
 from bfi_cli.errors import ConfigError
 from bfi_cli.faults import Fault
 from bfi_cli.model.onset import find_onset, onset_document
-from bfi_cli.provenance import provenance
+from bfi_cli.serialization import provenance
 
 SETTINGS = {"method": "risro", "conditioning": {"rate_hz": 5.0}, "model": {"order": 2, "feedthrough": True}}
 

@@ -52,6 +52,7 @@ def is_whole(config: pytest.Config) -> bool:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Keep what is compiled, also where the environment does not: assertions of 55 000 lines take ten seconds."""
+    gc.disable()  # until all is collected
     if is_whole(config):
         sys.dont_write_bytecode = False
         os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
@@ -61,7 +62,19 @@ def pytest_collection_finish() -> None:
     """Look for garbage seldom, and not among what is collected, where that takes a twentieth of the time."""
     gc.collect()
     gc.freeze()
+    gc.enable()
     gc.set_threshold(20_000, 10, 10)
+
+
+def is_left_out(path: Path, config: pytest.Config) -> bool:
+    """Return whether a file is the laboratory's, of which the fast set runs nothing and so need not import it."""
+    is_fast = is_whole(config) and config.option.markexpr in config.getini("addopts")
+    return is_fast and path.relative_to(config.rootpath).as_posix().startswith(LABORATORY)
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Import what may run alone."""
+    return is_left_out(collection_path, config) or None
 
 
 @pytest.hookimpl(tryfirst=True)
@@ -70,6 +83,7 @@ def pytest_collection(session: pytest.Session) -> None:
     workers = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
     if workers > 1 and is_whole(session.config):
         files = sorted(Path(__file__).parent.rglob("test_*.py"))
+        files = [path for path in files if not is_left_out(path, session.config)]
         first = int(os.environ["PYTEST_XDIST_WORKER"].removeprefix("gw")) * len(files) // workers
         for path in (*files[first:], *files[:first]):
             pytest.Module.from_parent(session, path=path).obj  # noqa: B018, which imports it

@@ -228,7 +228,7 @@ def lasting_faults(flight: Flight, progress: Progress) -> tuple[list[Draft], Sta
             window = flight.around(hold.onset_s, until_s, AROUND_HOLD_S)
             held.append(Draft(finding=hold, window=window, until_s=until_s + AFTER_HOLD_S))
     drafts += [*held, *drafts_of_disagreements(flight, held)]
-    series = relation_series(flight.log)
+    series = relation_series(flight.log, flight.phases)
     static = find_relations(flight, series, report=partial(progress, "static relations"))
     drafts += drafts_of_relations(flight, series, static)
     slow = find_slow_faults(flight, drafts, static, report=partial(progress, "lift and inertia"))

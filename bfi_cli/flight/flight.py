@@ -19,7 +19,7 @@ from ..flightlog.ordinary import check_within
 from ..flightlog.phases import NO_AIRSPEED, Disagreement, Phase, find_phases
 from ..flightlog.plausible import IN_FLIGHT, impossible_median, sentence_of_impossible
 from ..flightlog.recorder import with_seen_recorder
-from ..model.preprocessing.tolerance import AIRSPEEDS, tolerance_of
+from ..model.preprocessing.tolerance import AIRSPEEDS, FIXED, tolerance_of
 from ..quantities.channels import STANDARD, quantity_of
 from .parity import (
     RESIDUALS,
@@ -155,6 +155,8 @@ class Flight:
             return self.tolerances[channel]
         if channel not in self.log.channels:
             return None
+        if (fixed := FIXED.get(quantity_of(channel))) is not None:
+            return fixed
         if channel not in self._alike:
             names = {channel, *AIRSPEEDS} & self.log.channels.keys()
             self._alike[channel] = replace(self.log, channels={name: self.log.channels[name] for name in names})
@@ -230,7 +232,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     log = without_frozen(log, resting)
     # What one airspeed says against all others is no sign of a pressure line.
     overruled = {disagreement.channel for disagreement in parts.disagreements if disagreement.alone}
-    held = find_holds(without(log, *overruled), start_s, stop_s)
+    held = find_holds(without(log, *overruled), start_s, stop_s, phases=phases)
     held = replace(held, findings=_doubted_in_stalls(_until_free(held.findings, phases, stop_s), phases))
     coarse = coarse_positions(log)
     if coarse:

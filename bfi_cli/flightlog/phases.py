@@ -339,10 +339,10 @@ def airborne_phases(phases: Sequence[Phase]) -> list[tuple[float, float]]:
     return _stretches(phases, (*STEADY_PARTS, "approach"))
 
 
-def airborne(log: FlightLog, time_s: FloatArray) -> BoolArray:
-    """Return (n,) whether the aircraft flies at the times `time_s`."""
+def airborne(log: FlightLog, time_s: FloatArray, phases: Sequence[Phase] | None = None) -> BoolArray:
+    """Return (n,) whether the aircraft flies at the times `time_s`; `phases` of the log, None to find them."""
     flies = np.zeros(time_s.shape, dtype=bool)
-    for from_s, to_s in airborne_stretches(log):
+    for from_s, to_s in airborne_stretches(log) if phases is None else airborne_phases(phases):
         flies |= (time_s >= from_s) & (time_s <= to_s)
     return flies
 

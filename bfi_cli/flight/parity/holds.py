@@ -7,12 +7,13 @@ no signature is fitted, and no size is told.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...flightlog import FlightLog
+from ...flightlog.phases import Phase
 from ...kernels import BoolArray
 from ...kernels.runs import runs
 from .finding import Finding
@@ -123,15 +124,23 @@ class Holds:
         return tuple(sentences)
 
 
-def find_holds(log: FlightLog, from_s: float, to_s: float, *, lines: Lines | None = None) -> Holds:
+def find_holds(
+    log: FlightLog,
+    from_s: float,
+    to_s: float,
+    *,
+    lines: Lines | None = None,
+    phases: Sequence[Phase] | None = None,
+) -> Holds:
     """Return the holds and leaks of the pressure lines in a window.
 
     Parameters
     ----------
     log : the whole log rather than the window, which shows its steps, its noise and how still its flight is.
     lines : of the same log by `lines_of`, where many windows are looked at; None to make them.
+    phases : of the log, None to find them.
     """
-    lines = lines_of(log) if lines is None else lines
+    lines = lines_of(log, phases) if lines is None else lines
     reports: list[LineReport] = []
     findings: list[Finding] = []
     to_cabin = static_leaks(log, lines, from_s, to_s)

@@ -5,7 +5,7 @@ A trapped pressure is a line in time but for the noise of its transducer and the
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,7 +13,7 @@ import numpy as np
 from ...airdata import IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of
 from ...flightlog import FlightLog
 from ...flightlog.derived import pressures_of
-from ...flightlog.phases import airborne
+from ...flightlog.phases import Phase, airborne
 from ...kernels import BoolArray, FloatArray
 from ...kernels.quantisation import find_hold
 from ...kernels.running import noise_of_second_differences, sd_about_lines
@@ -88,11 +88,11 @@ class Lines:
         return None if end_s >= min(to_s, float(self.time_s[-1])) - 2.0 * self.step_s else end_s
 
 
-def lines_of(log: FlightLog) -> Lines:
-    """Return the pressure lines of a log, their steps and their noise."""
+def lines_of(log: FlightLog, phases: Sequence[Phase] | None = None) -> Lines:
+    """Return the pressure lines of a log, their steps and their noise; `phases` of the log, None to find them."""
     blocks = Blocks.of(log.time_s, BLOCK_S)
     step_s = max(BLOCK_S, float(np.median(np.diff(blocks.time_s))) if len(blocks.time_s) > 1 else BLOCK_S)
-    flies = airborne(log, blocks.time_s)
+    flies = airborne(log, blocks.time_s, phases)
     names = {*STATIC_SOURCES, *IMPACT_SOURCES, "tat", "sat"} & log.channels.keys()
     t = blocks.time_s
     unwatched = Lines(time_s=t, flies=flies, borne=flies, step_s=step_s, q_impact=None, lines=(), missing=())

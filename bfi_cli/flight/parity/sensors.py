@@ -21,7 +21,7 @@ from ...flightlog.derived import pressures_of
 from ...flightlog.phases import Phase
 from ...kernels import MAD, TWO_SIDED_95, BoolArray
 from ...kernels.quantisation import find_quantum
-from ...kernels.runs import is_repeated, left_of, repeats
+from ...kernels.runs import Run, is_repeated, repeats
 from ...quantities.channels import quantity_of
 from .finding import Finding, as_good, squares_by_onset
 from .record import STEP_S, Record
@@ -104,16 +104,13 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
     airborne = _seconds_to(~within(log.time_s, unwatched_in(phases)), rate_hz)
     flown_s, samples_s = float(flown[-1]), FEWEST_REPEATS / rate_hz
 
-    def beside(name: str, stretch: tuple[int, int]) -> NDArray[np.intp]:
-        return np.array(left_of(rests[name], [stretch]), dtype=np.intp).reshape(-1, 2)
-
     def usual_s(name: str, stretch: tuple[int, int]) -> float:
-        seconds = np.diff(flown[beside(name, stretch)])[:, 0]
+        seconds = np.diff(flown[_beside(rests[name], stretch)])[:, 0]
         return _usual(seconds[seconds > 0.0], flown_s - float(flown[stretch[1]] - flown[stretch[0]]))
 
     def rests_long(name: str, stretch: tuple[int, int]) -> tuple[float, float]:
         """Return how long a sensor rests and how long it needs to, s: by the flight, or by its samples."""
-        values, others = log.channels[name].values, beside(name, stretch)
+        values, others = log.channels[name].values, _beside(rests[name], stretch)
         seconds = float(flown[stretch[1]] - flown[stretch[0]])
         if seconds >= max(RESTS_S, samples_s) and flown_s - seconds >= RESTS_S:
             return seconds, max(RESTS_S, samples_s, RESTS * usual_s(name, stretch))
@@ -158,6 +155,14 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
                 )
             )
     return tuple(findings)
+
+
+def _beside(stretches: Sequence[Run], covered: Run) -> NDArray[np.intp]:
+    """Return (n, 2) what is left of stretches beside another."""
+    first, end = np.array(stretches, dtype=np.intp).reshape(-1, 2).T
+    pieces = np.column_stack([np.append(first, np.maximum(first, covered[1])), np.append(end, end)])
+    pieces[: len(end), 1] = np.minimum(end, covered[0])
+    return np.asarray(pieces[pieces[:, 1] > pieces[:, 0]])
 
 
 def _seconds_to(inside: BoolArray, rate_hz: float) -> FloatArray:

@@ -20,7 +20,7 @@ from ...airdata.relations import AIR, DOMAIN, State, mach_by
 from ...airdata.relations import Relation as Row
 from ...faults.shapes import SHAPES
 from ...flightlog import FlightLog
-from ...flightlog.phases import airborne
+from ...flightlog.phases import Phase, airborne
 from ...kernels import BoolArray, FloatArray
 from ...kernels.change_scan import ChangeScan, scan_changes, steps_and_ramps
 from ...quantities.channels import REPEATED, STANDARD, match_name, quantity_of
@@ -398,13 +398,18 @@ class _Scanned:
         )
 
 
-def relation_series(log: FlightLog) -> Series:
-    """Return the relations of a whole log, for `find_static` on many of its windows, and what was not compared."""
+def relation_series(log: FlightLog, phases: Sequence[Phase] | None = None) -> Series:
+    """Return the relations of a whole log, for `find_static` on many of its windows, and what was not compared.
+
+    Parameters
+    ----------
+    phases : of the log, None to find them.
+    """
     relations, missing = _relations(log)
     if not relations:
         return (), tuple(missing)
     names = sorted({name for relation in relations for name in relation.needs})
-    flies = airborne(log, log.time_s)
+    flies = airborne(log, log.time_s, phases)
     if not flies.any():
         return (), ("no relation is checked: the log shows no flight",)
     blocks = Blocks.of(log.time_s[flies], BLOCK_S)

@@ -364,7 +364,7 @@ COMMANDS = {
         "unflown.csv: no airspeed and no impact pressure that changes; the log has: aoa, elevator",
     ),
     "diagnose still_output.csv": (3, "still_output.csv: no airspeed and no impact pressure that changes; the log has"),
-    "diagnose taxiing.csv": (3, "taxiing.csv: no part of the log is in flight between take-off and approach; give a"),
+    "diagnose taxiing.csv": (3, "taxiing.csv: no part of the log is in flight between take-off and landing; give a"),
     "diagnose good.csv --from 100": (3, "good.csv: no samples between 100 s"),
     "diagnose good.csv --from 20 --to 5": (2, "--from/--to: to_s must be after from_s (20 s), got 5 s"),
     "diagnose good.csv --tolerance aoa=0.1": (2, "--tolerance: 'aoa' is no channel, the log has: elevator, tas; leave"),

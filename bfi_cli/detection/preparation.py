@@ -303,7 +303,7 @@ def _flown(log: FlightLog, from_s: float, to_s: float) -> list[tuple[float, floa
 
     Signals that are deviations from a trim, as linear models give them, have no airspeed that an aircraft flies at.
     """
-    flown = flight_stretches(phases_of(log))
+    flown = flight_stretches([phase for phase in phases_of(log) if phase.phase != "approach"])
     inside = [(max(a, from_s), min(b, to_s)) for a, b in flown if b > from_s and a < to_s]
     if flown and not inside:
         raise LogError(

@@ -87,7 +87,7 @@ def diagnose_flight(
     """Say which air-data fault hit a flight, when, how large and how sure, with everything that the log allows.
 
     1. Constant errors, dropouts, spikes and readings that stay still, which are left out of what follows. Phases of the
-       flight: take-off, approach, landing and parabolas are left out.
+       flight: take-off, landing and parabolas are left out.
     2. Static relations and holds of the pressure lines, over the whole flight.
     3. The parity scan, on windows of 60, 120 and 240 s.
     4. The scan for steps and oscillations, on windows of 120 s.

@@ -82,7 +82,7 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
     except LogError as error:
         return _silent(str(error).removeprefix(f"{log.path}: ").partition(";")[0])
     too_short = not any(flight.windows(length_s) for length_s in LENGTHS_S)
-    why = f"no {min(LENGTHS_S):g} s of the window are in flight between take-off and approach"
+    why = f"no {min(LENGTHS_S):g} s of the window are in flight between take-off and landing"
     # A line that loses its pressure ends what looks like flight: it is told without the windows of the others.
     if too_short and not (flight.held.findings or flight.resting):
         return _silent(why)

@@ -225,7 +225,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     phases = parts.phases
     if not flight_stretches(phases):
         raise LogError(
-            f"{log.path}: no part of the log is in flight between take-off and approach; give a log of a flight, or "
+            f"{log.path}: no part of the log is in flight between take-off and landing; give a log of a flight, or "
             "map its airspeed with --channel"
         )
     resting = frozen_sensors(log, record_of(log), phases)

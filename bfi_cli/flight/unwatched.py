@@ -101,9 +101,9 @@ def _reasons(flight: Flight, declared: Sequence[Window]) -> list[tuple[Window, s
         *(((phase.from_s, phase.to_s), NO_SPEED) for phase in flight.part_phases if phase.phase == NO_AIRSPEED),
         *((window, "the fault there masks others") for window in declared),
         *(
-            ((phase.from_s, phase.to_s), f"{phase.phase}: no slow fault is looked for")
+            ((phase.from_s, phase.to_s), "parabola: no slow fault is looked for")
             for phase in flight.part_phases
-            if phase.phase in ("approach", "parabola")
+            if phase.phase == "parabola"
         ),
         *((window, "flaps or gear may move") for window in flight.moved),
     ]
@@ -183,7 +183,7 @@ def missing_sentences(flight: Flight, scanned: Sequence[Scanned], limits: Sequen
             cost = ""
     if not any(flight.windows(length_s) for length_s in LENGTHS_S):
         sentences.append(
-            f"no slow fault was looked for: no {min(LENGTHS_S):g} s of flight between take-off and approach"
+            f"no slow fault was looked for: no {min(LENGTHS_S):g} s of flight between take-off and landing"
         )
     elif not kinds:
         sentences.append("no slow fault was looked for: nothing bounds the airspeed")

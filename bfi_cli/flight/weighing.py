@@ -211,7 +211,7 @@ def _weighed(
     weight = max(weights, key=lambda weight: (not weight.refused, weight.margin))
     best = judgement.weights[0]
     may_be = _may_be_renamed(event, best.fault) and event.state == "declared"
-    if may_be and best.margin > max(DECLARED, weight.margin + DECLARED):
+    if may_be and best.margin > max(DECLARED, _margin_as_named(judgement, event, weight) + DECLARED):
         return _renamed(bench, event, best, judgement.among, until_s)
     if weight.margin > DECLARED and not weight.refused:
         return _confirmed(event, weight, judgement, may_be_sure=may_be_sure)
@@ -234,6 +234,19 @@ def _weighed(
     if rival:
         return _ordinary(event, rival, {"gain": judgement.gain, "margin": weight.margin})
     return _without_rival(event, weight)
+
+
+def _margin_as_named(judgement: Judgement, event: Event, weight: Weight) -> float:
+    """Return what an event is worth under its finder's name; an error of a channel that the model lacks is worth none.
+
+    Parameters
+    ----------
+    weight : of the best of the faults that it may be; where none of them is the best of all, this counts.
+    """
+    if judgement.weights[0].fault not in event.among:
+        return weight.margin
+    named = judgement.weight(event.fault)
+    return 0.0 if named is None else named.margin
 
 
 def _knows_more(bench: Bench, event: Event) -> bool:

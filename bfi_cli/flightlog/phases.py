@@ -348,9 +348,9 @@ def airborne(log: FlightLog, time_s: FloatArray, phases: Sequence[Phase] | None 
 
 
 def flight_stretches(phases: Sequence[Phase]) -> list[tuple[float, float]]:
-    """Return the stretches of flight without take-off, approach, landing and parabolas."""
+    """Return the stretches of flight without take-off, landing and parabolas."""
     parabolas = [(phase.from_s - RECOVERY_S, phase.to_s + RECOVERY_S) for phase in phases if phase.phase == "parabola"]
-    return left_of(_stretches(phases, STEADY_PARTS), parabolas)
+    return left_of(_stretches(phases, (*STEADY_PARTS, "approach")), parabolas)
 
 
 def _stretches(phases: Sequence[Phase], parts: Collection[str]) -> list[tuple[float, float]]:

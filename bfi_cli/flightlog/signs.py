@@ -142,7 +142,8 @@ def decide(
     """Return where the aircraft is on the ground, by the majority of the signs.
 
     1. What each speed claims: ground where it is too slow to bear the aircraft and comes down to that of taxiing.
-    2. Claims that differ for less than LONG differ about when, not about whether: those of the majority count.
+    2. Claims that differ for less than LONG, or while no speed is at rest, differ about when, not about whether: those
+       of the majority count.
     3. Every run of equal claims is decided by the votes of all signs; where they are equal the satellites decide, which
        share no line with the airspeeds, by speed and height alike, then the altitude, and last the airspeeds.
 
@@ -256,9 +257,10 @@ def _claims(
     first = np.take_along_axis(votes, np.argmax(votes != 0, axis=0)[None], axis=0)[0]
     total = votes.sum(axis=0)
     common = np.asarray(np.where(total == 0, first, total) > 0)
+    rests = np.any([speed < TAXI * cruises[name] for name, speed in speeds.items()], axis=0)
     for claim in claims.values():
         for low, high in runs(claim != common):
-            if high - low < long:
+            if high - low < long or not rests[low:high].any():
                 claim[low:high] = common[low:high]
     return claims, common
 

@@ -196,7 +196,7 @@ def test_a_slow_log(cruise: FlightLog, step: int):
 def test_a_log_without_a_minute_of_flight(journey: FlightLog, from_s: float, to_s: float):
     result = diagnose_flight(lacking(journey).window(from_s, to_s), Config())
     assert result.windows == ()
-    assert "no slow fault was looked for: no 60 s of flight between take-off and approach" in result.missing
+    assert "no slow fault was looked for: no 60 s of flight between take-off and landing" in result.missing
     assert result.decision == "inconclusive"
 
 
@@ -230,7 +230,7 @@ def test_a_log_of_the_ground(journey: FlightLog):
     rng = np.random.default_rng(0)
     log = lacking(journey)
     slow = replace(log.channels["tas"], values=frozen_array(1.0 + 0.1 * rng.standard_normal(log.n_samples)))
-    with pytest.raises(LogError, match="no part of the log is in flight between take-off and approach; give a log of"):
+    with pytest.raises(LogError, match="no part of the log is in flight between take-off and landing; give a log of"):
         diagnose_flight(lacking(replace(log, channels={**log.channels, "tas": slow}), "cas", "mach"), Config())
 
 

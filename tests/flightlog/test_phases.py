@@ -481,8 +481,27 @@ def test_a_step_of_an_airspeed_changes_no_phase_of_a_recorded_flight(flights: Pa
     assert one.error == pytest.approx(-60.0, abs=4.0)
 
 
+def test_a_slow_approach_is_flight_by_every_airspeed() -> None:
+    """Of two airspeeds of one approach one lies above and one below three fifths of what it is in cruise."""
+    signals, speed = flight(100.0), 100.0
+    units = signals["time"] * G / speed
+    signals["cas"] = speed * np.interp(
+        units, [0.0, 60.0, 63.0, 90.0, 228.0, 233.0, 240.0, 246.0], [*SPEEDS[:5], 0.61, 0.61, 0.0]
+    )
+    signals["ias"] = signals["cas"] * np.interp(units, [200.0, 228.0], [1.05, 1.0])
+    signals["altitude"] = 100.0 + speed**2 / G * np.interp(
+        units, [64.0, 100.0, 180.0, 233.0, 240.0], [0.0, 3.0, 3.0, 0.15, 0.0]
+    )
+    found = find_phases(log_of(signals["time"], {name: signals[name] for name in ("cas", "ias", "altitude")}))
+    assert found.disagreements == ()
+    ((landed_s, _),) = named(found.phases, "landing")
+    assert landed_s == pytest.approx(240.0 * speed / G, abs=30.0)
+
+
 @pytest.mark.realdata
-@pytest.mark.parametrize("name", ["citation_20190312_123416.h5", "px4_flight3", "reader_samples/g1000_c172.csv"])
+@pytest.mark.parametrize(
+    "name", ["citation_20190312_123416.h5", "px4_flight3", "reader_samples/g1000_c172.csv", "sr22t_220417_135002.h5"]
+)
 def test_no_airspeed_of_a_healthy_flight_disagrees(flights: Path, name: str) -> None:
     assert find_phases(read_log(flights / name)).disagreements == ()
 

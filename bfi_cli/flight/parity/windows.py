@@ -89,7 +89,7 @@ def zero_lift_of(record: Record, phases: Sequence[Phase], *, without: Sequence[W
 
     Parameters
     ----------
-    without : stretches that are left out beside take-off, approach, landing and parabolas, such as a fault's.
+    without : stretches that are left out beside take-off, landing and parabolas, such as a fault's.
     """
     channels = record.channels
     if not ({"aoa", "normal_acc"} <= channels.keys() and channels.keys() & set(STATIC_SOURCES)):

@@ -126,7 +126,7 @@ LINES = (
         ONSET_CLAIMS,
     ),
     Line(
-        "decision/limits.py",
+        "decision/candidate.py",
         'if candidate.state == "excluded" and (candidate.shape, candidate.channel) in rivals',
         (
             'if candidate.state == "excluded" or (candidate.shape, candidate.channel) in rivals',
@@ -223,7 +223,7 @@ LINES = (
         ("tests/flight/parity/test_explain.py",),
     ),
     Line(
-        "kernels/onset/sines.py",
+        "kernels/onset/frequency.py",
         "share = self.scan.impulses()[onsets] + self.steady_share[k, border]",
         ("share = self.scan.impulses()[onsets]", "share = self.steady_share[k, border]"),
         SINES,

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar, Unpack
 
@@ -169,12 +170,21 @@ def identify(
     with _saying_first(ready.findings):
         result, _ = identify_window(ready.log, known, ready.config, progress, findings=ready.findings)
     if prove:
-        from .proof import prove_identify
+        from .proof import window_claims, with_proofs
 
-        result = prove_identify(
-            result, ready.log, known, ready.config, findings=ready.findings, proving=_proving(prove), progress=progress
-        )
+        entries = () if known is None else known.exact.resolved(result.log.start_s)
+        claims = window_claims(result, ready.config, {entry.called: entry for entry in entries})
+        analyse = partial(_identified, dictionary=known, config=ready.config, findings=ready.findings)
+        result = with_proofs(result, ready.log, ready.config, analyse, claims, _proving(prove), progress)
     return ready.noted(result)
+
+
+def _identified(
+    log: FlightLog, dictionary: Dictionary | None, config: Config, findings: Sequence[Implausible]
+) -> IdentifyResult:
+    from .analysis import identify as identify_window
+
+    return identify_window(log, dictionary, config, findings=findings)[0]
 
 
 def start_time(
@@ -201,11 +211,11 @@ def start_time(
     with _saying_first(ready.findings):
         result = scan_window(ready.log, ready.config, progress, findings=ready.findings)
     if prove:
-        from .proof import prove_start_time
+        from .proof import window_claims, with_proofs
 
-        result = prove_start_time(
-            result, ready.log, ready.config, findings=ready.findings, proving=_proving(prove), progress=progress
-        )
+        analyse = partial(scan_window, config=ready.config, findings=ready.findings)
+        claims = window_claims(result, ready.config)
+        result = with_proofs(result, ready.log, ready.config, analyse, claims, _proving(prove), progress)
     return ready.noted(result)
 
 
@@ -239,11 +249,11 @@ def diagnose(
     with _saying_first(findings):
         result = diagnose_flight(log, config, findings=findings, workers=workers, progress=progress)
     if prove:
-        from .proof import prove_diagnose
+        from .proof import flight_claims, with_proofs
 
-        result = prove_diagnose(
-            result, log, config, findings=findings, proving=_proving(prove, workers), progress=progress
-        )
+        analyse = partial(diagnose_flight, config=config, findings=findings)
+        claims = flight_claims(result, log)
+        result = with_proofs(result, log, config, analyse, claims, _proving(prove, workers), progress)
     return noted(result, questions, result.plausibility)
 
 
@@ -260,8 +270,6 @@ def detect(
     ------
     LogError, ConfigError : see `bfi_cli.detection.detect_faults`.
     """
-    from functools import partial
-
     from .detection import detect_faults
 
     config = _config(config)
@@ -372,8 +380,6 @@ def simulate(model: str | Path, *, progress: Progress = unseen, **settings: Unpa
     ------
     ConfigError : no such model, manoeuvre or output, or a number that is out of range.
     """
-    from functools import partial
-
     import numpy as np
 
     from . import aircraft

@@ -17,17 +17,15 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from .analysis import ONSET_SAMPLES, identify, start_time
+from .analysis import ONSET_SAMPLES
 from .config import Config
 from .decision import KINDS, Candidate, Proof
-from .decision.implausible import Implausible
-from .dictionary import Dictionary
 from .engine import in_order
 from .errors import BfiError
 from .faults import Fault, build_up_s, has_channel, unit_signal
 from .faults.filters import response_of
 from .faults.shapes import SHAPES, Kind, Shape
-from .flight import DiagnoseResult, FlightLimit, diagnose_flight
+from .flight import DiagnoseResult, FlightLimit
 from .flight.parity.record import STEP_S
 from .flightlog import FlightLog, inject
 from .flightlog.derived import with_derived
@@ -35,7 +33,7 @@ from .flightlog.record import frozen_array
 from .flightlog.recorder import recorder_filters
 from .journal import Journal, lines_of_journal
 from .kernels.low_pass import Response
-from .kernels.progress import Progress, unseen
+from .kernels.progress import Progress
 from .model.onset import OnsetResult
 from .model.onset.claims import CYCLES_LEFT, claimed_band_hz, claimed_constants_s
 from .model.onset.scan_record import searched_band_hz
@@ -96,74 +94,24 @@ class Claim:
     draw: Callable[[np.random.Generator], Fault | None]
 
 
-def prove_start_time(
-    result: OnsetResult,
-    log: FlightLog,
-    config: Config,
-    *,
-    findings: Sequence[Implausible] = (),
-    proving: Proving | None = None,
-    progress: Progress = unseen,
-) -> OnsetResult:
-    """Return the answer of `bfi_cli.analysis.start_time` with `proved`.
-
-    Parameters
-    ----------
-    log, config, findings : as for the answer.
-    """
-    analyse = partial(start_time, config=config, findings=findings)
-    return _with_proofs(result, log, config, analyse, window_claims(result, config), proving, progress)
-
-
-def prove_identify(
-    result: IdentifyResult,
-    log: FlightLog,
-    dictionary: Dictionary | None,
-    config: Config,
-    *,
-    findings: Sequence[Implausible] = (),
-    proving: Proving | None = None,
-    progress: Progress = unseen,
-) -> IdentifyResult:
-    """Return the answer of `bfi_cli.analysis.identify` with `proved`; parameters as for the answer."""
-    analyse = partial(_identified, dictionary=dictionary, config=config, findings=findings)
-    start_s = result.log.start_s
-    entries = () if dictionary is None else dictionary.exact.resolved(start_s)
-    claims = window_claims(result, config, {entry.called: entry for entry in entries})
-    return _with_proofs(result, log, config, analyse, claims, proving, progress)
-
-
-def _identified(
-    log: FlightLog, dictionary: Dictionary | None, config: Config, findings: Sequence[Implausible]
-) -> IdentifyResult:
-    return identify(log, dictionary, config, findings=findings)[0]
-
-
-def prove_diagnose(
-    result: DiagnoseResult,
-    log: FlightLog,
-    config: Config,
-    *,
-    findings: Sequence[Implausible] = (),
-    proving: Proving | None = None,
-    progress: Progress = unseen,
-) -> DiagnoseResult:
-    """Return the answer of `bfi_cli.flight.diagnose_flight` with `proved`; parameters as for the answer."""
-    analyse = partial(diagnose_flight, config=config, findings=findings)
-    return _with_proofs(result, log, config, analyse, flight_claims(result, log), proving, progress)
-
-
-def _with_proofs(
+def with_proofs(
     result: Result,
     log: FlightLog,
     config: Config,
     analyse: Analyse,
     claims: Sequence[Claim],
-    proving: Proving | None,
+    proving: Proving,
     progress: Progress,
 ) -> Result:
-    """Return an answer with how many of the faults that its claims exclude the same analysis sees."""
-    proving, before = proving or Proving(), sightings_of(result)
+    """Return an answer with how many of the faults that its claims exclude the same analysis sees.
+
+    Parameters
+    ----------
+    log, config : of the answer.
+    analyse : the analysis that gave it, of the log with a fault; processes are handed it.
+    claims : see `window_claims` and `flight_claims`.
+    """
+    before = sightings_of(result)
     trials = tuple(drawn_trials(claims, before, np.random.default_rng(config.seed)))
     # An analysis that knows the truth compares itself with it.
     channels = [claim.channel for claim in claims if claim.channel in STANDARD]

@@ -88,11 +88,3 @@ def _size(text: str, making: Making, *, where: str) -> float:
     if not isfinite(size) or size == 0.0:
         raise ConfigError(f"{where}: the size must be finite and not 0, got {size:g}; {like}")
     return size
-
-
-def makings_in_words(makings: Mapping[str, Making]) -> str:
-    """Return the causes of a table for `--help`: "flaps (flaps move to a part of their travel, 0.5), ..."."""
-    return ", ".join(
-        f"{name} ({making.text}, {making.size:g}{f' {making.unit}' if making.unit else ''})"
-        for name, making in makings.items()
-    )

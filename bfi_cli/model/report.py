@@ -46,7 +46,7 @@ MAX_CANDIDATES = 30
 WHITE_ABOVE = 0.01
 # The criterion is drawn linearly up to this difference, which is decisive evidence by any of the criteria.
 LINEAR_CRITERION = 10.0
-NAME_LETTERS, NAMED_LETTERS = 40, 24  # in a table, and in the line of a fault
+NAME_LETTERS = 40  # in a table
 FAULT_COLUMNS = (
     *("name", "shape", "channel", "magnitude", "unit", "sd", "ci95_low", "ci95_high", "physical_value"),
     *("physical_unit", "onset_s", "offset_s", "frequency_hz"),

@@ -18,8 +18,8 @@ from bfi_cli.model.preprocessing.signals import decimate_native
 from bfi_cli.model.preprocessing.window import (
     prepare_window,
     regression_of,
-    shifted_signals,
     shifts_within,
+    signals_of_faults,
     with_onsets,
 )
 from bfi_cli.model.selection import Selected
@@ -73,7 +73,8 @@ def test_onsets_lie_within_the_tolerance_and_the_window(flight, thesis):
 def test_a_shifted_entry_has_the_signal_of_its_fault(flight, thesis):
     window = prepare_window(flight(1), thesis, Config())
     entry = window.names.index("bias_13.8")
-    theta = np.asarray(shifted_signals(window, entry, [0.0, 0.5]))
+    fault = window.faults[entry]
+    theta = np.asarray(signals_of_faults(window, [fault, fault.later(0.5)]))
     np.testing.assert_array_equal(theta[:, :, 0], np.asarray(window.signals.theta)[:, :, entry])
     moved = with_onsets(window, {entry: 0.5})
     np.testing.assert_array_equal(theta[:, :, 1], np.asarray(moved.signals.theta)[:, :, entry])

@@ -341,21 +341,6 @@ def shifts_within(window: PreparedWindow, entry: int, tolerance_s: float) -> Flo
     return np.asarray(shifts[(onset_s + shifts > start_s) & (onset_s + shifts < stop_s)])
 
 
-def shifted_signals(window: PreparedWindow, entry: int, shifts_s: Sequence[float]) -> AtomSignals:
-    """Return the signal of an entry that begins and ends later by some times.
-
-    Parameters
-    ----------
-    shifts_s : seconds.
-
-    Returns
-    -------
-    (n_samples, n_outputs, n_shifts), filtered, decimated and held as those of the window are.
-    """
-    fault, size = window.faults[entry], window.sizes.get(entry, 0.0)
-    return signals_of_faults(window, [fault.later(shift_s) for shift_s in shifts_s], [size] * len(shifts_s))
-
-
 def signals_of_faults(window: PreparedWindow, faults: Sequence[Fault], sizes: Sequence[float] = ()) -> AtomSignals:
     """Return (n_samples, n_outputs, n_faults) the signals of faults, as those of the window.
 

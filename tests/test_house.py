@@ -42,7 +42,7 @@ imported = {name for name in sys.modules if name.partition(".")[0] == "bfi_cli"}
 print(json.dumps({"code": code, "imported": sorted(imported), "called": sorted(called), "made": sorted(made)}))
 """
 # What is counted, how much of it there is today, and the most that the house is to have.
-COUNTS = (("imported", 130, None), ("called", 104, 80), ("made", 112, 60))
+COUNTS = (("imported", 131, None), ("called", 104, 80), ("made", 112, 60))
 
 
 @cache

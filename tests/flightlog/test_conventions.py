@@ -16,7 +16,7 @@ from noted import texts
 
 from bfi_cli.airdata import G
 from bfi_cli.flightlog import read_log
-from bfi_cli.flightlog.conventions import with_conventions
+from bfi_cli.flightlog.plausible import with_conventions
 from bfi_cli.flightlog.record import FlightLog, StoredChannel
 
 T = np.arange(3000) / 10.0

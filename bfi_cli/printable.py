@@ -47,7 +47,7 @@ def shortened(text: str, width: int) -> str:
 
 def valid_text(text: str) -> str:
     r"""Return `text` as any UTF-8 file can hold it: the byte 0xff of a file name (a lone surrogate) becomes `\xff`."""
-    return text.encode("utf-8", SHOWN).decode("utf-8")
+    return text if text.isascii() else text.encode("utf-8", SHOWN).decode("utf-8")
 
 
 def _escaped(error: UnicodeError) -> tuple[str, int]:

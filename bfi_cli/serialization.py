@@ -94,6 +94,8 @@ def to_plain(value: object) -> Any:
     ----------
     value : a dataclass, mapping, sequence, array, scalar or None, nested to any depth.
     """
+    if value is None or isinstance(value, bool | int):
+        return value
     if isinstance(value, str):
         return valid_text(value)
     if isinstance(value, np.ndarray):
@@ -106,7 +108,7 @@ def to_plain(value: object) -> Any:
         return value if math.isfinite(value) else None
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: to_plain(getattr(value, field.name)) for field in fields(value)}
-    if isinstance(value, Mapping):
+    if isinstance(value, dict | Mapping):
         return {valid_text(str(key)): to_plain(entry) for key, entry in value.items()}
     return [to_plain(entry) for entry in value] if isinstance(value, Sequence) else value
 

@@ -4,6 +4,7 @@ import json
 import math
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -131,3 +132,19 @@ def test_values_are_counted_as_if_aliases_were_written_out(text, n_values, monke
     monkeypatch.setattr("bfi_cli.yaml12.MAX_VALUES", n_values - 1)
     with pytest.raises(ConfigError, match=f"more than {n_values - 1} values; "):
         load_yaml(text)
+
+
+@pytest.mark.skipif(not yaml.__with_libyaml__, reason="PyYAML without libyaml")
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a: 1e-3\nb: no\nc: 12:30:00\nd: 0o17\ne: .inf\nf: ~\ng:\nh: ''\n",
+        "x: &n {a: 1}\ny: {<<: *n, b: 2}\nz: ['<<', \"<<\"]\n",
+        "- |\n  two\n  lines\n- >-\n  one\n  line\n- 'it''s'\n- \"\\u00e9\"\n",
+        "é: [1, 2.5, true, nUll]\n",
+    ],
+)
+def test_libyaml_reads_the_same(text: str, monkeypatch: pytest.MonkeyPatch):
+    quick = load_yaml(text)
+    monkeypatch.setattr(yaml, "__with_libyaml__", False)
+    assert repr(load_yaml(text)) == repr(quick)

@@ -19,6 +19,7 @@ from __future__ import annotations
 import cmath
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -38,7 +39,7 @@ BLOCK_ROWS = 1024
 SHORTEST_RUN = 128
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Columns:
     """Where each block of the stacked lagged matrix lies; within a block columns are lag-major.
 
@@ -57,12 +58,12 @@ class Columns:
     signals: tuple[tuple[int, int], ...]
     feedthrough: bool
 
-    @property
+    @cached_property
     def input_lags(self) -> range:
         """The lags of u, from 0 with feedthrough, else from 1."""
         return range(0 if self.feedthrough else 1, self.order + 1)
 
-    @property
+    @cached_property
     def n_base(self) -> int:
         """Number of columns of the constant and the inputs, which come first."""
         return 1 + len(self.input_lags) * self.n_inputs
@@ -72,27 +73,27 @@ class Columns:
         """The constant's column."""
         return slice(0, 1)
 
-    @property
+    @cached_property
     def theta_lags(self) -> slice:
         """The dictionary signals at lags 1..s."""
         return slice(self.n_base, self.n_base + self.order * len(self.signals))
 
-    @property
+    @cached_property
     def y_lags(self) -> slice:
         """The outputs at lags 1..s."""
         return slice(self.theta_lags.stop, self.theta_lags.stop + self.order * self.n_outputs)
 
-    @property
+    @cached_property
     def theta(self) -> slice:
         """The dictionary signals at lag 0."""
         return slice(self.y_lags.stop, self.y_lags.stop + len(self.signals))
 
-    @property
+    @cached_property
     def y(self) -> slice:
         """The outputs at lag 0: the last columns."""
         return slice(self.theta.stop, self.theta.stop + self.n_outputs)
 
-    @property
+    @cached_property
     def size(self) -> int:
         """Number of columns."""
         return int(self.y.stop)

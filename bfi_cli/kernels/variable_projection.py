@@ -384,7 +384,7 @@ class _Support:
     def __init__(self, problem: ProjectedRegression, atoms: Sequence[int], *, compress: bool = True) -> None:
         self.problem, self.atoms = problem, tuple(atoms)
         place = {atom: j for j, atom in enumerate(self.atoms)}
-        kept = sorted(column for atom in self.atoms for column in problem.columns_of(atom))
+        kept = [column for column, (_, atom) in enumerate(problem.signals) if atom in place]
         every = len(kept) == len(problem.signals)
         self.theta, self.y = problem.theta if every else problem.theta[:, :, kept], problem.y
         if compress and len(self.y) > COMPRESSED * (columns := self.theta[0].size + self.y[0].size):

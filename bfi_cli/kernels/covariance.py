@@ -163,14 +163,6 @@ class FitRows:
         return _above(self.signatures, self.earlier_signatures)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SingleAdditions:
-    """Magnitude and variance of each atom if it alone joined the support, linearised at the fit; NaN where unseen."""
-
-    magnitude: FloatArray
-    variance: FloatArray
-
-
 def regressors_of(layout: Layout, fit: Fit) -> Regressors:
     """Return the regressors of a fit on the rows of its record, for several `unfold` that differ in other atoms."""
     first, n = layout.first, len(layout.y)
@@ -448,8 +440,11 @@ def _sandwich(fit: Fit, unfolded: FitRows, information: FloatArray, meat: FloatA
     return np.asarray(bread * np.outer(wider, wider) * _small_sample_factor(fit, unfolded))
 
 
-def single_additions(fit: Fit, unfolded: FitRows) -> SingleAdditions:
-    """Return magnitude and variance that each atom would have if it were added alone to the support."""
+def single_additions(fit: Fit, unfolded: FitRows) -> tuple[FloatArray, FloatArray]:
+    """Return (n_atoms,) magnitude and variance that each would have if it alone joined the support; NaN where unseen.
+
+    They are linearised at the fit.
+    """
     G, e = whiten(unfolded.all_signatures, fit.sigma), whiten(unfolded.all_errors[:, :, None], fit.sigma)[:, 0]
     Q = np.linalg.qr(G[:, list(fit.atoms)])[0]
     others = G - Q @ (Q.T @ G)
@@ -457,10 +452,8 @@ def single_additions(fit: Fit, unfolded: FitRows) -> SingleAdditions:
     white_raw = unfolded.raw_norm**2 / np.linalg.eigvalsh(fit.sigma)[-1]
     seen = power > (BLIND * white_raw + np.finfo(float).tiny)
     safe = np.where(seen, power, 1.0)
-    return SingleAdditions(
-        magnitude=np.where(seen, others.T @ e / safe, np.nan),
-        variance=np.where(seen, _small_sample_factor(fit, unfolded) / safe, np.nan),
-    )
+    magnitude = np.where(seen, others.T @ e / safe, np.nan)
+    return magnitude, np.where(seen, _small_sample_factor(fit, unfolded) / safe, np.nan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -486,9 +479,9 @@ class Adding:
         """Return the record with the fit's own signals and others after them."""
         return self.layout.with_signals(self.layout.theta.joined(theta))
 
-    def each_of(self, theta: AtomSignals) -> SingleAdditions:
-        """Return magnitude and variance of each signal, scaled, added alone."""
-        n_y, n_own, every = theta.n_outputs, self.layout.theta.n_atoms, list[SingleAdditions]()
+    def each_of(self, theta: AtomSignals) -> tuple[FloatArray, FloatArray]:
+        """Return (n_signals,) magnitude and variance of each signal, scaled, added alone."""
+        n_y, n_own, every = theta.n_outputs, self.layout.theta.n_atoms, list[FloatArray]()
         segments = self.layout.segments and self.layout.segments.with_exponents_of(theta.joined(self.layout.theta))
         step = max(1, MOST_VALUES // theta.n_samples if segments is None else MOST_BESIDE // n_y)
         for k in range(0, theta.n_atoms, step):
@@ -500,11 +493,9 @@ class Adding:
                     self.layout.theta, some.filtered(self.fit.K), segments=segments, earlier=self.layout.earlier
                 )
                 unfolded = unfold_factor(data, self.fit, beside)
-            every.append(single_additions(self.fit, unfolded))
-        return SingleAdditions(
-            magnitude=np.concatenate([part.magnitude[n_own:] for part in every]),
-            variance=np.concatenate([part.variance[n_own:] for part in every]),
-        )
+            every.append(np.stack(single_additions(self.fit, unfolded))[:, n_own:])
+        magnitude, variance = np.concatenate(every, axis=1)
+        return magnitude, variance
 
 
 def adding_to(layout: Layout, fit: Fit) -> Adding:
@@ -516,7 +507,9 @@ def adding_to(layout: Layout, fit: Fit) -> Adding:
     )
 
 
-def additions_and_covariance(layout: Layout, fit: Fit, data: Compressed) -> tuple[SingleAdditions, FloatArray]:
+def additions_and_covariance(
+    layout: Layout, fit: Fit, data: Compressed
+) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
     """Return `single_additions` of all atoms and `covariance`.
 
     Parameters

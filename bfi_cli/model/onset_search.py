@@ -130,8 +130,8 @@ def _best_move(
         for base, entries in _bases(best.fit.atoms, together).items():
             if (support := supports.get(base)) is None:
                 support = supports[base] = _support(now.regression, best.fit, base)
-            added = support.each_of(signals.of(np.flatnonzero(np.isin(owners, entries)).tolist()))
-            gains = np.nan_to_num(added.magnitude**2 / added.variance)
+            z, variance = support.each_of(signals.of(np.flatnonzero(np.isin(owners, entries)).tolist()))
+            gains = np.nan_to_num(z**2 / variance)
             ends = np.cumsum([shifts[n].size for n in entries])
             for n, entry_gains in zip(entries, np.split(gains, ends[:-1]), strict=True):
                 gain = float(entry_gains.max(initial=0.0)) * penalty.n_effective / penalty.n_rows

@@ -362,8 +362,8 @@ def test_single_magnitudes_on_the_factor_are_those_on_the_rows(n_y, atoms):
     expected = single_additions(fit, unfold(layout, fit))
     magnitude, variance = single_magnitudes(problem, fit, 3)
     others = [atom for atom in ATOMS if atom not in atoms]
-    np.testing.assert_allclose(magnitude[others], expected.magnitude[others], rtol=1e-6)
-    np.testing.assert_allclose(variance[others], expected.variance[others], rtol=1e-6)
+    np.testing.assert_allclose(magnitude[others], expected[0][others], rtol=1e-6)
+    np.testing.assert_allclose(variance[others], expected[1][others], rtol=1e-6)
     np.testing.assert_array_equal(magnitude[list(atoms)], fit.z)
     rows, free = problem.n_rows, problem.n_predictor / n_y + len(atoms) / n_y
     classical = np.diag(np.linalg.inv(fit.information)) * rows / (rows - free) if atoms else []

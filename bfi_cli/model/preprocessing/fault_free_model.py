@@ -82,7 +82,7 @@ def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
         regression=regression,
         fit=best,
         unfolded=unfolded,
-        sd=np.sqrt(single_additions(best, unfolded).variance),
+        sd=np.sqrt(single_additions(best, unfolded)[1]),
         deviations=detectable_at(penalty),
         model=ModelSummary(
             order=best.order,

@@ -155,9 +155,9 @@ def averaged_magnitudes(
     values, variances, covariances, sampling = {}, {}, {}, {}
     for n, _ in parts(report, keep):
         fit = fits[n].fit
-        single, scaled = additions_and_covariance(regression.layout, fit, regression.data)
+        (z, variance), scaled = additions_and_covariance(regression.layout, fit, regression.data)
         active = list(fit.atoms)
-        z, variance, unit = single.magnitude.copy(), single.variance.copy(), regression.magnitude_unit
+        unit = regression.magnitude_unit
         z[active], variance[active] = fit.z, np.diag(scaled)
         sampling[n] = variance * overdispersion * unit**2
         wider = np.sqrt(overdispersion[active])
@@ -424,7 +424,7 @@ def _factor(window: PreparedWindow, regression: RegressionData, adding: Adding, 
     # Each shifted signal is added alone to the fit.
     for part in np.array_split(onsets, n_parts):
         shifted = signals_of_faults(window, [family.later(onset) for onset in part.tolist()])
-        added = adding.each_of(shifted.over(regression.unit))
-        squares = np.append(squares, added.magnitude**2 / added.variance)
+        z, variance = adding.each_of(shifted.over(regression.unit))
+        squares = np.append(squares, z**2 / variance)
     seen = squares[np.isfinite(squares)]
     return max(1.0, float(np.mean(seen))) if seen.size else 1.0

@@ -42,7 +42,7 @@ imported = {name for name in sys.modules if name.partition(".")[0] == "bfi_cli"}
 print(json.dumps({"code": code, "imported": sorted(imported), "called": sorted(called), "made": sorted(made)}))
 """
 # What is counted, how much of it there is today, and the most that the house is to have.
-COUNTS = (("imported", 131, None), ("called", 104, 80), ("made", 111, 60))
+COUNTS = (("imported", 130, None), ("called", 103, 80), ("made", 111, 60))
 
 
 @cache
@@ -58,7 +58,7 @@ def test_an_answer_goes_through_no_more_than_today(what: str, today: int):
     assert len(counts()[what]) <= today, "\n".join(counts()[what])
 
 
-@pytest.mark.xfail(reason="104 files take part and 111 types are made: concepts that stand in several are not merged")
+@pytest.mark.xfail(reason="103 files take part and 111 types are made: concepts that stand in several are not merged")
 @pytest.mark.parametrize(("what", "most"), [(what, most) for what, _, most in COUNTS if most is not None])
 def test_an_answer_goes_through_a_house_that_is_read_in_a_day(what: str, most: int):
     assert len(counts()[what]) <= most

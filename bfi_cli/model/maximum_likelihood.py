@@ -32,7 +32,6 @@ from ..kernels.model_selection import (
 from ..kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ..kernels.variable_projection import Fit, fit_magnitudes
 from ..notes import Note
-from .onset_search import move_entry, move_onsets
 from .preprocessing.magnitudes import (
     MagnitudeEstimates,
     at_half_rate,
@@ -46,7 +45,7 @@ from .preprocessing.magnitudes import (
 from .preprocessing.regression import RegressionData
 from .preprocessing.window import PreparedWindow, regression_of, with_sizes
 from .result import SolverSummary
-from .selection import MethodResult, Selected, Selection, propose_supports, result_of_selection
+from .selection import MethodResult, Selected, Selection, move_entry, move_onsets, propose_supports, result_of_selection
 
 # Steps to the magnitude at which the signal of a fault of a pressure line is taken, and the relative change of it that
 # ends them: far below the standard deviation of any magnitude that is declared.

@@ -1,28 +1,36 @@
 """The support and the order that a method of identification chose, all else that was visited, and what it returns.
 
 The sparsity stage proposes supports: for method risro to choose from, for ml to begin with.
+
+Entries of a dictionary begin up to a tolerance before or after the onset that it states: the signature of a step is a
+few samples long, so an entry that begins a second beside the fault has little in common with it. Where onsets are known
+to a tolerance only, each entry is tried at the onsets within it, half a sample apart, and moved to another one where
+this lowers the criterion by more than the price of the choice (docs/theory.md, 5.5).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from ..config import Config
 from ..kernels import FloatArray
-from ..kernels.covariance import FitRows
+from ..kernels.atom_signals import AtomSignals
+from ..kernels.covariance import Adding, FitRows, adding_to
+from ..kernels.lagged import restrict
 from ..kernels.model_selection import OrderSearch, Penalty, Proposal, ScoredFit, least_criterion
 from ..kernels.progress import Report, parts, silent
 from ..kernels.risro_varx import VarxSolution, risro_varx, sparse_varx
 from ..kernels.sparsity import SparseSolution, SparseStage
 from ..kernels.termination import StoppingRule, Termination
-from ..kernels.variable_projection import fit_magnitudes
+from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..notes import Note
-from .preprocessing.magnitudes import MagnitudeEstimates
+from .preprocessing.magnitudes import MagnitudeEstimates, searched
 from .preprocessing.regression import RegressionData
-from .preprocessing.window import PreparedWindow
+from .preprocessing.window import PreparedWindow, shifts_within, signals_of_faults, with_onsets
 from .result import SolverSummary
 
 
@@ -226,3 +234,205 @@ def result_of_selection(
         criterion_best=tuple(search.best.criterion for search in searches) if several else (),
         **{"converged": fit.termination is Termination.CONVERGED, **more},
     )
+
+
+# Onsets of an entry that are fitted: the best to first order, which may rank neighbours wrongly.
+FITTED = 3
+# They are not where the best gains less than this share of what it needs: first order sees less of a large fault.
+HOPEFUL = 0.3
+# Entries that are moved at most; more faults than that near their onsets, none at it, have not been met.
+MOST_MOVED = 4
+# Moves beside each support that are fitted, the best to first order: a bound on the time. First order compares no
+# supports, for it sees less of a large fault.
+MOST_MOVES = 12
+# Numbers of the signals that are kept at once: 80 MB.
+MOST_VALUES = 10**7
+
+
+def move_onsets(stated: Selected, config: Config, select: Callable[[RegressionData], Selection]) -> Selected:
+    """Move the entries whose fault begins beside their onset, the one that gains most first, until none gains.
+
+    Parameters
+    ----------
+    stated : with the onsets of the dictionary.
+    select : returns the selection on another regression.
+    """
+    now = stated
+    for _ in range(MOST_MOVED):
+        move = _best_move(now, stated.window, config)
+        if move is None:
+            break
+        n, shift_s, price = move
+        shifts_s, prices = {**now.shifts_s, n: shift_s}, {**now.prices, n: price}
+        moved = _at(stated, shifts_s, prices, select)
+        chosen = moved.selection.best.fit.atoms
+        left = {entry: shift for entry, shift in shifts_s.items() if entry in chosen}
+        if len(left) < len(shifts_s):  # one that is not declared stays where the dictionary states it
+            moved = _at(stated, left, {entry: prices[entry] for entry in left}, select)
+        penalty = now.selection.penalty
+        if n not in moved.selection.best.fit.atoms or _cost(moved, penalty) >= _cost(now, penalty):
+            break
+        now = moved
+    return now
+
+
+def move_entry(
+    now: Selected, entry: int, stated: Selected, config: Config, select: Callable[[RegressionData], Selection]
+) -> Selected | None:
+    """Move one entry to its best onset besides the stated one, None where it has none or is not chosen there.
+
+    For an entry that is not declared at the stated onset: it is then held against no fault, and not against itself.
+
+    Parameters
+    ----------
+    now : what was found so far; entry : live entry that has not moved.
+    stated : with the onsets of the dictionary.
+    select : returns the selection on another regression.
+    """
+    move = _best_move(now, stated.window, config, entry)
+    if move is None:
+        return None
+    _, shift_s, price = move
+    there = _at(stated, {**now.shifts_s, entry: shift_s}, {**now.prices, entry: price}, select)
+    return there if set(there.shifts_s) <= set(there.selection.best.fit.atoms) else None
+
+
+def _at(
+    stated: Selected,
+    shifts_s: Mapping[int, float],
+    prices: Mapping[int, float],
+    select: Callable[[RegressionData], Selection],
+) -> Selected:
+    window = with_onsets(stated.window, {stated.window.live[n]: shift for n, shift in shifts_s.items()})
+    regression = stated.regression.with_dictionary(window.signals.theta, window.live, slopes=window.signals.slopes)
+    return Selected(
+        window=window, regression=regression, selection=select(regression), shifts_s=shifts_s, prices=prices
+    )
+
+
+def _cost(moved: Selected, penalty: Penalty) -> float:
+    """Return the criterion with the prices, by one penalty: the effective rows of two selections may differ."""
+    return penalty.criterion(moved.selection.best.fit) + sum(moved.prices.values())
+
+
+def _best_move(
+    now: Selected, window: PreparedWindow, config: Config, only: int | None = None
+) -> tuple[int, float, float] | None:
+    """Return the entry, the shift and the price of the move that lowers the criterion most; None where none does.
+
+    Every onset of every entry is added to first order, all entries at once; the moves that promise most are fitted.
+
+    Parameters
+    ----------
+    only : an entry that moves to the best of its other onsets, whether that lowers the criterion or not.
+    """
+    best, penalty = now.selection.best, now.selection.penalty
+    lowest, chosen = best.criterion if only is None else np.inf, None
+    shifts = {
+        n: shifts_within(window, entry, config.onset_tolerance_s)
+        for n, entry in enumerate(window.live)
+        if n not in now.shifts_s and only in (None, n)
+    }
+    shifts = {n: entry_shifts for n, entry_shifts in shifts.items() if entry_shifts.size}
+    prices = {n: searched(penalty, entry_shifts.size).evidence - penalty.evidence for n, entry_shifts in shifts.items()}
+    supports: dict[tuple[int, ...], Adding] = {}
+    moves: dict[tuple[int, ...], list[tuple[float, int, FloatArray]]] = {}
+    for together in _groups(shifts, len(now.regression.signals.time_s)):
+        signals = _signals(now.regression, window, {n: shifts[n] for n in together})
+        owners = np.repeat(together, [shifts[n].size for n in together])
+        for base, entries in _bases(best.fit.atoms, together).items():
+            if (support := supports.get(base)) is None:
+                support = supports[base] = _support(now.regression, best.fit, base)
+            z, variance = support.each_of(signals.of(np.flatnonzero(np.isin(owners, entries)).tolist()))
+            gains = np.nan_to_num(z**2 / variance)
+            ends = np.cumsum([shifts[n].size for n in entries])
+            for n, entry_gains in zip(entries, np.split(gains, ends[:-1]), strict=True):
+                gain = float(entry_gains.max(initial=0.0)) * penalty.n_effective / penalty.n_rows
+                if gain >= HOPEFUL * (penalty.per_fault + prices[n]):
+                    moves.setdefault(base, []).append((prices[n] - gain, n, entry_gains))
+    promising = [
+        (base, n, gains)
+        for base, base_moves in moves.items()
+        for _, n, gains in sorted(base_moves, key=lambda move: move[0])[:MOST_MOVES]
+    ]
+    for base, n, gains in promising:
+        theta = _signals(now.regression, window, {n: shifts[n]})
+        for k, fit in _fits(now.regression, supports[base], theta, gains):
+            if (criterion := penalty.criterion(fit) + prices[n]) < lowest:
+                lowest, chosen = criterion, (n, float(shifts[n][k]), prices[n])
+    return chosen
+
+
+def _groups(shifts: Mapping[int, FloatArray], n_samples: int) -> Iterator[list[int]]:
+    """Give entries in groups whose signals are kept at once."""
+    group, kept = list[int](), 0
+    for n, entry_shifts in shifts.items():
+        if group and kept + entry_shifts.size * n_samples > MOST_VALUES:
+            yield group
+            group, kept = [], 0
+        group.append(n)
+        kept += entry_shifts.size * n_samples
+    if group:
+        yield group
+
+
+def _bases(atoms: Sequence[int], entries: Sequence[int]) -> dict[tuple[int, ...], list[int]]:
+    """Return, for each support to which entries may be added, these entries.
+
+    An entry that is declared moves; another is added, or takes the place of a declared one.
+    """
+    bases: dict[tuple[int, ...], list[int]] = {}
+    for n in entries:
+        without = [n] if n in atoms else [None, *atoms]
+        for left_out in without:
+            bases.setdefault(tuple(atom for atom in atoms if atom != left_out), []).append(n)
+    return bases
+
+
+def _signals(regression: RegressionData, window: PreparedWindow, shifts: Mapping[int, FloatArray]) -> AtomSignals:
+    """Return the signals of entries at their onsets, (n_samples, n_outputs, n_signals), scaled."""
+    later = [
+        (window.faults[window.live[n]].later(shift_s), window.sizes.get(window.live[n], 0.0))
+        for n, entry_shifts in shifts.items()
+        for shift_s in entry_shifts.tolist()
+    ]
+    faults, sizes = zip(*later, strict=True)
+    units = np.repeat(
+        [float(regression.magnitude_unit[n]) for n in shifts], [entry_shifts.size for entry_shifts in shifts.values()]
+    )
+    return signals_of_faults(window, faults, sizes).over(regression.unit).scaled(units)
+
+
+def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> Adding:
+    """Return the fit of a support at the order of another fit, to which signals are added."""
+    known = dict(zip(fit.atoms, fit.z, strict=True))
+    without = fit_magnitudes(regression.problem(fit.order), base, np.array([known.get(atom, 0.0) for atom in base]))
+    return adding_to(regression.layout, without)
+
+
+def _fits(regression: RegressionData, support: Adding, theta: AtomSignals, gains: FloatArray) -> list[tuple[int, Fit]]:
+    """Return those of some signals that promise most when they are added to a support, and the fit with each.
+
+    Parameters
+    ----------
+    theta : (n_samples, n_outputs, n_signals), scaled, in the order of their onsets.
+    gains : (n_signals,) to first order.
+    """
+    without = support.fit
+
+    def fit_of(k: int) -> Fit:
+        layout = support.with_signals(theta.of([k]))
+        data = layout.factor()
+        if without.order < layout.first:
+            data = restrict(data, order=without.order)
+        problem = project_inputs(data, without.order, floor=regression.floor)
+        return fit_magnitudes(problem, range(len(without.atoms) + 1), np.append(without.z, 0.0))
+
+    fits = {k: fit_of(k) for k in np.argsort(-gains)[:FITTED].tolist()}
+    # From the best of them to the next onset, as long as that fits better.
+    while True:
+        best = min(fits, key=lambda k: fits[k].log_det)
+        beside = [k for k in (best - 1, best + 1) if 0 <= k < len(gains) and k not in fits]
+        if not beside:
+            return list(fits.items())
+        fits |= {k: fit_of(k) for k in beside}

@@ -13,7 +13,6 @@ from bfi_cli.dictionary import load_dictionary
 from bfi_cli.flightlog import inject
 from bfi_cli.model import identify_faults
 from bfi_cli.model.maximum_likelihood import select
-from bfi_cli.model.onset_search import move_entry
 from bfi_cli.model.preprocessing.signals import decimate_native
 from bfi_cli.model.preprocessing.window import (
     prepare_window,
@@ -22,7 +21,7 @@ from bfi_cli.model.preprocessing.window import (
     signals_of_faults,
     with_onsets,
 )
-from bfi_cli.model.selection import Selected
+from bfi_cli.model.selection import Selected, move_entry
 
 MOVING = merge(Config(), {"model.order": 5})
 EXACT = merge(MOVING, {"onset_tolerance_s": 0.0})

@@ -260,7 +260,7 @@ def limits_within_tolerance(
     """Return (n_live,) minimal detectable magnitudes for onsets as well as they are known, NaN where these are exact.
 
     An entry that begins otherwise than the dictionary states is found by the search of its onset
-    (`model.onset_search`), whose price it pays; the worst of the ends of the tolerance counts.
+    (`model.selection`), whose price it pays; the worst of the ends of the tolerance counts.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ def detect_by_parity(prepared: PreparedRecord, config: Config, report: Report) -
     The calibration is that of the first pass.
     """
     samples, outputs = decimate_record(prepared, prepared.choice.factor), prepared.outputs
-    alarms, passes = detect_sequentially(samples, false_alarm=config.detect.false_alarm, report=report)
+    alarms, passes = monitor_sequentially(samples, false_alarm=config.detect.false_alarm, report=report)
     statistic, level = np.full(samples.y.shape, np.nan), np.zeros(len(outputs))
     for monitored in passes:  # the last pass of a channel counts
         channels = list(monitored.channels)
@@ -225,7 +225,7 @@ class MonitoringPass:
     decided: NDArray[np.intp]
 
 
-def detect_sequentially(
+def monitor_sequentially(
     samples: DecimatedRecord, *, false_alarm: float, report: Report = silent
 ) -> tuple[list[Alarm], list[MonitoringPass]]:
     """Monitor all channels until one fails, then the rest from that failure on, until none fails any more.

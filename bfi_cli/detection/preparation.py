@@ -50,7 +50,7 @@ STEEPEST = 0.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recorder:
+class RecorderFilters:
     """What the recorder may have done to a step.
 
     Attributes
@@ -96,7 +96,7 @@ class PreparedRecord:
     units: tuple[str, ...]
     choice: RateChoice
     exact: bool
-    recorder: Recorder
+    recorder: RecorderFilters
     notes: tuple[Note, ...]
 
 
@@ -228,7 +228,7 @@ def _cut(
     return part
 
 
-def recorder_of(log: FlightLog, config: Config) -> Recorder:
+def recorder_of(log: FlightLog, config: Config) -> RecorderFilters:
     """Return what the recorder of a log may have done to a step, as the log or the configuration states it."""
     filters, about = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
     stated = log.filters is not None or config.recorder.edge_hz != "auto"
@@ -238,7 +238,7 @@ def recorder_of(log: FlightLog, config: Config) -> Recorder:
     # A recorder that the log shows bounds what is excluded, also where a faster one, or none, is stated.
     chains = (filters, *alternatives(filters), log.filters or ())
     shown_hz = min((low_pass.edge_hz for chain in chains for low_pass in recorder_low_passes(chain)), default=None)
-    return Recorder(
+    return RecorderFilters(
         stated=stated,
         filters=not stated or len(filters) > 0,
         reach_s=_spread(through.taps, through.before) / log.rate_hz if stated else UNSTATED_S,

@@ -158,10 +158,10 @@ def assess(log: FlightLog, dictionary: Dictionary, config: Config) -> Diagnosabi
     records = [signatures(log, dictionary, config)]
     stated = config.diagnosability
     values = magnitudes_of(records[0].names, minimal_detectable(records), stated)
-    return result_of(records, values, dictionary=dictionary.path, in_limits=stated.at_limit)
+    return diagnosability_of(records, values, dictionary=dictionary.path, in_limits=stated.at_limit)
 
 
-def result_of(
+def diagnosability_of(
     records: Sequence[FaultSignatures],
     magnitudes: FloatArray,
     *,
@@ -312,7 +312,7 @@ def assess_manoeuvres(
         if not np.mean(ahead) > CLEAR * np.std(ahead, ddof=1) / np.sqrt(len(ahead)):
             names = f"'{scores[0].name}' is not clearly better than '{scores[1].name}'"
             notes.append(Note.advice(f"{names}: give more --draws to tell them apart"))
-    return result_of(
+    return diagnosability_of(
         usable[scores[0].name],
         values,
         dictionary=dictionary.path,

@@ -34,7 +34,7 @@ from .signs import (
     TAXI,
     WALK,
     Says,
-    Verdict,
+    SignsVerdict,
     cruise_of,
     decide,
     equivalent,
@@ -435,7 +435,7 @@ def _block_means(time_s: FloatArray, step_s: float) -> Callable[[FloatArray], Fl
     return lambda values: bridged(block_means(values, block, n), most=most)
 
 
-def _right_speed(means: Mapping[str, FloatArray], verdict: Verdict) -> tuple[FloatArray, BoolArray]:
+def _right_speed(means: Mapping[str, FloatArray], verdict: SignsVerdict) -> tuple[FloatArray, BoolArray]:
     """Return the first speed, replaced by another where it is missing or overruled, and where no speed is usable.
 
     After an airspeed was overruled it is not used again: it may err on without contradicting the others.
@@ -458,7 +458,7 @@ def _right_speed(means: Mapping[str, FloatArray], verdict: Verdict) -> tuple[Flo
     return speed, lost
 
 
-def _ratio(means: Mapping[str, FloatArray], verdict: Verdict, name: str, other: str) -> float | None:
+def _ratio(means: Mapping[str, FloatArray], verdict: SignsVerdict, name: str, other: str) -> float | None:
     """Return the median ratio of two speeds in flight where neither is overruled; None where that is nowhere."""
     used = ~verdict.on_ground & ~verdict.unknown & np.isfinite(means[name]) & (means[other] > WALK)
     for conflict in verdict.against:
@@ -468,7 +468,13 @@ def _ratio(means: Mapping[str, FloatArray], verdict: Verdict, name: str, other: 
 
 
 def _disagreements(
-    means: Mapping[str, FloatArray], verdict: Verdict, start_s: float, step_s: float, stop_s: float, *, least_s: float
+    means: Mapping[str, FloatArray],
+    verdict: SignsVerdict,
+    start_s: float,
+    step_s: float,
+    stop_s: float,
+    *,
+    least_s: float,
 ) -> Iterator[Disagreement]:
     """Yield the runs in which an airspeed is overruled, with its error against the first speed that is not."""
     for conflict in verdict.against:

@@ -65,7 +65,7 @@ class Overruled:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Verdict:
+class SignsVerdict:
     """Where the aircraft is on the ground; elsewhere it is in flight, but for what is `unknown`.
 
     Attributes
@@ -138,7 +138,7 @@ def decide(
     moving: Sequence[Sequence[FloatArray]],
     scale_m: float,
     long: int,
-) -> Verdict:
+) -> SignsVerdict:
     """Return where the aircraft is on the ground, by the majority of the signs.
 
     1. What each speed claims: ground where it is too slow to bear the aircraft and comes down to that of taxiing.
@@ -204,7 +204,7 @@ def decide(
     for low, high in runs(unknown):
         if low > 0 and high < n and on_ground[low - 1] == on_ground[high]:
             on_ground[low:high], unknown[low:high] = on_ground[low - 1], False
-    return Verdict(on_ground=on_ground, unknown=unknown, claims=claims, against=tuple(_joined(against)))
+    return SignsVerdict(on_ground=on_ground, unknown=unknown, claims=claims, against=tuple(_joined(against)))
 
 
 def _overruled(

@@ -59,7 +59,7 @@ STANDING_OUT = ("declared", "suspected")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Event:
+class DrawnEvent:
     """A fault that an analysis declares or suspects.
 
     Attributes
@@ -138,7 +138,7 @@ class PlotResult:
     channels: tuple[DrawnChannel, ...]
     phases: tuple[Phase, ...]
     windows: tuple[ExcitedWindow, ...]
-    events: tuple[Event, ...]
+    events: tuple[DrawnEvent, ...]
     differences: tuple[Difference, ...] = ()
     series: tuple[Series, ...]
     notes: tuple[Note, ...]
@@ -149,7 +149,7 @@ class PlotResult:
         return self.from_s, self.to_s
 
 
-def read_events(path: str) -> tuple[tuple[Event, ...], str]:
+def read_events(path: str) -> tuple[tuple[DrawnEvent, ...], str]:
     """Return the declared and suspected events of a stored document in order of time, and the sha256 of its log.
 
     Raises
@@ -170,7 +170,7 @@ def read_events(path: str) -> tuple[tuple[Event, ...], str]:
     return tuple(timed), sha256 if isinstance(sha256, str) else ""
 
 
-def _event(entry: Plain, kind: str) -> Event | None:
+def _event(entry: Plain, kind: str) -> DrawnEvent | None:
     """Return an entry as an event, named by its fault, its name or its shape; None where it has no onset."""
     onset_s = entry.get("time_s") if entry.get("onset_s") is None else entry["onset_s"]
     if onset_s is None:
@@ -179,7 +179,7 @@ def _event(entry: Plain, kind: str) -> Event | None:
     times = [float(time_s) for time_s in (onset_s, entry.get("offset_s")) if time_s is not None]
     if not isinstance(channels, list) or not all(map(math.isfinite, times)):
         raise ValueError(f"no channels and times, {channels!r:.40}, {times}")
-    return Event(
+    return DrawnEvent(
         analysis=kind,
         name=str(entry.get("fault") or entry.get("name") or entry.get("shape") or "alarm"),
         channels=tuple(map(str, channels)),
@@ -189,13 +189,13 @@ def _event(entry: Plain, kind: str) -> Event | None:
     )
 
 
-def moved(event: Event, shift_s: float) -> Event:
+def moved(event: DrawnEvent, shift_s: float) -> DrawnEvent:
     """Return an event whose times are later by `shift_s`."""
     offset_s = None if event.offset_s is None else event.offset_s + shift_s
     return replace(event, onset_s=event.onset_s + shift_s, offset_s=offset_s)
 
 
-def channels_to_plot(log: FlightLog, names: Sequence[str], events: Sequence[Event]) -> tuple[str, ...]:
+def channels_to_plot(log: FlightLog, names: Sequence[str], events: Sequence[DrawnEvent]) -> tuple[str, ...]:
     """Return the channels to draw: those in `names`, by default those of the events and the first of each of `GROUPS`.
 
     Raises
@@ -214,7 +214,7 @@ def channels_to_plot(log: FlightLog, names: Sequence[str], events: Sequence[Even
 def plot_logs(
     logs: Sequence[FlightLog],
     names: Sequence[str],
-    events: Sequence[Event],
+    events: Sequence[DrawnEvent],
     *,
     part_s: tuple[float | None, float | None],
     diff: bool = False,
@@ -506,7 +506,7 @@ def _difference_table(differences: Sequence[Difference], units: Units) -> list[T
     return [table] if rows else []
 
 
-def _event_table(events: Sequence[Event]) -> list[Table]:
+def _event_table(events: Sequence[DrawnEvent]) -> list[Table]:
     """Return the table of the events; [] without events."""
     rows = tuple(
         (

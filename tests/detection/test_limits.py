@@ -14,7 +14,7 @@ from bfi_cli.detection.parity import (
     LASTING_IN_GUSTS,
     WHITE_ONSETS,
     MonitoringPass,
-    detect_sequentially,
+    monitor_sequentially,
     parity_limits,
 )
 from bfi_cli.detection.preparation import DecimatedRecord
@@ -49,7 +49,7 @@ def watched(growth: float = 1.0, sizes: tuple[float, float] = (1.0, 1.0)) -> tup
     """Return the record, each channel times a size, and the one pass over it, in which nothing fails."""
     samples = recorded(3, growth)
     samples = replace(samples, y=samples.y * np.array(sizes))
-    alarms, (first, *_) = detect_sequentially(samples, false_alarm=0.01)
+    alarms, (first, *_) = monitor_sequentially(samples, false_alarm=0.01)
     assert not alarms
     return samples, first
 

@@ -18,7 +18,7 @@ from bars import FULL, not_above, not_below
 
 from bfi_cli.config import Config, merge
 from bfi_cli.detection import detect_faults
-from bfi_cli.detection.parity import detect_sequentially
+from bfi_cli.detection.parity import monitor_sequentially
 from bfi_cli.detection.preparation import decimate_record, prepare_detection
 from bfi_cli.faults import Fault
 from bfi_cli.faults.filters import Filter, response_of
@@ -75,7 +75,7 @@ def windows(log: FlightLog) -> Iterator[FlightLog]:
 def healthy(part: FlightLog, flight: str, config: Config) -> Healthy:
     prepared = prepare_detection(part, config)
     samples = decimate_record(prepared, prepared.choice.factor)
-    alarms, (first, *_) = detect_sequentially(samples, false_alarm=config.detect.false_alarm)
+    alarms, (first, *_) = monitor_sequentially(samples, false_alarm=config.detect.false_alarm)
     at = first.model.n_healthy - first.model.errors.start
     ratios = first.drops.deviate[at:] / first.threshold.level
     time_s = samples.time_s[first.model.samples[first.model.n_healthy :]]

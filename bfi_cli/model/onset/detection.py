@@ -31,7 +31,7 @@ from .result import OnsetResult
 from .rivals import known_faults, rivals_of, scans_beside, unconfirmed, with_rivals
 from .scan import HypothesisScan, Peak, bic_change, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import ScanRecord, prepare_record
-from .search import OnsetSearch, declared_faults, result_of
+from .search import OnsetSearch, declared_faults, onset_result
 
 # A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
 MOST_FAULTS = 5
@@ -81,7 +81,7 @@ def find_onset(
     helps = None if published else what_would_help(log, config, conclusion.verdicts)
     source_notes = [note for source in (searched.evidence, *beside) for note in source.notes]
     notes = [*conclusion.notes, *source_notes, *filter(None, [helps])]
-    return result_of(searched, conclusion, config.start_time.false_alarm, notes)
+    return onset_result(searched, conclusion, config.start_time.false_alarm, notes)
 
 
 def _as_published(log: FlightLog, config: Config, progress: Progress) -> OnsetSearch:

@@ -115,7 +115,7 @@ def declared_faults(
     return tuple(faults)
 
 
-def result_of(search: OnsetSearch, conclusion: Conclusion, false_alarm: float, notes: Sequence[Note]) -> OnsetResult:
+def onset_result(search: OnsetSearch, conclusion: Conclusion, false_alarm: float, notes: Sequence[Note]) -> OnsetResult:
     """Return the answer of a search and a conclusion from its evidence, in SI.
 
     Parameters

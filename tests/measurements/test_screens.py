@@ -16,7 +16,7 @@ from bfi_cli.faults import Fault
 from bfi_cli.flight.looks import inputs_for
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.model.onset.decision import shipped_rule
-from bfi_cli.model.onset.scan import SCREENED, scan_hypotheses, screened
+from bfi_cli.model.onset.scan import PROMISED, SCREENED, promise_of, scan_hypotheses, screened
 from bfi_cli.model.onset.scan_record import prepare_record
 
 pytestmark = pytest.mark.slow
@@ -36,8 +36,8 @@ def faulty(log: FlightLog, shape: str, from_s: float, rng: np.random.Generator) 
     return inject(log, [Fault(shape="sine", channel="tas", magnitude=size / 3.0, onset_s=onset_s, frequency_hz=hz)])
 
 
-def screen_of(log: FlightLog, shape: str, from_s: float, order: int) -> float | None:
-    """Return the screen of a shape over its threshold; None where its statistic does not exceed that."""
+def screen_of(log: FlightLog, shape: str, from_s: float, order: int) -> tuple[float, float] | None:
+    """Return screen and promise of a shape over its threshold; None where its statistic does not exceed that."""
     window = {"from_s": from_s, "to_s": from_s + WINDOW_S}
     used = {"inputs": inputs_for(log), "outputs": ("tas",), "window": window, "model": {"order": order}}
     config = merge(Config(), used)
@@ -45,18 +45,24 @@ def screen_of(log: FlightLog, shape: str, from_s: float, order: int) -> float | 
     threshold = shipped_rule(record, config).threshold(shape)
     (peak,) = (peak for peak in scan_hypotheses(record, record.y).peaks if peak.form.shape == shape)
     (form,) = (form for form in record.forms if form.shape == shape)
-    return screened(record, record.y, form) / threshold if peak.statistic > threshold else None
+    if peak.statistic <= threshold:
+        return None
+    return screened(record, record.y, form) / threshold, promise_of(record, record.y, form) / threshold
 
 
 @pytest.mark.parametrize("shape", ["bias", "sine"])
 @pytest.mark.parametrize("aircraft", AIRCRAFT)
 def test_no_window_in_which_a_fault_stands_out_is_left_out(aircraft: str, shape: str) -> None:
-    screens: list[float] = []
+    screens: list[tuple[float, float]] = []
     for seed in range(SEEDS):
         rng = np.random.default_rng([7, AIRCRAFT.index(aircraft), seed])
         for from_s in STARTS_S:
             log = faulty(tour(aircraft, seed=seed), shape, float(from_s), rng)
             screen = screen_of(log, shape, float(from_s), int(rng.choice(ORDERS)))
             screens += [] if screen is None else [screen]
-    print(f"{aircraft}, {shape}: {len(screens)} stand out, least screen {min(screens):.2f} of the threshold")
-    assert min(screens) > MARGIN / SCREENED
+    screen, promise = map(min, zip(*screens, strict=True))
+    print(
+        f"{aircraft}, {shape}: {len(screens)} stand out, screen {screen:.2f} and promise {promise:.2f} of the threshold"
+    )
+    assert screen > MARGIN / SCREENED
+    assert promise > 1.0 > 1.0 / PROMISED

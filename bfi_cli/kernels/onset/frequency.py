@@ -16,6 +16,7 @@ residuals that both explain says at which onsets a sine is worth its screen.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 
 import numpy as np
 
@@ -86,9 +87,9 @@ class Sines:
         self.squares, self.remaining = squares, np.cumsum(squares[::-1])[::-1]
         self.doubled = np.cumsum((squares * turning**2)[:, ::-1], axis=1)[:, ::-1]
         self.turning = turning
-        left = n * np.exp(-CLOSER * np.arange(1 + int(np.log(n) / CLOSER)))
-        self.borders = np.unique((n - left).astype(np.intp))
-        self.steady_share = self._explained_by_both(sums[..., self.borders])
+        self.borders = _borders(n)
+        at = self.doubled[:, self.borders]
+        self.steady_share = _explained_by_both(scan, sums[..., self.borders], self.remaining[self.borders], at)
         # Copies at lags s .. 0, differenced: the difference of exp(i w k) is exp(i w k) (1 - exp(-i w)).
         lags, degrees = np.arange(s, -1, -1), np.array(scan.degrees)
         turned, half = angles[:, None], 0.5 * angles[:, None]
@@ -97,19 +98,6 @@ class Sines:
         since = np.arange(1, s)[:, None] - lags
         copies = np.where(since < 0, 0.0, np.sin(turned[..., None] * since))
         self.early = difference(copies.transpose(2, 0, 1), scan.degree).transpose(1, 2, 0)
-
-    def _explained_by_both(self, sums: ComplexArray) -> FloatArray:
-        """Return the share (n_angles, n_borders) of the residuals that sine and cosine from a border on explain."""
-        n_regressors = len(self.scan.Q) - self.scan.n_outputs
-        known, errors = sums[:n_regressors], sums[n_regressors:]
-        total, doubled = self.remaining[self.borders], self.doubled[:, self.borders]
-        cosine = 0.5 * (total + doubled.real) - np.einsum("rkb,rkb->kb", known.real, known.real)
-        sine = 0.5 * (total - doubled.real) - np.einsum("rkb,rkb->kb", known.imag, known.imag)
-        both = 0.5 * doubled.imag - np.einsum("rkb,rkb->kb", known.real, known.imag)
-        determinant = cosine * sine - both**2
-        sound = determinant > ROUNDING * (cosine + sine) ** 2
-        explained = errors.real**2 * sine + errors.imag**2 * cosine - 2.0 * errors.real * errors.imag * both
-        return np.where(sound, explained.sum(axis=0) / np.where(sound, determinant, 1.0), 1.0)
 
     def most_promising(self, k: int, onsets: IntArray) -> IntArray:
         """Return `MOST_ONSETS` of the onsets of a sine, or as many as there are."""
@@ -137,6 +125,57 @@ class Sines:
             steady -= np.einsum("qn,qjn->jn", C[: scan.n_base, i], C[: scan.n_base, i:])
             S[i, i:] = S[i:, i] = steady
         return C[scan.n_base :], S
+
+
+def promised(scan: Scan, frequencies: FloatArray) -> FloatArray:
+    """Return about the largest statistic (n_frequencies,) that each sine may have, at any onset and of any size.
+
+    It is that of impulses in the samples after the onset, and of a sine and a cosine from there on, together: what a
+    sine and its lagged copies consist of. The two are taken for uncorrelated off the regressors.
+
+    Parameters
+    ----------
+    frequencies : (n_frequencies,) cycles per sample.
+    """
+    n, borders, onsets = scan.n_samples, _borders(scan.n_samples), default_onsets(scan)
+    turning = np.exp(2j * np.pi * np.outer(np.arange(n), frequencies))
+    squares = np.ones(n) if scan.weights is None else scan.weights**2
+    # Sums from each border to the next, then from each border on.
+    steps = list(pairwise([*borders.tolist(), n]))
+    sums = np.stack([scan.Q[:, first:end] @ turning[first:end] for first, end in steps], axis=-1)
+    doubled = np.stack([squares[first:end] @ turning[first:end] ** 2 for first, end in steps], axis=-1)
+    sums, doubled = (np.cumsum(x[..., ::-1], axis=-1)[..., ::-1] for x in (sums, doubled))
+    steady = _explained_by_both(scan, sums, np.cumsum(squares[::-1])[::-1][borders], doubled)
+    steady = np.maximum(steady, np.concatenate([steady[:, 1:], steady[:, -1:]], axis=1))
+    share = scan.impulses()[onsets] + steady[:, np.searchsorted(borders, onsets, side="right") - 1]
+    early = onsets <= n - MIN_CYCLES / frequencies[:, None]
+    left = np.maximum(1.0 - np.max(share, axis=1, initial=0.0, where=early), np.finfo(float).tiny)
+    return np.asarray(-scan.n_rows * np.log(left))
+
+
+def _borders(n: int) -> IntArray:
+    """Return the samples of a record of n from which on sines and cosines are compared with it."""
+    left = n * np.exp(-CLOSER * np.arange(1 + int(np.log(n) / CLOSER)))
+    return np.unique((n - left).astype(np.intp))
+
+
+def _explained_by_both(scan: Scan, sums: ComplexArray, total: FloatArray, doubled: ComplexArray) -> FloatArray:
+    """Return the share (n_angles, n_borders) of the residuals that sine and cosine from a border on explain.
+
+    Parameters
+    ----------
+    sums : (n_rows, n_angles, n_borders) of the rows of the record times exp(i w k) from each border on.
+    total, doubled : (n_borders,) and (n_angles, n_borders) of the squared weights, alike, and times exp(2i w k).
+    """
+    n_regressors = len(scan.Q) - scan.n_outputs
+    known, errors = sums[:n_regressors], sums[n_regressors:]
+    cosine = 0.5 * (total + doubled.real) - np.einsum("rkb,rkb->kb", known.real, known.real)
+    sine = 0.5 * (total - doubled.real) - np.einsum("rkb,rkb->kb", known.imag, known.imag)
+    both = 0.5 * doubled.imag - np.einsum("rkb,rkb->kb", known.real, known.imag)
+    determinant = cosine * sine - both**2
+    sound = determinant > ROUNDING * (cosine + sine) ** 2
+    explained = errors.real**2 * sine + errors.imag**2 * cosine - 2.0 * errors.real * errors.imag * both
+    return np.where(sound, explained.sum(axis=0) / np.where(sound, determinant, 1.0), 1.0)
 
 
 # A frequency, cycles per sample, and a pair of start and end to begin with.

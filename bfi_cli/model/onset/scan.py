@@ -14,6 +14,7 @@ import numpy as np
 from ...kernels import FloatArray
 from ...kernels.onset.frequency import (
     frequency_grid,
+    promised,
     scan_frequency,
     scan_frequency_ends,
     screen_grid,
@@ -41,6 +42,9 @@ REMEMBERED = 12
 # SCREENED [1]: threshold over the screen of a window in which a fault may still stand out. Of 89 windows of three
 # aircraft in which one does the screen is at least 0.96 of the threshold (tests/measurements/test_screens.py).
 SCREENED = 4.0
+# PROMISED [1]: threshold over what a sine of the grid promises, from which on it is screened: one of a frequency amid
+# two of them, a quarter of its peak's width beside both, has 1 / sinc(1/4)^2 = 1.23 times their statistic.
+PROMISED = 1.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -300,7 +304,9 @@ def lasting_peak(record: ScanRecord, scan: Scan, form: ShapeHypothesis, report: 
 
 
 def may_exceed(record: ScanRecord, y: FloatArray, thresholds: Mapping[str, float]) -> bool:
-    """Return whether the statistic of some shape may exceed its threshold: whether a screen exceeds it over `SCREENED`.
+    """Return whether the statistic of some shape may exceed its threshold.
+
+    That is whether its screen exceeds it over `SCREENED`, and what it promises, where that is known, over `PROMISED`.
 
     Parameters
     ----------
@@ -311,7 +317,20 @@ def may_exceed(record: ScanRecord, y: FloatArray, thresholds: Mapping[str, float
     if record.settings.ends or len(record.orders) > 1:
         return True
     forms = (form for form in record.forms if form.shape in thresholds)
-    return any(screened(record, y, form) > thresholds[form.shape] / SCREENED for form in forms)
+    return any(
+        promise_of(record, y, form) > thresholds[form.shape] / PROMISED
+        and screened(record, y, form) > thresholds[form.shape] / SCREENED
+        for form in forms
+    )
+
+
+def promise_of(record: ScanRecord, y: FloatArray, form: ShapeHypothesis) -> float:
+    """Return about the largest statistic that a sine of the record's band may have; infinite for another shape."""
+    if form.shape != "sine" or form.parameter is not None:
+        return np.inf
+    scan = scan_of(record, y, record.orders[0], output=form.output)
+    low, high = (f / record.sampling.rate_hz for f in record.band_hz)
+    return float(promised(scan, frequency_grid(scan, (low, high))).max())
 
 
 def screened(record: ScanRecord, y: FloatArray, form: ShapeHypothesis) -> float:

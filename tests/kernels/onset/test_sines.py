@@ -12,6 +12,7 @@ from bfi_cli.kernels.onset import waveform as shapes
 from bfi_cli.kernels.onset.frequency import (
     Sines,
     frequency_grid,
+    promised,
     scan_frequency,
     screen_at,
     screen_grid,
@@ -79,6 +80,29 @@ def test_a_screened_statistic_is_at_most_the_exact_one(kind, seed):
         onsets = sine_onsets(scan, frequency, 6)
         exact = scan_shape(scan, shapes.sine(scan.n_samples, angle=2 * np.pi * frequency), onsets).statistic
         assert 0.0 <= screened <= exact.max() * (1.0 + 1e-6) + 1e-6
+
+
+@pytest.mark.first_rows(8)
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(4))
+def test_no_sine_has_more_than_it_promises(kind, seed):
+    scan = made(kind, seed, n=200)
+    frequencies = np.random.default_rng(seed).uniform(2.5 / scan.n_samples, 0.4, 4)
+    for frequency, promise in zip(frequencies, promised(scan, frequencies), strict=True):
+        onsets = default_onsets(scan)
+        onsets = onsets[onsets <= scan.n_samples - 2.0 / frequency]
+        exact = scan_shape(scan, shapes.sine(scan.n_samples, angle=2 * np.pi * frequency), onsets).statistic.max()
+        assert exact <= promise
+
+
+@pytest.mark.parametrize("onset", [80, 150, 220])
+def test_a_clear_sine_has_most_of_what_it_promises(onset):
+    frequency, (u, y) = 0.11, record(300)
+    y[:, 0] += 0.02 * y.std() * signal(shapes.sine(300, angle=2 * np.pi * frequency), onset)
+    scan = prepare_scan(u, y, order=4)
+    (promise,) = promised(scan, np.array([frequency]))
+    exact = scan_shape(scan, shapes.sine(300, angle=2 * np.pi * frequency)).statistic.max()
+    assert 0.8 * promise < exact <= promise
 
 
 @pytest.mark.first_rows(8)

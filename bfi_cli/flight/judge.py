@@ -183,14 +183,16 @@ def _channel_weights(place: Place, ordinary: Ordinary, named: Collection[str]) -
         (name, growth_s) for name in faults for growth_s in GROWTHS_S if name in named or growth_s in (0.0, np.inf)
     ]
     run = _run_of_channels(place, [(name, growth_s, place) for name, growth_s in kinds])
+    likelihood = run.log_likelihood
     best = {
-        name: max((h for h, kind in enumerate(kinds) if kind[0] == name), key=lambda h: run.log_likelihood[h])
+        name: max((h for h, kind in enumerate(kinds) if kind[0] == name), key=lambda h: likelihood[h])
         for name in faults
     }
     shocks = np.stack([beside(place, ordinary, list(faults[name])) for name in best], axis=1)
     moved = _run_of_channels(place, [(*kinds[h], place) for h in best.values()], shocks=shocks)
+    freed = moved.log_likelihood
     for k, (name, h) in enumerate(best.items()):
-        which, at = (moved, k) if moved.log_likelihood[k] > run.log_likelihood[h] else (run, h)
+        which, at = (moved, k) if freed[k] > likelihood[h] else (run, h)
         yield _weight_of_channel(place, ordinary, which, at, (name, kinds[h][1]))
 
 
@@ -213,7 +215,8 @@ def _run_of_channels(
     for h, (name, growth_s, at_place) in enumerate(hypotheses):
         width = _width(name, faults[name])
         onset, offset = at_place.onset, at_place.offset
-        lasts = np.ones(place.n) if offset is None else (seconds < offset + AT_END_S).astype(np.float64)
+        after_s = AT_END_S if max(at_place.jumps) > 0 else 0  # what ends at once is over at once
+        lasts = np.ones(place.n) if offset is None else (seconds < offset + after_s).astype(np.float64)
         course = np.clip((seconds - onset) / growth_s, 0.0, 1.0) if 0.0 < growth_s < np.inf else np.ones(place.n)
         for row, load in faults[name].items():
             at = np.asarray(load)[place.part] if np.ndim(load) else load
@@ -225,8 +228,8 @@ def _run_of_channels(
             moves[begins, h, 1] = (width / SLOW_S) ** 2 / begins.size
         else:
             start[h, 0] = width
-        ends = jump_seconds(at_place, offset) if offset is not None else begins[:0]
-        ends = ends[ends < (offset or 0) + AT_END_S]
+        ends = jump_seconds(at_place, offset) if offset is not None and after_s else begins[:0]
+        ends = ends[ends < (offset or 0) + after_s]
         if ends.size:
             moves[ends, h, 0] += width**2 / ends.size
     return run_place(place, shocks=shocks, extra=extra, extra_Q=moves, extra_start=start)

@@ -40,6 +40,7 @@ class Law:
     start : of what a trapped pressure is beside its first readings, Pa of the total one, m of the height; of what a
         leak with a time constant goes to.
     time_constant_s : with which a line goes to another pressure, None of one that does not.
+    grows_s : in which what a line loses has grown to the whole, evenly; None of one that grows otherwise.
     """
 
     fault: str
@@ -48,6 +49,7 @@ class Law:
     walk: float = 0.0
     start: float = 0.0
     time_constant_s: float | None = None
+    grows_s: float | None = None
 
 
 # A tube that leaks loses a part at once, or all of it within a minute: the logarithm falls by a sixtieth in a second.
@@ -64,6 +66,10 @@ LAWS = (
 )
 # A static line that goes to its cabin's pressure: time constants from what shows within a few seconds to a minute.
 LEAKS = tuple(Law(fault=STATIC_LEAK, start=2000.0, time_constant_s=seconds) for seconds in (4.0, 8.0, 16.0, 32.0, 64.0))
+# Ice that grows for a while and stays: of a tenth to a half of the impact pressure at 0.1 to 0.5 % in a second.
+ICINGS = tuple(
+    Law(fault=PITOT_ICING, start=0.3, grows_s=seconds) for seconds in (30.0, 60.0, 90.0, 135.0, 200.0, 300.0)
+)
 PASSES = 3  # in which the course of a line is made from the filter's answer
 COURSE_S = 11  # over which a course is smoothed
 MOST_HEIGHT = 8000.0  # m between an aircraft and its cabin: a differential pressure of 0.6 bar
@@ -92,15 +98,24 @@ class _Rows:
 
 
 def line_weights(place: Place, ordinary: Ordinary) -> Iterator[Weight]:
-    """Yield what every fault of a pressure line is worth at a place: the best of its laws."""
+    """Yield what every fault of a pressure line is worth at a place: the best of its laws.
+
+    Where a line that loses explains anything, the finer laws of its course are weighed too.
+    """
     model = place.bench.model
     if not has_lines(model):
         return
-    shocks = np.stack([beside(place, ordinary, shown_rows(model, law.fault)) for law in LAWS], axis=1)
     best: dict[str, Weight] = {}
-    for weight in weights_of_laws([(law, place) for law in LAWS], ordinary, shocks=shocks):
-        if weight.fault not in best or _rank(weight) > _rank(best[weight.fault]):
-            best[weight.fault] = weight
+
+    def weigh(laws: Sequence[Law]) -> None:
+        shocks = np.stack([beside(place, ordinary, shown_rows(model, law.fault)) for law in laws], axis=1)
+        for weight in weights_of_laws([(law, place) for law in laws], ordinary, shocks=shocks):
+            if weight.fault not in best or _rank(weight) > _rank(best[weight.fault]):
+                best[weight.fault] = weight
+
+    weigh(LAWS)
+    if max(best[fault].margin for fault in LIMITS) > 0.0:
+        weigh(ICINGS)
     yield from best.values()
 
 
@@ -151,9 +166,10 @@ def weights_of_laws(
             extra_Q=np.stack(moves * freedoms, axis=1),
             extra_start=np.stack(starts * freedoms),
         )
+        likelihood = run.log_likelihood
         for j, ((law, place), law_rows) in enumerate(zip(hypotheses, rows, strict=True)):
             fault = law.fault
-            h = max(range(j, run.log_likelihood.size, len(rows)), key=lambda h: run.log_likelihood[h])
+            h = j + len(rows) * int(np.argmax(likelihood[j :: len(rows)]))
             density = floored_density(
                 ordinary, run.log_density[:, h], run.innovation[:, h], run.sd[:, h], law_rows.floored
             )
@@ -166,6 +182,7 @@ def weights_of_laws(
                 margin=margin,
                 shares=shares,
                 size=size,
+                sd=float(np.sqrt(max(run.final_covariance[h, -FAULT_STATES, -FAULT_STATES], 0.0))),
                 refused=_refused(fault, size),
                 dispersion=dispersion(place, run.innovation[:, h], shown_rows(model, fault)),
             )
@@ -202,9 +219,11 @@ def _moves(place: Place, law: Law) -> tuple[FloatArray, FloatArray]:
 
 def _growth(place: Place, law: Law) -> FloatArray:
     """Return (n,) the share of what a line goes to that it has reached."""
+    since_s = np.maximum(np.arange(place.n) - place.onset + 0.5, 0.0)
+    if law.grows_s is not None:
+        return np.asarray(np.minimum(since_s / law.grows_s, 1.0))
     if law.time_constant_s is None:
         return np.ones(place.n)
-    since_s = np.maximum(np.arange(place.n) - place.onset + 0.5, 0.0)
     return np.asarray(-np.expm1(-since_s / law.time_constant_s))
 
 

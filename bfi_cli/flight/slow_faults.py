@@ -72,7 +72,7 @@ def find_slow_faults(
     """
     held = [(draft.from_s, draft.until_s) for draft in before if draft.finding.stage == "holds"]
     # What is surely small hides in no residual: nothing is left out for it.
-    exact = (draft for draft in before if draft.finding.stage == "static relations")
+    exact = (draft for draft in before if draft.finding.stage == "static relations" and not draft.finding.doubt)
     known = [draft for draft in exact if beyond_its_tolerance(flight, draft) is not False]
     for draft in known:
         if draft.finding.shape != "bias":  # a constant is a nuisance of every residual anyway

@@ -14,14 +14,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from .bench import CHECK_S, JUMP_S, SHOWN_S, Bench, Place, place_of
-from .judge import channel_faults, ordinary_of, weights_of_channel
-from .lines import LAWS, LEAKS, has_lines, weights_of_laws
+from .judge import GROWTHS_S, channel_faults, ordinary_of, weights_of_channel
+from .lines import ICINGS, LAWS, LEAKS, Law, has_lines, weights_of_laws
 from .weight import Ordinary, Weight
 
 REACH_S = 60  # to both sides of a proposed onset or end, in which it is sought: beyond it another fault begins
 COARSE_S = 5  # between the seconds that are tried first; then every second between the neighbours of the best
 FEWEST_S = 5  # of a fault that are weighed
 TAIL = 0.025  # share of the likelihood to each side of an interval
+# Before what may be the end of a fault, in which its onset is sought, and between the onsets that are tried first: an
+# error that lasts shows at any of them.
+EARLIER_S, EARLIER_STEP_S = 420, 30
+# Seconds in which an error grew that is over, and shares of these that are tried beside the best: of `GROWTHS_S` the
+# finer ones.
+GROWN_S = (0.0, 10.0, 20.0, 40.0, 60.0, 80.0, 110.0, 150.0, 200.0, np.inf)
+BESIDE = (0.75, 0.82, 0.9, 0.95, 1.0, 1.05, 1.1, 1.2, 1.3)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,12 +38,17 @@ class Timing:
     Attributes
     ----------
     weight : what the fault is worth as it begins and ends there.
+    grows_s : in which what a line loses grows evenly and then stays, None of another course.
     """
 
     onset_s: float
     onset_ci95: tuple[float, float]
     offset_s: float | None
     weight: Weight
+    grows_s: float | None = None
+
+
+Course = float | Law  # of a channel the seconds of its growth, of a line its law
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +59,7 @@ class _Peak:
     first: Place
     last: Place
     weight: Weight
+    course: Course
 
 
 def timing_of(
@@ -64,31 +77,108 @@ def timing_of(
     place = place_of(bench, onset_s, offset_s, until_s, earlier_s=earlier_s)
     if place is None or not _is_weighed(place, weight.fault):
         return None
-    time_s, proposed = bench.model.time_s[place.part], place.onset
-    last = min(proposed + REACH_S, (place.n if place.offset is None else place.offset) - FEWEST_S)
+    fault, proposed = weight.fault, place.onset
+    last = latest = min(proposed + REACH_S, (place.n if place.offset is None else place.offset) - FEWEST_S)
+    courses: Sequence[Course]
+    if weight.growth_s is None:
+        courses = _laws(place, fault, proposed, place.offset, ordinary_of(place))
+        # What grows for minutes is told by minutes.
+        last += max(int(law.grows_s or 0.0) for law in courses)
+    else:
+        courses = (weight.growth_s,)
     part = place.until(last + SHOWN_S)
     ordinary = ordinary_of(part.at(proposed, part.offset, jumps=JUMP_S))
-    begins = _peak(weight, [part.at(second, part.offset) for second in range(proposed - earlier_s, last + 1)], ordinary)
+    onsets = range(proposed - earlier_s, latest + 1)
+    begins = _peak(fault, courses, [part.at(second, part.offset) for second in onsets], ordinary)
     if begins is None:
         return None
-    offset, known = offset_s, begins.weight
+    ends = None
     if place.offset is not None:
-        first = max(begins.best.onset + FEWEST_S, place.offset - REACH_S)
         part = place.until(place.offset + REACH_S + SHOWN_S)
         ordinary = ordinary_of(part.at(begins.best.onset, part.offset, jumps=JUMP_S))
-        seconds = range(first, min(place.offset + REACH_S, part.n - 1) + 1)
-        ends = _peak(weight, [part.at(begins.best.onset, second) for second in seconds], ordinary)
-        if ends is not None:
-            assert ends.best.offset is not None
-            offset, known = float(time_s[ends.best.offset] - 0.5), ends.weight
+        ends = _end(fault, begins, part, REACH_S, ordinary)
+    return _timing(begins, ends, offset_s)
+
+
+def _end(fault: str, begins: _Peak, part: Place, reach_s: int, ordinary: Ordinary) -> _Peak | None:
+    """Return when a fault ends that begins at a second of a part with an end."""
+    assert part.offset is not None
+    onset = begins.best.onset
+    seconds = range(max(onset + FEWEST_S, part.offset - reach_s), min(part.offset + reach_s, part.n - 1) + 1)
+    return _peak(fault, (begins.course,), [part.at(onset, second) for second in seconds], ordinary)
+
+
+def _timing(begins: _Peak, ends: _Peak | None, offset_s: float | None) -> Timing:
+    time_s = begins.best.bench.model.time_s[begins.best.first :]
+    known = begins.weight
+    if ends is not None:
+        assert ends.best.offset is not None
+        offset_s, known = float(time_s[ends.best.offset] - 0.5), ends.weight
     # A reading is the mean of the second about its time: a step that it shows in full began in the second before that,
     # what grows from nothing within it.
     return Timing(
         onset_s=float(time_s[begins.best.onset] - 0.5),
         onset_ci95=(float(time_s[begins.first.onset] - 1.0), float(time_s[begins.last.onset] + 0.5)),
-        offset_s=offset,
+        offset_s=offset_s,
         weight=known,
+        grows_s=begins.course.grows_s if isinstance(begins.course, Law) else None,
     )
+
+
+def begun_before(bench: Bench, fault: str, end_s: float, *, sure: float, until_s: float = np.inf) -> Timing | None:
+    """Return when a fault began that is over at a time; None where one that begins then explains the flight as well.
+
+    Parameters
+    ----------
+    end_s : where a finder proposes the fault: what comes back steps there, too.
+    sure : log density by which a fault that is over must explain the flight better, and better than none.
+    until_s : what comes later is not weighed.
+    """
+    flown = bench.model.time_s[min(bench.checks)] + CHECK_S
+    earlier_s = int(np.clip(end_s - flown, 0, EARLIER_S))
+    place = place_of(bench, end_s, None, until_s, earlier_s=earlier_s)
+    if place is None or not _is_weighed(place, fault):
+        return None
+    end = place.onset
+    place = place.until(end + SHOWN_S)
+    ordinary = ordinary_of(place)
+    is_channel = fault in channel_faults(place)
+    first_courses = GROWTHS_S if is_channel else [law for law in LAWS if law.fault == fault]
+
+    def best(places: Sequence[Place]) -> tuple[Place, Weight]:
+        weights = _weights(fault, first_courses, places, ordinary)
+        return max(((at, weight) for at, (weight, _) in zip(places, weights, strict=True)), key=lambda at: _rank(at[1]))
+
+    _, begins = best([place.at(second, None) for second in (end - 1, end, end + 1)])
+    onsets = range(end - earlier_s, end - FEWEST_S, EARLIER_STEP_S)
+    if not onsets:
+        return None
+    began, over = best([place.at(second, end) for second in onsets])
+    if over.refused or over.margin <= sure + (0.0 if begins.refused else max(0.0, begins.margin)):
+        return None
+
+    def peak(courses: Sequence[Course], about: int, reach_s: int) -> _Peak | None:
+        near = range(max(about - reach_s, end - earlier_s), min(about + reach_s, end - FEWEST_S) + 1)
+        return _peak(fault, courses, [place.at(second, end) for second in near], ordinary)
+
+    courses = GROWN_S if is_channel else _laws(place, fault, began.onset, end, ordinary)
+    onset = peak(courses, began.onset, EARLIER_STEP_S)
+    if onset is not None and not isinstance(onset.course, Law) and 0.0 < onset.course < np.inf:
+        onset = peak([share * onset.course for share in BESIDE], onset.best.onset, EARLIER_STEP_S)
+    if onset is None:
+        return None
+    return _timing(onset, _end(fault, onset, place.at(end, end), COARSE_S, ordinary), end_s)
+
+
+def _laws(place: Place, fault: str, onset: int, offset: int | None, ordinary: Ordinary) -> Sequence[Law]:
+    """Return the law by which a line goes on that fails about a second of a part."""
+    reach_s = EARLIER_STEP_S // 2
+    seconds = range(max(onset - reach_s, 0), onset + reach_s + 1, COARSE_S)
+    about = [place.at(second, offset) for second in seconds if second < place.n - FEWEST_S]
+    weights = _weights(fault, [law for law in (*LAWS, *ICINGS, *LEAKS) if law.fault == fault], about, ordinary)
+    law = max(weights, key=lambda pair: _rank(pair[0]))[1]
+    assert isinstance(law, Law)
+    return (law,)
 
 
 def _is_weighed(place: Place, fault: str) -> bool:
@@ -97,36 +187,50 @@ def _is_weighed(place: Place, fault: str) -> bool:
     return lines or fault in channel_faults(place)
 
 
-def _weights(weight: Weight, places: Sequence[Place], ordinary: Ordinary) -> list[Weight]:
-    """Return what a fault is worth at places: of a line by the best of its laws, of a channel as it grew."""
-    if weight.growth_s is not None:
-        return list(weights_of_channel(weight.fault, weight.growth_s, places, ordinary))
-    laws = [law for law in (*LAWS, *LEAKS) if law.fault == weight.fault]
-    weights = weights_of_laws([(law, place) for place in places for law in laws], ordinary)
-    by_place = (weights[k : k + len(laws)] for k in range(0, len(weights), len(laws)))
-    return [max(some, key=lambda weight: weight.margin) for some in by_place]
+def _rank(weight: Weight) -> tuple[bool, float]:
+    return not weight.refused, weight.margin
 
 
-def _peak(weight: Weight, places: Sequence[Place], ordinary: Ordinary) -> _Peak | None:
+def _weights(
+    fault: str, courses: Sequence[Course], places: Sequence[Place], ordinary: Ordinary
+) -> list[tuple[Weight, Course]]:
+    """Return what a fault is worth at places, each by the best of its courses."""
+    laws = [course for course in courses if isinstance(course, Law)]
+    growths = [course for course in courses if not isinstance(course, Law)]
+    by_course = [weights_of_channel(fault, growth_s, places, ordinary) for growth_s in growths]
+    if laws:
+        weights = weights_of_laws([(law, place) for law in laws for place in places], ordinary)
+        by_course += [weights[k : k + len(places)] for k in range(0, len(weights), len(places))]
+    used: list[Course] = [*growths, *laws]
+    best = [max(range(len(used)), key=lambda j: _rank(by_course[j][k])) for k in range(len(places))]
+    return [(by_course[j][k], used[j]) for k, j in enumerate(best)]
+
+
+def _peak(fault: str, courses: Sequence[Course], places: Sequence[Place], ordinary: Ordinary) -> _Peak | None:
     """Return the best of places in the order of time, and those between which 95 % of the likelihood lie."""
     if not places:
         return None
-    tried: dict[int, Weight] = {}
+    tried: dict[int, tuple[Weight, Course]] = {}
+
+    def margin(k: int) -> float:
+        return tried[k][0].margin
+
     coarse = range(0, len(places), COARSE_S)
-    tried.update(zip(coarse, _weights(weight, [places[k] for k in coarse], ordinary), strict=True))
-    best = max(tried, key=lambda k: tried[k].margin)
+    tried.update(zip(coarse, _weights(fault, courses, [places[k] for k in coarse], ordinary), strict=True))
+    best = max(tried, key=margin)
     fine = [k for k in range(max(best - COARSE_S, 0), min(best + COARSE_S, len(places) - 1) + 1) if k not in tried]
     if fine:
-        tried.update(zip(fine, _weights(weight, [places[k] for k in fine], ordinary), strict=True))
-    best = max(tried, key=lambda k: tried[k].margin)
+        tried.update(zip(fine, _weights(fault, courses, [places[k] for k in fine], ordinary), strict=True))
+    best = max(tried, key=margin)
     known = sorted(tried)
-    profile = np.interp(range(len(places)), known, [tried[k].margin for k in known])
-    share = np.exp((profile - profile.max()) / tried[best].dispersion)
+    profile = np.interp(range(len(places)), known, [margin(k) for k in known])
+    share = np.exp((profile - profile.max()) / tried[best][0].dispersion)
     below = np.cumsum(share) / share.sum()
     first, last = int(np.searchsorted(below, TAIL)), int(np.searchsorted(below, 1.0 - TAIL))
     return _Peak(
         best=places[best],
         first=places[min(first, best)],
         last=places[max(min(last, len(places) - 1), best)],
-        weight=tried[best],
+        weight=tried[best][0],
+        course=tried[best][1],
     )

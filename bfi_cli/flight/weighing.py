@@ -28,7 +28,7 @@ from .result import Event, OrdinaryEvent
 from .seconds import seconds_of
 from .tables import ALTIMETER_SET, ON_GROUND
 from .tables import ORDINARY as CAUSES
-from .timing import timing_of
+from .timing import Timing, begun_before, timing_of
 from .weight import Weight
 
 # Log density over the best ordinary explanation above which a fault is declared: none of 14 healthy flights of seven
@@ -44,13 +44,15 @@ ABOUT_S = 90.0
 # Shapes that the seconds of a flight do not show: what is over within one, and what swings.
 UNWEIGHED = ("dropout", "spikes", "frozen", "offset", "sine", "cosine", "pitot_water")
 # Analyses that see no more of a flight than its model does; the others know inputs, or accelerations at the log's rate.
-SEES_NO_MORE = {"static relations", "sensors"}
+SEES_NO_MORE = {"static relations", "sensors", "flight model"}
 FASTER_HZ = 1.5  # above which a log shows more than a sample a second
 MODEL: Stage = "flight model"
 AFTER_END_S = 10.0  # of a fault, in which filters of recorder and instrument still act
 # About a stretch of gross errors: when an event that lasts is of it, what is shown, and how well its onset is known.
 BESIDE_S, AROUND_S, ONSET_S = 60.0, 60.0, 3.0
 LOSSES = ("pitot_icing", "pitot_leak", "pitot_water", "q_impact")  # of an impact pressure
+# What comes back to a line: a gain of impact pressure, and a fall of the static one.
+ENDED_BY = {"q_impact": ("pitot_icing", "pitot_leak"), "static_leak": ("static_leak",)}
 EXACT = {"static relations", "sensors"}  # analyses by what holds exactly, or to the last bit
 AIRSPEEDS = ("tas", "cas", "ias", "mach")
 # Of a pressure line its finder describes the course; the model tells which line it is.
@@ -108,6 +110,14 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
             continue
         line = _line(event)
         rest = [events[j] for j in order if j != k and isinstance(answers[j], Event)]
+        begun = _begun_before(bench, event, flight.to_s)
+        if begun is not None:
+            alike = [other for other in rest if _line(other) or other.fault == event.fault]
+            cause = next((other for other in alike if abs(other.onset_s - begun.onset_s) < APART_S), None)
+            if cause is not None:
+                answers[k] = _after(event, cause)
+                continue
+            event = _from_its_onset(bench, event, begun)
         others = [other.onset_s for other in rest if not line or _line(other) != line]
         others += [other.onset_s for other in swinging_events]
         beside = [other.onset_s for other in (*known, *(events[j] for j in order if j != k))]
@@ -344,49 +354,80 @@ def _without_rival(event: Event, weight: Weight) -> Event | Note:
 
 
 def _renamed(bench: Bench, event: Event, best: Weight, among: tuple[str, ...], until_s: float) -> Event:
-    """Return an event as the fault that explains its place best, from when that fault itself begins.
-
-    Its size is that of an error of one channel.
-    """
+    """Return an event as the fault that explains its place best, from when that fault itself begins."""
     timing = timing_of(bench, best, event.onset_s, event.offset_s, until_s=until_s)
-    if timing is not None:
-        event = replace(
-            event,
-            onset_s=timing.onset_s,
-            onset_ci95=timing.onset_ci95,
-            offset_s=timing.offset_s,
-            seen_until_s=max(event.seen_until_s, timing.onset_s),
-        )
-        best = replace(timing.weight, margin=best.margin, shares=best.shares)
-    line = best.growth_s is None
-    channels = channels_of(best.fault, bench.model.seconds.recorded)
-    lasts_s = (event.seen_until_s if event.offset_s is None else event.offset_s) - event.onset_s
-    drifts = best.growth_s == np.inf
-    magnitude = None if line else best.size / max(lasts_s, 1.0) if drifts else best.size
-    sd = None if line or best.sd is None else best.sd / max(lasts_s, 1.0) if drifts else best.sd
-    unit = "" if line else STANDARD[best.fault].unit
+    described = _described(bench, event, best) if timing is None else _timed(bench, event, timing)
+    return replace(
+        described,
+        among=tuple(name for name in among if name != FROZEN),
+        state="declared",
+        margin=best.margin,
+        refuted_by=_against(best),
+        note=f"first taken for '{event.fault}'",
+        repeat=repeat_advice(among),
+    )
+
+
+def _begun_before(bench: Bench, event: Event, until_s: float) -> Timing | None:
+    """Return from when to when a fault lasts of which an event is the return, None where it is none."""
+    if event.offset_s is not None or event.magnitude is None or "holds" in event.stages or event.shape == "drift":
+        return None
+    faults = ENDED_BY.get(event.fault, ()) if _line(event) else (event.fault,)
+    timings = [begun_before(bench, fault, event.onset_s, sure=DECLARED, until_s=until_s) for fault in faults]
+    return max((each for each in timings if each is not None), key=lambda each: each.weight.margin, default=None)
+
+
+def _from_its_onset(bench: Bench, event: Event, timing: Timing) -> Event:
+    """Return an event that is the return of a fault as that fault."""
+    fault, weight = timing.weight.fault, timing.weight
+    if weight.growth_s not in (None, np.inf) and event.magnitude is not None:
+        # By what the reading comes back the finder measures, beside its own relations.
+        timing = replace(timing, weight=replace(weight, size=-event.magnitude, sd=event.sd))
+    return replace(
+        _timed(bench, event, timing),
+        among=tuple(dict.fromkeys((fault, *event.among))),
+        note=f"its return at {event.onset_s:.0f} s stood out first",
+    )
+
+
+def _timed(bench: Bench, event: Event, timing: Timing) -> Event:
+    """Return an event as a fault from when that begins to when it ends."""
+    timed = replace(
+        event,
+        onset_s=timing.onset_s,
+        onset_ci95=timing.onset_ci95,
+        offset_s=timing.offset_s,
+        seen_until_s=max(event.seen_until_s, timing.onset_s),
+    )
+    return _described(bench, timed, timing.weight)
+
+
+def _described(bench: Bench, event: Event, weight: Weight) -> Event:
+    """Return an event with the name, the course and the size of a fault; of a line no size is told."""
+    line, growth_s = weight.growth_s is None, weight.growth_s or 0.0
+    channels = channels_of(weight.fault, bench.model.seconds.recorded)
+    lasts_s = max((event.seen_until_s if event.offset_s is None else event.offset_s) - event.onset_s, 1.0)
+    drifts = growth_s == np.inf
+    per = lasts_s if drifts else 1.0
+    magnitude = None if line else weight.size / per
+    sd = None if line or weight.sd is None else weight.sd / per
+    unit = "" if line else STANDARD[weight.fault].unit
     half = None if sd is None else TWO_SIDED_95 * sd
     return replace(
         event,
-        fault=best.fault,
-        among=tuple(name for name in among if name != FROZEN),
+        fault=weight.fault,
         channels=channels,
-        state="declared",
-        shape=best.fault if line else "drift" if drifts else "bias",
-        kind="slow" if drifts or best.fault in SLOW else "abrupt",
-        constant_s=None,
+        shape=weight.fault if line else "drift" if drifts else "ramp_hold" if growth_s else "bias",
+        kind="slow" if growth_s or weight.fault in SLOW else "abrupt",
+        constant_s=growth_s if 0.0 < growth_s < np.inf else None,
         magnitude=magnitude,
         unit=per_second(unit) if drifts and unit else unit,
         sd=sd,
         ci95=None if magnitude is None or half is None else (magnitude - half, magnitude + half),
         effect={name: size for name, size in event.effect.items() if name in channels}
         if line
-        else {best.fault: best.size},
+        else {weight.fault: weight.size},
         stages=tuple(dict.fromkeys((*event.stages, MODEL))),
-        margin=best.margin,
-        refuted_by=_against(best),
-        note=f"first taken for '{event.fault}'",
-        repeat=repeat_advice(among),
     )
 
 

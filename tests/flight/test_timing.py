@@ -13,7 +13,7 @@ from bfi_cli.flight.bench import Bench, bench_of
 from bfi_cli.flight.judge import judge
 from bfi_cli.flight.model import flight_model
 from bfi_cli.flight.seconds import seconds_of
-from bfi_cli.flight.timing import timing_of
+from bfi_cli.flight.timing import begun_before, timing_of
 from bfi_cli.flight.weight import Weight
 from bfi_cli.flightlog.injection import inject
 
@@ -89,3 +89,26 @@ def test_an_end_is_found_with_the_onset():
     assert timing.onset_s == pytest.approx(ONSET_S, abs=1.0)
     assert timing.offset_s == pytest.approx(OFFSET_S, abs=1.0)
     assert timing.weight.size == pytest.approx(4.0, abs=0.3)
+
+
+@pytest.mark.first_rows(1)
+@pytest.mark.parametrize(
+    ("spec", "fault", "growth_s"),
+    [
+        ("bias,channel=tas,magnitude=6", "tas", 0.0),
+        ("ramp_hold,channel=tas,magnitude=8,duration_s=45", "tas", 45.0),
+        ("static_leak,time_constant_s=8", "static_leak", None),
+    ],
+)
+def test_what_comes_back_began_before(spec: str, fault: str, growth_s: float | None) -> None:
+    bench = bench_with(f"{spec},onset_s={ONSET_S},offset_s={OFFSET_S}")
+    timing = begun_before(bench, fault, OFFSET_S + 1.0, sure=20.0)
+    assert timing is not None
+    assert timing.onset_s == pytest.approx(ONSET_S, abs=2.0 if not growth_s else 0.2 * growth_s)
+    assert timing.offset_s == pytest.approx(OFFSET_S, abs=1.5)
+    assert timing.weight.growth_s == (growth_s and pytest.approx(growth_s, rel=0.3))
+
+
+def test_what_lasts_began_no_earlier():
+    bench = bench_with(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}")
+    assert begun_before(bench, "tas", ONSET_S, sure=20.0) is None

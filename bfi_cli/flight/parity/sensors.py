@@ -88,6 +88,7 @@ IN_A_SECOND, ALL_AT_ONCE = 0.6, 0.4
 # Times what the flight usually shows beside climb and lift, and times the jump that nine tenths of the minutes beside
 # keep below: of 12 healthy flights of seven aircraft none has a step above 3 of the first and 2.6 of the second.
 UNUSUAL_PITCH, UNUSUAL_JUMP, BESIDE_JUMP_S = 3.0, 3.0, 60
+SETTLES = "flaps that move at once, or an attitude that settles, would show the same"
 STEEP_BANK = np.radians(45.0)  # beyond which lift is no more that of climb and load
 
 
@@ -555,17 +556,16 @@ def pitch_steps(record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:
     findings = []
     for k in _peaks(ratio, PITCH_MEAN_S + PITCH_GAP_S):
         onset_s = float(record.time_s[k - 1 + int(np.argmax(second[k - 1 : k + 2]))]) - 0.5 * STEP_S
-        findings.append(
-            _step(
-                "pitch",
-                float(unexplained[k]),
-                sd=max(usual, 1e-3 * float(size[k])),
-                unit="rad",
-                onsets_s=(onset_s, onset_s - STEP_S, onset_s + STEP_S),
-                statistic=float(ratio[k]),
-                words="pitch against climb and lift",
-            )
+        step = _step(
+            "pitch",
+            float(unexplained[k]),
+            sd=max(usual, 1e-3 * float(size[k])),
+            unit="rad",
+            onsets_s=(onset_s, onset_s - STEP_S, onset_s + STEP_S),
+            statistic=float(ratio[k]),
+            words="pitch against climb and lift",
         )
+        findings.append(replace(step, doubt=SETTLES))
     return tuple(findings)
 
 

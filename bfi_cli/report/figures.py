@@ -92,7 +92,6 @@ def draw(drawing: Drawing) -> Figure:
                 axes.set_xlabel("")
     for i, heat_map in enumerate(drawing.heat_maps):
         _draw_map(figure.add_subplot(grid[len(rows) + i, :]), heat_map)
-    figure.align_ylabels()
     return fix_places(figure)
 
 

@@ -45,16 +45,17 @@ def content_files(
     """
     from .figures import draw
     from .html import render_content
-    from .style import to_png, to_svg
+    from .style import settings, to_png, to_svg
     from .zoom import render_zoom
 
     files: dict[str, bytes] = {}
     vectors: dict[str, bytes] = {}
     plain = content if plain is None else plain
     for (drawing, _), in_si in zip(parts(report, content.drawings), plain.drawings, strict=True):
-        figure = draw(drawing)
-        vectors[drawing.name] = files[f"{drawing.name}.svg"] = to_svg(figure)
-        files[f"{drawing.name}.png"] = to_png(figure)
+        with settings():
+            figure = draw(drawing)
+            vectors[drawing.name] = files[f"{drawing.name}.svg"] = to_svg(figure)
+            files[f"{drawing.name}.png"] = to_png(figure)
         files[f"{drawing.name}_figure.csv"] = to_csv(DRAWING_COLUMNS, _points(in_si))
     files |= {f"{table.name}.csv": to_csv(table.heads, table.rows) for table in plain.tables}
     for name, made in plain.data.items():

@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import io
 import os
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from contextvars import ContextVar
 from functools import wraps
 from typing import TYPE_CHECKING, Any, ParamSpec
 
 from ..printable import shortened
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 BLACK, GREY = "#000000", "#8c8c8c"
@@ -63,9 +65,24 @@ SETTINGS = {
 
 P = ParamSpec("P")
 Look = dict[str, Any]
+_IN_FORCE = ContextVar("_IN_FORCE", default=False)
 
 
-def _settings() -> AbstractContextManager[None]:
+@contextmanager
+def settings() -> Iterator[None]:
+    """Draw under the settings of this module; within itself it changes nothing, and takes no time."""
+    if _IN_FORCE.get():
+        yield
+        return
+    with _style():
+        before = _IN_FORCE.set(True)
+        try:
+            yield
+        finally:
+            _IN_FORCE.reset(before)
+
+
+def _style() -> AbstractContextManager[None]:
     # A shell inside a notebook hands on a backend with which matplotlib cannot be imported where that is not installed.
     # None is asked for: every figure has a canvas of its own.
     backend = os.environ.pop("MPLBACKEND", None)
@@ -82,7 +99,7 @@ def styled(draw: Callable[P, Figure]) -> Callable[P, Figure]:
 
     @wraps(draw)
     def drawn(*args: P.args, **kwargs: P.kwargs) -> Figure:
-        with _settings():
+        with settings():
             return draw(*args, **kwargs)
 
     return drawn
@@ -102,17 +119,43 @@ def fix_places(figure: Figure) -> Figure:
     if engine is None:
         return figure
     engine.execute(figure)
-    with _settings():  # no engine at all: "none" would leave a place holder, for which every file is drawn twice
+    with settings():  # no engine at all: "none" would leave a place holder, for which every file is drawn twice
         figure.set_layout_engine(None)
     for axes in figure.axes:
         left, bottom, width, height = (round(float(x), 6) for x in axes.get_position(original=True).bounds)
         axes.set_position((left, bottom, width, height))
+    _fix_labels(figure)
     return figure
+
+
+def _fix_labels(figure: Figure) -> None:
+    """Fix the labels of all axes where they are placed, those of the y axes of a column in line where they have room.
+
+    Left to `align_ylabels`, whoever draws or measures the figure measures the ticks of each panel for every other.
+    """
+    from matplotlib.transforms import blended_transform_factory
+
+    renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
+    columns: dict[object, list[tuple[Axes, float, float]]] = {}
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.get_tightbbox(renderer)  # which places its label
+        below = blended_transform_factory(axes.transAxes, figure.transFigure)
+        axes.xaxis.set_label_coords(0.5, axes.xaxis.label.get_position()[1] / figure.bbox.height, transform=below)
+        spec, label = axes.get_subplotspec(), axes.yaxis.label
+        if label.get_text():
+            placed = axes, label.get_position()[0], label.get_window_extent(renderer).x0
+            columns.setdefault(axes if spec is None else spec.colspan.start, []).append(placed)
+    for placed_labels in columns.values():
+        line, edge = (min(values) for values in list(zip(*placed_labels, strict=True))[1:])
+        for axes, x, left in placed_labels:
+            beside = blended_transform_factory(figure.transFigure, axes.transAxes)
+            axes.yaxis.set_label_coords(max(line, edge + x - left) / figure.bbox.width, 0.5, transform=beside)
 
 
 def to_svg(figure: Figure) -> bytes:
     """Return the figure as SVG, letters as outlines; the same figure always gives the same bytes."""
-    with _settings():
+    with settings():
         file = io.BytesIO()
         figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
         return file.getvalue()
@@ -120,7 +163,7 @@ def to_svg(figure: Figure) -> bytes:
 
 def to_png(figure: Figure) -> bytes:
     """Return the figure as PNG at 150 dots per inch."""
-    with _settings():
+    with settings():
         file = io.BytesIO()
         figure.savefig(file, format="png", dpi=PNG_DPI, metadata={"Software": None})
         return file.getvalue()

@@ -102,7 +102,7 @@ class RawLog:
 
     Attributes
     ----------
-    columns : of one length and time axis, or with separate clocks, which `clocks.on_one_clock` merges.
+    columns : of one length and time axis, or with separate clocks, which `rates.on_one_clock` merges.
     faults : the injected faults of /truth, None without /truth; clean : by channel the signals without them;
         ordinary : the ordinary causes of /truth.
     left_out : by name why an array is no channel, "holds text", and behind a semicolon the remedy.

@@ -147,7 +147,7 @@ def _boots(path: str, raw: RawLog, asked: Asked) -> Sequence[RawLog]:
 
     Raises
     ------
-    LogError : see `clocks.on_one_clock`; no boot has channels.
+    LogError : see `rates.on_one_clock`; no boot has channels.
     """
     if raw.boots:
         boots = []

@@ -128,8 +128,8 @@ def test_the_list_of_events_begins_with_its_header_and_goes_by_time() -> None:
 def test_a_diagnosis_in_other_programs(journey: FlightLog, diagnoses: Diagnoses, tmp_path: Path) -> None:
     """The log without its fault is what was flown; the list is written again, and over no other file."""
     bfi, log, listed, out = diagnoses.bfi, diagnoses.log(DRIFT), tmp_path / "events.csv", tmp_path / "clean.h5"
-    for _ in range(2):
-        outcome = bfi("diagnose", log, *PART, "--workers", 1, "--json", "--events-csv", listed)
+    for part in (("--from", 400, "--to", 480), PART):
+        outcome = bfi("diagnose", log, *part, "--workers", 1, "--json", "--events-csv", listed)
         assert outcome.code == 0, outcome.stderr
     (row,) = csv.DictReader(listed.read_text().splitlines())
     assert (row["event"], row["state"], float(row["magnitude"])) == ("tas", "declared", pytest.approx(0.1, rel=0.02))

@@ -16,6 +16,7 @@ from bfi_cli.config import Config
 from bfi_cli.flight import diagnose_flight
 from bfi_cli.flight.result import DiagnoseResult
 from bfi_cli.flightlog import read_log
+from bfi_cli.quantities.channels import quantity_of
 
 FLIGHTS = Path(__file__).resolve().parents[2].parent / "shared" / "flights"
 LIGHT = ("g1000_c172_110812", "g3x_homebuilt_mfd", "g3x_homebuilt_pfd2", "px4_swiss1", "px4_swiss_flow")
@@ -27,6 +28,7 @@ HEALTHY = (*LIGHT, *(JETS if os.environ.get("BFI_FULL") else ()))
 MOST_DECLARED, MOST_SUSPECTED = 1, len(HEALTHY) // 3
 EVENT = "gnxi_pa28_240720"
 WITHIN_S = 15.0
+ALTITUDES = {"altitude", "baro_altitude", "gps_altitude", "radio_altitude"}
 
 pytestmark = [
     pytest.mark.slow,
@@ -51,6 +53,17 @@ def test_few_healthy_flights_end_with_a_fault(answers: Mapping[str, DiagnoseResu
     assert len(some) <= most
 
 
+def test_no_altitude_of_a_healthy_flight_is_at_fault(answers: Mapping[str, DiagnoseResult]) -> None:
+    """No setting of an altimeter and no geometric altitude is taken for a fault.
+
+    Where every altitude is read as one quantity four of these flights end with an altitude at fault.
+    """
+    declared = {
+        name: [one.fault for one in answer.events if one.state == "declared"] for name, answer in answers.items()
+    }
+    assert not {name: faults for name, faults in declared.items() if ALTITUDES & {*map(quantity_of, faults)}}
+
+
 @pytest.mark.parametrize("without", [(), ("gps_altitude",)])
 def test_the_event_of_the_static_line_is_the_one_answer(without: tuple[str, ...]) -> None:
     log = read_log(FLIGHTS / f"{EVENT}.h5")
@@ -61,6 +74,7 @@ def test_the_event_of_the_static_line_is_the_one_answer(without: tuple[str, ...]
     assert event.state == "declared"
     assert event.fault == "static_leak"
     assert event.onset_s == pytest.approx(9256.0, abs=WITHIN_S)
+    assert event.onset_s > 9250.0
     assert event.offset_s == pytest.approx(9306.0, abs=WITHIN_S)
     # It reads 20 m/s where the satellites and the minutes about it say 59 to 60.
     assert event.effect["ias"] == pytest.approx(-40.0, rel=0.2)

@@ -32,7 +32,7 @@ PUBLISHED = {
     updates: merge(Config(), {"method": "risro-as-published", "risro.updates": updates, "model.order": 6, **RATE})
     for updates in (1, 2)
 }
-SEEDS = range(sized(100, share=0.06))
+SEEDS = range(sized(100, share=0.03))
 SIZES = (1, 2, 4)
 # First seed, apart from those of the other measurements.
 FRESH = 1000

@@ -55,9 +55,9 @@ def drift(n_samples: int, *, step_s: float) -> Waveform:
 def sine(n_samples: int, *, angle: float, phase: float = 0.0) -> Waveform:
     """Return sin(angle * l + phase), `angle` in radians per sample, `phase` that at the onset."""
     at = angle * np.arange(n_samples + 1.0)
-    tails = np.stack([np.sin(at), np.cos(at)])[:, :-1]
-    sin, cos = np.sin(at + phase), np.cos(at + phase)
-    return Waveform(samples=sin[:-1], unit=1.0, tails=tails, weights=np.stack([cos, sin]))
+    plain = np.sin(at), np.cos(at)
+    sin, cos = (np.sin(at + phase), np.cos(at + phase)) if phase else plain
+    return Waveform(samples=sin[:-1], unit=1.0, tails=np.stack(plain)[:, :-1], weights=np.stack([cos, sin]))
 
 
 def lagged_bias(n_samples: int, *, constant: float) -> Waveform:

@@ -260,9 +260,16 @@ def signal(
     first = before + start[0] * factor + start[1]
     last = len(native) if end is None else before + end[0] * factor + end[1]
     begun = replace(form, phase_rad=form.phase_at(first - before, sampling.native_hz), anchor=None)
-    wave = _ideal(begun, len(native) - first, sampling.native_hz)
-    native[first:last] = wave.unit * wave.samples[: last - first]
+    native[first:last] = _unit_signal(begun, len(native) - first, sampling.native_hz)[: last - first]
     return decimate(response.filtered(native), factor, sampling.lowpass)
+
+
+def _unit_signal(form: ShapeHypothesis, n: int, rate_hz: float) -> FloatArray:
+    """Return (n,) the shape of magnitude 1; a sine, of which hundreds are fitted, without the tails of its waveform."""
+    if form.shape == "sine" and form.parameter is not None:
+        return np.asarray(np.sin(2.0 * np.pi * form.parameter / rate_hz * np.arange(float(n)) + form.phase_rad))
+    wave = _ideal(form, n, rate_hz)
+    return wave.unit * wave.samples
 
 
 def _ideal(form: ShapeHypothesis, n: int, rate_hz: float) -> Waveform:

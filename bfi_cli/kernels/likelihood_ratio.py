@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import eigh
@@ -91,7 +92,7 @@ class Residual:
         return np.asarray(rows - self.nuisances @ (self.nuisances.T @ rows))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)  # without slots, so that it keeps its ratio
 class LikelihoodRatio:
     """The likelihood ratio of one fault, by onset.
 
@@ -122,7 +123,7 @@ class LikelihoodRatio:
         """(n_onsets,) the likeliest one of all residuals."""
         return self.weighted(np.ones(len(self.costs)))[0]
 
-    @property
+    @cached_property
     def ratio(self) -> FloatArray:
         """(n_onsets,) twice the log-likelihood ratio against no fault."""
         return np.asarray(self.parts(self.magnitude).sum(axis=0))

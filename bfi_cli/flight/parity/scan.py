@@ -234,12 +234,14 @@ class Slope:
         return Slope(values=scale * self.values[rows], rate=rate, climb=climb)
 
     def signature(self, courses: FloatArray) -> FloatArray:
-        """Return (n, n_courses) what a fault of these courses, (n, n_courses), makes of the residual."""
-        signature = self.values[:, None] * courses
+        """Return (n, n_courses) what a fault of these courses, (n, n_courses), makes of the residual, 0 if unknown."""
+        is_known = np.isfinite(self.values if self.climb is None else self.values + self.climb)
+        signature = np.where(is_known, self.values, 0.0)[:, None] * courses
         if self.rate is not None:
             signature = signature - _integral(np.nan_to_num(bridged(self.rate))[:, None] * courses)
         if self.climb is not None:
-            signature = signature + self.climb[:, None] * np.gradient(courses, STEP_S, axis=0)
+            climb = np.where(is_known, self.climb, 0.0)
+            signature = signature + climb[:, None] * np.gradient(courses, STEP_S, axis=0)
         return np.asarray(signature)
 
 
@@ -271,7 +273,8 @@ def fault_signatures(
         if slope is None:
             signatures.append(np.zeros((np.count_nonzero(known), courses.shape[1])))
         else:
-            signatures.append(np.nan_to_num(slope.signature(courses)[known]))
+            signature = slope.signature(courses)
+            signatures.append(signature if known.all() else signature[known])
     return signatures
 
 

@@ -7,6 +7,7 @@ log's recorder, at random onsets, one at a time, and the same analysis with the 
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
@@ -27,6 +28,7 @@ from .faults.filters import response_of
 from .faults.shapes import SHAPES, Kind, Shape
 from .flight import DiagnoseResult, FlightLimit
 from .flight.parity.record import STEP_S
+from .flight.parity.sampled import quanta_of
 from .flightlog import FlightLog, inject
 from .flightlog.derived import with_derived
 from .flightlog.record import frozen_array
@@ -124,6 +126,7 @@ def with_proofs(
         response=response_of(filters, log.rate_hz),
         before=before,
         claims=[(claim.kind, claim.channel) for claim in claims],
+        quanta=quanta_of(log, {claim.channel for claim in claims} & log.channels.keys()),
         slack_s=ONSET_SAMPLES * (STEP_S if isinstance(result, DiagnoseResult) else 1.0 / result.log.rate_hz),
     )
     digest = hashlib.sha256(to_json([log.sha256, config.model_dump(mode="json"), trials]).encode()).hexdigest()
@@ -173,11 +176,18 @@ def finds(
     response: Response,
     before: Sequence[Sighting],
     claims: Sequence[tuple[Kind, str]],
+    quanta: Mapping[str, float],
     slack_s: float,
 ) -> bool | None:
-    """Say whether an analysis sees the fault of a trial, None where it cannot be added to the log."""
+    """Say whether an analysis sees the fault of a trial, None where it cannot be added to the log.
+
+    Parameters
+    ----------
+    quanta : steps in which channels were recorded: no recorder stores a part of one.
+    """
+    fault = _in_whole_steps(trial.fault, quanta.get(trial.fault.channel))
     try:
-        faulty = replace(_with_components(inject(log, [trial.fault], response=response), log), truth=None)
+        faulty = replace(_with_components(inject(log, [fault], response=response), log), truth=None)
     except BfiError:
         return None
     try:
@@ -185,7 +195,15 @@ def finds(
     except BfiError:
         return False
     new = [sighting for sighting in sightings if sighting.onset_s is not None or sighting not in before]
-    return sees(new, *claims[trial.claim], trial.fault, slack_s)
+    return sees(new, *claims[trial.claim], fault, slack_s)
+
+
+def _in_whole_steps(fault: Fault, quantum: float | None) -> Fault:
+    """Return a step with a size of whole quanta, no smaller than it was: others would blur the levels of a channel."""
+    if quantum is None or fault.shape != "bias":
+        return fault
+    n_quanta = math.ceil(abs(fault.magnitude) / quantum - 1e-6)
+    return replace(fault, magnitude=math.copysign(n_quanta * quantum, fault.magnitude))
 
 
 def _with_components(faulty: FlightLog, log: FlightLog) -> FlightLog:

@@ -69,6 +69,7 @@ def test_a_suspicion_that_the_log_raised_before_counts_for_nothing(monkeypatch: 
         "analyse": lambda log: log,
         "response": proving_module.response_of((), log.rate_hz),
         "claims": [("abrupt", "tas")],
+        "quanta": {},
         "slack_s": 0.1,
     }
     assert proving_module.finds(trial, before=(suspicion,), **shared) is False
@@ -87,6 +88,7 @@ def test_a_fault_that_cannot_be_added_is_not_counted_and_an_analysis_that_fails_
         "response": proving_module.response_of((), log.rate_hz),
         "before": (),
         "claims": [("abrupt", "tas")],
+        "quanta": {},
         "slack_s": 0.1,
     }
     late = replace(STEP, onset_s=1e6)
@@ -96,6 +98,24 @@ def test_a_fault_that_cannot_be_added_is_not_counted_and_an_analysis_that_fails_
     claim = SimpleNamespace(kind="abrupt", channel="tas", size=1.0, unit="m/s")
     (proof,) = proving_module.proofs_of([claim], trials, seen)  # type: ignore[list-item]
     assert (proof.n_seen, proof.n_added) == (0, 1)
+
+
+def test_a_step_has_a_size_of_whole_quanta_no_smaller_than_is_stated():
+    step = replace(STEP, magnitude=-0.042)
+    assert proving_module._in_whole_steps(step, 0.03).magnitude == pytest.approx(-0.06)
+    assert proving_module._in_whole_steps(replace(step, magnitude=0.06), 0.03).magnitude == pytest.approx(0.06)
+    assert proving_module._in_whole_steps(step, None) is step
+    assert proving_module._in_whole_steps(LAG, 0.03) is LAG
+
+
+def test_a_drift_keeps_its_error_after_the_window():
+    window = start_time(read_log(DATA / "citation_clean.h5"), merge(Config(), QUICK)).log
+    drift = replace(STEP, shape="drift", magnitude=1.0)
+    added = proving_module._with_error(drift, -2.0, window)
+    assert added is not None
+    assert (added.shape, added.onset_s) == ("ramp_hold", drift.onset_s)
+    signal = added.magnitude * unit_signal(added, np.array([window.stop_s, 1e4]), window_start_s=0.0)
+    assert signal == pytest.approx([-2.0, -2.0])
 
 
 def test_entries_of_a_document_are_read_back():

@@ -22,6 +22,7 @@ from .parity.record import STATIC_LEAK
 from .parity.windows import Window, flight_stretches, overlaps, within
 from .relations import StaticWindows
 from .result import Event, FlightLimit, LimitCourse
+from .tables import ROWS
 
 FloatArray = NDArray[np.float64]
 
@@ -114,7 +115,10 @@ def bounds_of(
     ) -> None:
         grows, most = kind.shape == "drift", largest(kind.channel, kind.fault)
         declared = np.maximum(sizes, declared)
-        declared = np.where(declared * scale * (window[1] - window[0] if grows else 1.0) <= most, declared, np.inf)
+        # No larger error of a channel is taken for one of its sensor.
+        plausible = ROWS[kind.fault].plausible if kind.fault in ROWS else np.inf
+        reached = declared * scale * (window[1] - window[0] if grows else 1.0)
+        declared = np.where(reached <= min(most, plausible), declared, np.inf)
         sizes = np.where(sizes * scale * (window[1] - onsets_s if grows else 1.0) <= most, sizes, np.inf)
         hidden = Hidden(
             window=window,

@@ -29,7 +29,7 @@ from ..notes import Note
 from ..threads import one_thread
 from .claims import claims_of_entries, hidden_atoms, warnings_of
 from .maximum_likelihood import identify_by_likelihood
-from .preprocessing.defaults import what_would_help
+from .preprocessing.advice import what_would_help
 from .preprocessing.manoeuvres import manoeuvres_of
 from .preprocessing.regression import RegressionData
 from .preprocessing.summary import ModelSummary, noise_of
@@ -138,6 +138,7 @@ class Identification:
     window : the analysed one; outcome : of the method on it.
     faults : that the method declares; candidates : every entry of the dictionary.
     hides_all : every fault of the dictionary can pass for the aircraft's motion.
+    dictionary : path of its entries.
     recorder : likeliest low-pass where the recorder is uncertain; None for that which the log or the user states.
     notes : what limits the identification, and how it was computed.
     """
@@ -153,6 +154,7 @@ class Identification:
     truth: Comparison | None
     hides_all: bool
     notes: tuple[Note, ...]
+    dictionary: str = ""
     recorder: Filter | None = None
 
     @property
@@ -202,7 +204,9 @@ def result_of(
         unanswered.append(Note.limit(UNANSWERABLE))
     declared = {fault.name for fault in conclusion.faults}
     remarks = [note for n, note in outcome.remarks.items() if window.names[window.live[n]] not in declared]
-    helps = what_would_help(log, config, conclusion.verdicts) if METHODS[config.method].intervals else None
+    helps = None
+    if METHODS[config.method].intervals:
+        helps = what_would_help(log, config, conclusion.verdicts, dictionary=identified.dictionary)
     return IdentifyResult(
         log=window.summary,
         decision=conclusion.decision,
@@ -284,7 +288,7 @@ def identification(
         if outcome.analysed is not None:
             outcome = replace(outcome, analysed=(outcome.analysed[0], outcome.analysed[1].without_record()))
         outcome = with_heads(outcome, len(regression.signals.time_s))
-        identified = _assembled(log, window, regression, config, outcome)
+        identified = replace(_assembled(log, window, regression, config, outcome), dictionary=dictionary.path)
         return (
             identified if window is suggested else replace(identified, recorder=recorder_low_passes(window.filters)[0])
         )

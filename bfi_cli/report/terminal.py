@@ -72,7 +72,8 @@ def print_screen(content: ReportContent, console: Console) -> None:
         rows += len(row.wrap(console, console.width))
         if rows > MOST_ROWS and console.width >= LEAST_WIDTH:
             break
-        console.print(row)
+        # Who pastes a command takes it as it is: the terminal folds it.
+        console.print(row, soft_wrap=console.is_terminal and line.label == "To decide")
 
 
 def _fitting(line: Line, width: int) -> str:

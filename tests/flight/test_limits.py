@@ -237,6 +237,16 @@ def made_scan(**changes: Any) -> Scanned:
     return Scanned(**values)
 
 
+@pytest.mark.parametrize(("slope", "is_seen"), [(0.8, True), (0.9, False)])
+def test_no_size_is_stated_that_no_sensor_errs_by(flight: Flight, slope: float, is_seen: bool):
+    """Of the true airspeed 100 m/s: 0.83 m/s^2 in two minutes."""
+    scan = made_scan(
+        from_s=380.0, to_s=500.0, onsets_s=np.array([390.0]), declared=np.array([slope]), sd=np.full(1, 0.01)
+    )
+    (tas,) = (bound for bound in bounds_of(flight, [scan], (), ()) if bound.fault == "tas")
+    assert np.isfinite(tas.windows[0].declared[0]) is np.bool_(is_seen)
+
+
 def test_a_window_in_which_a_fault_lasts_fits_no_table():
     """No table is of windows with columns for a fault: the tail is less sure, and the slopes are as they were."""
     threshold = thresholds_of(shipped_tables(), RATES, RATES, 1.0)

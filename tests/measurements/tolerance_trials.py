@@ -50,7 +50,7 @@ def drawn(number: int) -> Row:
         keys["frequency_hz"] = float(rng.uniform(low_hz, min(high_hz, FASTEST * log.rate_hz)))
         keys["phase_rad"] = float(rng.uniform(-np.pi, np.pi))
         last_s -= CYCLES_LEFT / keys["frequency_hz"]
-    onset_s = from_s + float(rng.uniform(0.0, last_s))
+    onset_s = min(from_s + float(rng.uniform(0.0, last_s)), float(window.time_s[-1]))
     unit = Fault(shape=shape, channel="tas", magnitude=1.0, onset_s=onset_s, **keys)
     largest = float(np.abs(unit_signal(unit, window.time_s, window_start_s=from_s)).max())
     error = ABOVE * tolerance_of(log, window, "tas") * float(rng.choice([-1.0, 1.0]))

@@ -20,7 +20,7 @@ from ...kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ...notes import Note
 from ...quantities.text import instant, quantity
 from ...threads import one_thread
-from ..preprocessing.defaults import what_would_help
+from ..preprocessing.advice import what_would_help
 from ..preprocessing.manoeuvres import manoeuvres_of
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of

@@ -1,4 +1,4 @@
-"""Output, inputs and window of an analysis where the user names none, and advice on what would make it decide more.
+"""Output, inputs and window of an analysis where the user names none.
 
 The output is tas, the inputs are the trusted channels that the log has, of published methods the elevator, and the
 window is the whole log. Where a log lacks them, as an autopilot's without a true airspeed or a Garmin's without an
@@ -7,7 +7,7 @@ elevator, the nearest channels are taken. What differs from the configuration is
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from ...config import Config, merge
 from ...errors import LogError
-from ...faults import Decision, Fault
-from ...faults.shapes import Kind
+from ...faults import Fault
 from ...flightlog import Channel, FlightLog
 from ...flightlog.phases import HOVER, TRANSITION, airborne_stretches, phases_of
 from ...flightlog.quality import advice_on_windows, gap_starts, held_hz
@@ -24,7 +23,7 @@ from ...flightlog.signs import HEIGHTS
 from ...kernels.runs import runs, within
 from ...methods import METHODS
 from ...notes import Note
-from ...quantities.channels import INPUTS, channel_in_words
+from ...quantities.channels import INPUTS
 from ...quantities.text import instant
 from .window import TRUSTED
 
@@ -45,9 +44,6 @@ LOW = 0.2
 LEAST_CUT_S = 1.0
 # Each has a trim of its own; take-off and landing are too short to hold a dictionary.
 TRIMS = ("climb", "cruise", "descent", "approach")
-
-# FIRST: inputs that shorten the tail of healthy windows most, wherever they are recorded.
-FIRST = ("pitch", "longitudinal_acc")
 
 
 def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[Note, ...]]:
@@ -239,35 +235,3 @@ def require_one_trim(window: FlightLog, faults: Sequence[Fault], config: Config)
             f"{len(later)} phases ({', '.join(dict.fromkeys(later))}) that a model of one trim does not describe; give "
             "--from and --to within one of them"
         )
-
-
-def what_would_help(log: FlightLog, config: Config, verdicts: Mapping[Kind, Decision]) -> Note | None:
-    """Return advice on what would answer the kinds that are inconclusive, None where none is.
-
-    Parameters
-    ----------
-    log : with all its channels.
-    config : with the inputs in use.
-    """
-    left = [kind for kind, verdict in verdicts.items() if verdict == "inconclusive"]
-    if not left:
-        return None
-    unused = [name for name in TRUSTED if name not in (*config.inputs, *config.outputs)]
-    here = [name for name in unused if name in log.channels]
-    missing = [name for name in FIRST if name in unused and name not in log.channels]
-    helps = []
-    if any(name in here for name in FIRST):
-        added = (name for name in FIRST if name in here)
-        helps.append("add " + " ".join(f"--input {name}" for name in (*config.inputs, *added)))
-    elif here:
-        helps.append("try --input auto, which adds " + ", ".join(here))
-    if missing:
-        helps.append(f"record {' and '.join(channel_in_words(name) for name in missing)}")
-    if "oscillating" in left:
-        helps.append("a longer window")
-    if "abrupt" in left and not here and not missing:
-        helps.append("a window with less turbulence and a manoeuvre")
-    decided = [kind for kind in verdicts if kind not in left]
-    if left == ["slow"] and decided:
-        helps.append(f"{'or ' if helps else ''}ask only for what the log can tell: --require {','.join(decided)}")
-    return Note.advice(f"for {', '.join(left)} faults: {', '.join(helps)}") if helps else None

@@ -22,7 +22,7 @@ from .judge import ALIKE, FROZEN, SET_WITHIN_S, Judgement, explains, is_on_groun
 from .model import flight_model
 from .naming import channels_of, repeat_advice
 from .parity.finding import Stage
-from .parity.sensors import AT_ONCE_EVIDENCE
+from .parity.sensors import AT_ONCE_EVIDENCE, PITCH_EVIDENCE
 from .parity.windows import flight_stretches
 from .result import Event, OrdinaryEvent
 from .seconds import seconds_of
@@ -262,10 +262,11 @@ def _margin_as_named(judgement: Judgement, event: Event, weight: Weight) -> floa
 def _knows_more(bench: Bench, event: Event) -> bool:
     """Return whether a finder knows what the model does not.
 
-    Accelerations at the log's rate, an airspeed that changes faster than any flight; and without a ground velocity a
-    lost airspeed is as well a change of speed.
+    Accelerations at the log's rate, an airspeed that changes faster than any flight, a pitch within a second, in which
+    neither flaps move nor an attitude settles; and without a ground velocity a lost airspeed is as well a change of
+    speed.
     """
-    if AT_ONCE_EVIDENCE in event.evidence:
+    if {AT_ONCE_EVIDENCE, PITCH_EVIDENCE} & event.evidence.keys():
         return True
     by_lift = event.fault in (*LOSSES, *AIRSPEEDS) and not {"velocity_north", "ground_speed"} & {*bench.model.rows}
     inertial = event.evidence.get(INERTIAL, 0.0) > DECLARED

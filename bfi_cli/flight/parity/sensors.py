@@ -58,7 +58,7 @@ USUAL_S = 300.0
 BACK = 0.5
 # LEAST_READ [m/s]: 20 kt, below which airspeed indicators read nothing, so that what comes after is no share of it.
 LEAST_READ = 10.0
-AT_ONCE_EVIDENCE = "airspeed at once"
+AT_ONCE_EVIDENCE, PITCH_EVIDENCE = "airspeed at once", "pitch against climb and lift"
 # s of the means before and after a step of the temperature, and between them, which a probe and a recorder take to
 # follow.
 PROBE_MEAN_S, PROBE_GAP_S = 4, 2
@@ -563,7 +563,7 @@ def pitch_steps(record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:
             unit="rad",
             onsets_s=(onset_s, onset_s - STEP_S, onset_s + STEP_S),
             statistic=float(ratio[k]),
-            words="pitch against climb and lift",
+            words=PITCH_EVIDENCE,
         )
         findings.append(replace(step, doubt=SETTLES))
     return tuple(findings)

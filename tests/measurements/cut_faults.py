@@ -116,9 +116,9 @@ def canonical(log: FlightLog) -> dict[str, str]:
     return names
 
 
-def faulty(trial: Trial, folder: Path) -> tuple[FlightLog, Truth, float] | None:
+def faulty(trial: Trial, folder: Path, kinds: Mapping[str, Maker] = KINDS) -> tuple[FlightLog, Truth, float] | None:
     """Return the part with its fault and the worst error in units of `LEAST`; None where the aircraft lacks it."""
-    rng = np.random.default_rng([trial.seed, AIRCRAFT.index(trial.aircraft), list(KINDS).index(trial.kind)])
+    rng = np.random.default_rng([trial.seed, AIRCRAFT.index(trial.aircraft), list(kinds).index(trial.kind)])
     whole = journey(trial.aircraft, trial.seed, folder)
     length_s = float(rng.uniform(*LENGTHS_S))
     stretches = [(a, b) for a, b in flight_stretches(phases_of(whole)) if b - a > AFTER_S + BEFORE_S + 60.0]
@@ -137,7 +137,7 @@ def faulty(trial: Trial, folder: Path) -> tuple[FlightLog, Truth, float] | None:
     free = (log.time_s > start_s + AFTER_S) & (log.time_s < start_s + length_s - BEFORE_S)
     record = recorder(folder.parent / "tools" / "recorder.py").record
     low = partial(record, rate_hz=log.rate_hz)
-    changed, truth = KINDS[trial.kind](values, np.array(log.time_s), free, rng, low)
+    changed, truth = kinds[trial.kind](values, np.array(log.time_s), free, rng, low)
     worst = max(
         (float(np.nanmax(np.abs(changed[n] - values[n]))) / LEAST[n] for n in LEAST if n in changed), default=9.0
     )

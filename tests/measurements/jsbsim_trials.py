@@ -13,6 +13,7 @@ from bfi_cli.analysis import identify
 from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import Dictionary, load_dictionary
 from bfi_cli.faults import Fault
+from bfi_cli.faults.ordinary import Occurrence
 from bfi_cli.flight import diagnose_flight
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.record import frozen_array
@@ -136,9 +137,9 @@ SENSORS = {
 
 
 @cache
-def tour(name: str, *, seed: int, duration_s: float = 900.0) -> FlightLog:
+def tour(name: str, *, seed: int, duration_s: float = 900.0, ordinary: tuple[Occurrence, ...] = ()) -> FlightLog:
     """Return climbs, descents and turns in gusts and wind at 10 Hz, every sensor with noise of its own."""
-    plan = FlightPlan(tour=True, wind_m_s=(6.0, -4.0))
+    plan = FlightPlan(tour=True, wind_m_s=(6.0, -4.0), ordinary=ordinary)
     model, time_s = find_model(f"jsbsim:{name}", plan), time_axis(duration_s=duration_s, rate_hz=10.0)
     u, gusts = np.zeros((len(time_s), len(model.inputs))), Dryden(sigma_m_s=0.7)
     rng = np.random.default_rng(seed)

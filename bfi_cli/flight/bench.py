@@ -112,8 +112,8 @@ def _filtered(bench: Bench) -> Bench:
     flown = np.flatnonzero(model.frame.airborne)
     first, last = int(flown[0]), int(flown[-1]) + 1
     mean, covariance = model.start, model.start_covariance()
-    takeoffs = {start for start, _ in runs(model.frame.airborne)}
-    edges = sorted({*range(first, last, CHECK_S), *(takeoff for takeoff in takeoffs if first <= takeoff < last), last})
+    takeoffs = takeoffs_of(model)
+    edges = sorted({*range(first, last, CHECK_S), *takeoffs, last})
     for start, end in pairwise(edges):
         if start in takeoffs and start > first:
             mean, covariance = _after_ground(model, mean, covariance, start)
@@ -124,6 +124,11 @@ def _filtered(bench: Bench) -> Bench:
         mean, covariance = run.final_mean[0], run.final_covariance[0]
         innovation[part] = run.innovation[:, 0]
     return replace(bench, checks=checks, innovation=innovation)
+
+
+def takeoffs_of(model: FlightModel) -> set[int]:
+    """Return the seconds from which on a model flies."""
+    return {start for start, _ in runs(model.frame.airborne)}
 
 
 def _after_ground(

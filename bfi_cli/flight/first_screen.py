@@ -29,6 +29,7 @@ from .tables import ORDINARY as CAUSES
 
 # What a channel does that has short defects of a shape.
 SHORT = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}
+MOST_ORDINARY = 3  # causes of a first screen: the report has all
 PITOT = ("pitot_blocked", "pitot_leak", "pitot_icing", "pitot_water")
 STATIC = ("static_blocked", "static_leak")
 # By fault what a mechanic looks at first.
@@ -76,7 +77,7 @@ def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
             {
                 "Wrong from then on": [", ".join(map(channel_in_words, wrong))] if len(wrong) > 1 else [],
                 "Also": listed[1:],
-                "Ordinary": map(_ordinary_in_words, result.ordinary),
+                "Ordinary": _ordinary_in_words(result.ordinary),
                 **bounds,
                 "Would have been found": seen,
                 "Not checked": [*_unwatched_in_words(result.unwatched), *map(units.sentence, result.missing)],
@@ -224,8 +225,15 @@ def cause_in_words(name: str) -> str:
     return CAUSES[name].text if name in CAUSES else name.replace("_", " ")
 
 
-def _ordinary_in_words(event: OrdinaryEvent) -> str:
-    """Return what happens in any flight, and when: "flaps or gear move at 4780 s"."""
+def _ordinary_in_words(events: Sequence[OrdinaryEvent]) -> list[str]:
+    """Return what happens in any flight, and when: what is stated or looked like a fault first, then the surest."""
+    order = sorted(events, key=lambda event: (not event.stated, not event.looks_like, -event.evidence.get("gain", 0.0)))
+    more = [f"{len(order) - MOST_ORDINARY} more in the report"] if len(order) > MOST_ORDINARY else []
+    return [*map(_cause_and_time, order[:MOST_ORDINARY]), *more]
+
+
+def _cause_and_time(event: OrdinaryEvent) -> str:
+    """Return "flaps or gear move at 4780 s"."""
     at = f"at {event.from_s:.0f} s" if event.to_s is None else f"from {event.from_s:.0f} to {event.to_s:.0f} s"
     return f"{cause_in_words(event.cause)} {at}{', as is stated' if event.stated else ''}"
 

@@ -16,7 +16,7 @@ from ..kernels import FloatArray
 from ..kernels.bounded_filter import StackRun
 from .bench import FAULT_STATES, SHOWN_S, Bench, Place, jump, jump_seconds, place_of, run_place
 from .lines import line_weights
-from .model import second_airspeed
+from .model import FlightModel, second_airspeed
 from .tables import MANOEUVRE, ORDINARY, ROWS, Loads
 from .weight import Ordinary, Weight, against, beside, dispersion, floored_density
 
@@ -92,9 +92,11 @@ def judge(
     frozen : a channel that may hold its reading, which is weighed as the fault `FROZEN`.
     """
     place = place_of(bench, onset_s, offset_s, until_s)
-    if place is None:
-        return None
-    ordinary = ordinary_of(place)
+    return None if place is None else judge_place(place, ordinary_of(place), named=named, frozen=frozen)
+
+
+def judge_place(place: Place, ordinary: Ordinary, *, named: Collection[str] = (), frozen: str = "") -> Judgement:
+    """Return what every fault is worth beside the best ordinary explanation of its place, see `judge`."""
     held = _frozen_weight(place, ordinary, frozen) if frozen in place.bench.model.rows else None
     weights = [
         *([] if held is None else [held]),
@@ -105,9 +107,8 @@ def judge(
     return Judgement(weights=tuple(order), cause=ordinary.cause, gain=ordinary.gain)
 
 
-def causes_at(place: Place) -> dict[str, Mapping[str, float]]:
+def causes_of(model: FlightModel) -> dict[str, Mapping[str, float]]:
     """Return the jumps of the ordinary causes that a log could show."""
-    model = place.bench.model
     return {
         name: cause.jumps
         for name, cause in ORDINARY.items()
@@ -120,7 +121,7 @@ def causes_at(place: Place) -> dict[str, Mapping[str, float]]:
 def ordinary_of(place: Place) -> Ordinary:
     """Return the best explanation without a fault: one cause about the onset, and one about the end."""
     options: list[tuple[str, Mapping[str, float]]] = [("", {}), ("", MANOEUVRE)]
-    options += list(causes_at(place).items())
+    options += list(causes_of(place.bench.model).items())
     shocks = np.stack([jump(place, place.onset, jumps) for _, jumps in options], axis=1)
     run = run_place(place, shocks=shocks)
     best = int(np.argmax(run.log_likelihood))

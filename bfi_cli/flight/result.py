@@ -85,15 +85,15 @@ class Event:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrdinaryEvent:
-    """What looked like a fault, and is explained by what happens in any flight.
+    """What happens in any flight, and looked like a fault or stands out by itself.
 
     Attributes
     ----------
     cause : by its name in `bfi_cli.flight.tables.ORDINARY`.
     from_s, to_s : on the log's axis; to_s is None where it lasts.
-    magnitude, unit, ci95 : of the fault that it looks like; None where that has none.
-    looks_like : that fault, "" where a cause that the engineer states looked like none.
-    evidence : log densities: `gain` of the cause over none, `margin` of the fault over the cause.
+    magnitude, unit, ci95 : of the fault that it looks like, or of the jump that stands out; None where it has none.
+    looks_like : that fault, "" for none.
+    evidence : log densities: `gain` of the cause over none, `margin` of the fault, or of the best one, over the cause.
     stated : whether the engineer states it, in `diagnose.events`.
     """
 
@@ -221,7 +221,7 @@ class DiagnoseResult(Presented):
     verdicts : on each kind of fault; decision : on those required.
     summary : what the log says of the kinds of which no fault is declared.
     events : the largest over its tolerance first; deviations : what is surely within the tolerances, and no fault.
-    ordinary : what looked like a fault and is explained by an ordinary cause.
+    ordinary : ordinary causes that looked like a fault, or that stand out by themselves.
     limits : per fault and shape.
     unwatched : (from_s, to_s, why) of half a minute of flight and more that an analysis did not cover.
     windows : of the parity scan.

@@ -113,6 +113,7 @@ class Cause:
     jumps : by state the standard deviation of a jump; {} of one that is told by what is recorded alone.
     needs : rows of which one is recorded, () for any; unless : a channel that would show it, "" for none.
     text : what happened, as a report says it.
+    is_sought : whether it is looked for where no finder proposes a fault: what happens at once, and now and then.
     """
 
     jumps: Mapping[str, float]
@@ -120,6 +121,7 @@ class Cause:
     unit: str = ""
     needs: tuple[str, ...] = ()
     unless: str = ""
+    is_sought: bool = False
 
 
 # Typical of four light aircraft and a small jet, chosen by hand and not yet medians over aircraft, and ranges within
@@ -190,6 +192,7 @@ STATES: Mapping[str, State] = {
     "gps_scale": State(start=0.05, level="gps_scale"),
     "setting": State(start=1.0),
     "pitch_error": State(start=0.02, level="pitch_error", widened="turns"),
+    "erection": State(start=0.01, memory_s=80.0),  # of a gyro horizon: time constants lie between 30 and 200 s
     "heading_error": State(start=0.1, level="heading_error", widened="turns"),
     "deviation_sine": State(start=0.05),
     "deviation_cosine": State(start=0.05),
@@ -273,7 +276,14 @@ def _lift(c: Coefficients) -> dict[str, FloatArray | float]:
 def _pitch(c: Coefficients) -> Loads:
     lift = {name: c.cos_bank * load for name, load in _lift(c).items()}
     climb = 1.0 / c.airspeed
-    return {**lift, "climb": climb, "vertical_air": -climb, "pitch_error": 1.0, "lag_pitch": -c.rates["pitch"]}
+    return {
+        **lift,
+        "climb": climb,
+        "vertical_air": -climb,
+        "pitch_error": 1.0,
+        "erection": 1.0,
+        "lag_pitch": -c.rates["pitch"],
+    }
 
 
 # Each row is weighed given those above it: what no pressure moves comes first, so that an error of a line is the
@@ -352,15 +362,21 @@ ORDINARY: Mapping[str, Cause] = {
         jumps={"wind_north": 8.0, "wind_east": 8.0, "vertical_air": 4.0},
         unit="m/s",
         text="the wind changes",
+        is_sought=True,
     ),
     "flaps": Cause(
-        jumps={"zero_lift": 0.05, "vane_gust": 0.05}, unit="rad", text="flaps or gear move", needs=("pitch", "aoa")
+        jumps={"zero_lift": 0.05, "vane_gust": 0.05},
+        unit="rad",
+        text="flaps or gear move",
+        needs=("pitch", "aoa"),
+        is_sought=True,
     ),
     "attitude_settles": Cause(
-        jumps={"pitch_error": 0.05, "heading_error": 0.2},
+        jumps={"erection": 0.05, "heading_error": 0.2},
         unit="rad",
         text="the attitude sensor settles",
         needs=("pitch", "velocity_north"),
+        is_sought=True,
     ),
     "gps_settles": Cause(
         jumps={"gps_offset": 60.0, "gps_scale": 0.02},
@@ -370,7 +386,12 @@ ORDINARY: Mapping[str, Cause] = {
     ),
     "temperature": Cause(jumps={"warmth": 8.0}, unit="K", text="the air temperature changes", needs=("sat",)),
     ALTIMETER_SET: Cause(
-        jumps={"setting": 150.0}, unit="m", text="the altimeter is set", needs=("altitude",), unless="baro_setting"
+        jumps={"setting": 150.0},
+        unit="m",
+        text="the altimeter is set",
+        needs=("altitude",),
+        unless="baro_setting",
+        is_sought=True,
     ),
     ON_GROUND: Cause(jumps={}, text="the aircraft is on the ground"),
 }

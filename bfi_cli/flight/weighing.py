@@ -26,6 +26,7 @@ from .parity.sensors import AT_ONCE_EVIDENCE, PITCH_EVIDENCE
 from .parity.windows import flight_stretches
 from .result import Event, OrdinaryEvent
 from .seconds import seconds_of
+from .surprises import surprising_events
 from .tables import ALTIMETER_SET, ON_GROUND
 from .tables import ORDINARY as CAUSES
 from .timing import Timing, begun_before, timing_of
@@ -101,7 +102,7 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     # What is certain is in the model before the rest is weighed.
     order = [k for k, event in enumerate(events) if _can_be_weighed(event)]
     order.sort(key=lambda k: (events[k].state != "declared", events[k].onset_s))
-    for place, k in enumerate(order):
+    for k in order:
         event = events[k]
         cause = next((cause for cause in known if _follows(bench, event, cause)), None)
         if cause is not None:
@@ -134,12 +135,19 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
                 if _line(later) == _line(answer) and _follows(bench, later, answer):
                     answers[j] = _after(later, answer)
             known.append(answer)
-            bench = _with_known(bench, answer) if place + 1 < len(order) else bench
+            bench = _with_known(bench, answer)
+    stand = (*swinging_events, *(answer for answer in answers if isinstance(answer, Event)))
+    ordinary = [answer for answer in answers if isinstance(answer, OrdinaryEvent)]
+    ordinary += [event for event in surprising_events(bench, flight.phases, stand) if not _is_told(event, ordinary)]
     return Weighing(
-        events=(*swinging_events, *(answer for answer in answers if isinstance(answer, Event))),
-        ordinary=tuple(answer for answer in answers if isinstance(answer, OrdinaryEvent)),
+        events=stand,
+        ordinary=tuple(ordinary),
         notes=tuple(answer for answer in answers if isinstance(answer, Note)),
     )
+
+
+def _is_told(event: OrdinaryEvent, others: Iterable[OrdinaryEvent]) -> bool:
+    return any(event.cause == other.cause and abs(event.from_s - other.from_s) < APART_S for other in others)
 
 
 def _after(event: Event, cause: Event) -> Note:

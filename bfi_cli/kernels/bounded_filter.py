@@ -14,6 +14,7 @@ The score is that of Koopman and Shephard (1992): of every variance, from one ba
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -282,6 +283,56 @@ def variance_scores(stack: Stack, transition: Transition, run: StackRun) -> Vari
             np.matmul(left.swapaxes(-1, -2), N), left
         )
     return VarianceScores(R=R, R_information=R_information, Q=Q, Q_information=Q_information)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class JumpScores:
+    """What a record says of a jump of the state before each sample.
+
+    Attributes
+    ----------
+    r : (n_samples, n_x), the derivative of the log-likelihood by the jump, at none.
+    N : (n_samples, n_x, n_x), its covariance, and the information on the jump.
+    """
+
+    r: FloatArray
+    N: FloatArray
+
+    def gain(self, sd: FloatArray) -> FloatArray:
+        """Return (n_samples,) log-likelihoods that jumps of (n_x,) standard deviations in all states are worth."""
+        moved = np.flatnonzero(sd)
+        r, N = self.r[:, moved] * sd[moved], self.N[:, moved[:, None], moved] * np.outer(sd[moved], sd[moved])
+        S = np.eye(moved.size) + N
+        solved = np.linalg.solve(S, r[..., None])[..., 0]
+        return np.asarray(0.5 * np.sum(r * solved, axis=1) - 0.5 * np.linalg.slogdet(S)[1])
+
+
+def jump_scores(
+    Z: FloatArray,
+    gains: Sequence[tuple[FloatArray, FloatArray, FloatArray]],
+    transition: Transition,
+    after: JumpScores | None = None,
+) -> JumpScores:
+    """Return what a record says of jumps of the state, from one backward pass (de Jong and Penzer 1998).
+
+    Parameters
+    ----------
+    Z : (n_samples, n_rows, n_x) loadings, 0 where nothing is measured.
+    gains : of one hypothesis of a filter's run, without the axis of the stack.
+    after : of the record that follows; None where none does.
+    """
+    n_samples, n_x = Z.shape[0], Z.shape[2]
+    F = transition.matrix
+    r, N = np.zeros((n_samples + 1, n_x)), np.zeros((n_samples + 1, n_x, n_x))
+    if after is not None:
+        r[-1], N[-1] = after.r[0], after.N[0]
+    for k in range(n_samples - 1, -1, -1):
+        inverse, e, W = gains[k]
+        loaded = inverse @ Z[k]
+        L = F - F @ W.T @ loaded
+        r[k] = L.T @ r[k + 1] + loaded.T @ e
+        N[k] = L.T @ N[k + 1] @ L + loaded.T @ loaded
+    return JumpScores(r=r[:-1], N=N[:-1])
 
 
 def _joined(stack: Stack) -> FloatArray:

@@ -12,7 +12,7 @@ from made_journeys import made_journey
 
 from bfi_cli.faults import parse_spec
 from bfi_cli.flight.bench import bench_of, place_of
-from bfi_cli.flight.judge import causes_at, judge
+from bfi_cli.flight.judge import causes_of, judge
 from bfi_cli.flight.model import flight_model
 from bfi_cli.flight.seconds import seconds_of
 from bfi_cli.flight.tables import ORDINARY, Cause
@@ -42,7 +42,7 @@ def test_the_judge_weighs_a_new_cause(added: None) -> None:
     bench = bench_of(model)
     place = place_of(bench, ONSET_S, None)
     assert place is not None
-    assert causes_at(place) == {NAME: {"pitch_error": 0.05}}
+    assert causes_of(model) == {NAME: {"pitch_error": 0.05}}
     judgement = judge(bench, ONSET_S, None)
     assert judgement is not None
     assert judgement.cause == NAME

@@ -11,11 +11,13 @@ from scipy.stats import multivariate_normal
 from bfi_cli.kernels import FloatArray
 from bfi_cli.kernels.bounded_filter import (
     Coupling,
+    JumpScores,
     Stack,
     StackRun,
     Transition,
     bounded_log_density,
     filter_stack,
+    jump_scores,
     variance_scores,
 )
 
@@ -134,3 +136,29 @@ def test_a_gross_error_costs_its_size_and_no_more() -> None:
     normal = -0.5 * 9.0 - np.log(2.0) - 0.5 * np.log(2.0 * np.pi)
     assert near == pytest.approx(normal, rel=1e-12)
     assert near - far == pytest.approx(3.0 * 100.0, rel=1e-12)
+
+
+def _jump_scores(stack: Stack, run: StackRun, part: slice = slice(None), after: JumpScores | None = None) -> JumpScores:
+    Z = np.where(np.isfinite(stack.y[:, 0])[..., None], stack.Z[:, 0], 0.0)
+    gains = [(inverse[0], e[0], W[0]) for inverse, e, W in run.gains]
+    return jump_scores(Z[part], gains[part], TRANSITION, after)
+
+
+def test_a_jump_is_worth_what_its_variance_gains() -> None:
+    stack, sd = _stack(), np.array([0.8, 0.0, 1.5, 0.0])
+    run = _filtered(stack)
+    gains = _jump_scores(stack, run).gain(sd)
+    for k in range(1, N_SAMPLES):
+        Q = stack.Q.copy()
+        Q[k - 1, 0] += sd**2
+        jumped = _filtered(replace(stack, Q=Q)).log_likelihood[0]
+        assert gains[k] == pytest.approx(jumped - run.log_likelihood[0], rel=1e-9, abs=1e-12)
+
+
+def test_what_a_jump_is_worth_goes_on_over_the_stretches_of_a_record() -> None:
+    stack = _stack()
+    run = _filtered(stack)
+    whole, last = _jump_scores(stack, run), _jump_scores(stack, run, slice(3, None))
+    first = _jump_scores(stack, run, slice(3), last)
+    assert np.allclose(np.concatenate([first.r, last.r]), whole.r, rtol=1e-12)
+    assert np.allclose(np.concatenate([first.N, last.N]), whole.N, rtol=1e-12)

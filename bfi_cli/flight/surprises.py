@@ -1,0 +1,197 @@
+"""Where a flight surprises its model as an ordinary cause would: places that no finder of faults proposes.
+
+One backward pass over the flight says of every second what a jump of the states there would explain of all that
+follows. Where that is much, the judge weighs the place as it weighs a finder's: what is told is the ordinary cause that
+explains it clearly better than nothing, than a manoeuvre, and than every fault in its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..airdata import DEPENDS_ON
+from ..flightlog.phases import Phase, spans_of
+from ..kernels import FloatArray
+from ..kernels.bounded_filter import Stack, filter_stack, jump_scores
+from ..kernels.runs import within
+from .bench import CHECK_S, JUMP_S, Bench, Place, place_of, takeoffs_of
+from .judge import ALIKE, REFERENCES, causes_of, explains, judge_place, ordinary_of, rows_of
+from .result import Event, OrdinaryEvent
+from .tables import MANOEUVRE, ORDINARY
+from .weight import Ordinary
+
+# Log densities from which on a jump within a second is looked at more closely, and how many of these: a front and flaps
+# take some seconds, and are worth more where the judge spreads them.
+PROPOSED, MOST_PLACES = 20.0, 8
+APART_S = 40  # seconds within which the largest surprise stands for all
+# Log density over the best of nothing and a manoeuvre from which on a cause is told: three times on 14 healthy flights
+# of seven aircraft, flaps before two landings and an altimeter that was set (docs/validation.md).
+TOLD = 40.0
+WEIGHED_S = 200.0  # after a jump, in which it is told from what grows and from what settles
+# Seconds beside a place at which the states may jump: at once, within 10 s as flaps and fronts do, and as the judge's.
+TAKES_S = ((0,), (-4, -2, 0, 2, 4, 6), JUMP_S)
+BESIDE_S = 30  # of a jump, when its size is read
+LARGEST = 3.0  # standard deviations of a jump that a cause still makes
+SAME_S = 60.0  # from an event of a finder, when both are of the same place
+UNLIKE_FLIGHT = ("stall", "parabola")  # phases in which the rows are no linear functions of the states
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surprise:
+    """An ordinary cause that explains a place of the flight.
+
+    Attributes
+    ----------
+    cause : of `tables.ORDINARY`; at_s : when.
+    gain : log density that it is worth over none; margin : of the best fault in its place over it.
+    size : of what jumps most, in the cause's unit.
+    """
+
+    cause: str
+    at_s: float
+    gain: float
+    margin: float
+    size: float
+
+
+def surprising_events(bench: Bench, phases: Sequence[Phase], events: Sequence[Event]) -> Iterator[OrdinaryEvent]:
+    """Yield the ordinary causes that act where no finder proposes a fault, or where what it suspects may be one.
+
+    A fault within ten to one of the cause leaves a place to the finders: it is told where one suspects it, and stays
+    suspected.
+
+    Parameters
+    ----------
+    events : that stand. Where one of air data is declared, the courses about which the model is linear are wrong.
+    """
+    without = [*spans_of(phases, UNLIKE_FLIGHT), *filter(None, map(_wrong_for, events))]
+    for surprise in _surprises(bench, without):
+        suspected = next((event for event in events if _is_of(bench, event, surprise)), None)
+        if suspected is None and surprise.margin > -ALIKE:
+            continue
+        yield OrdinaryEvent(
+            cause=surprise.cause,
+            from_s=surprise.at_s,
+            to_s=None,
+            magnitude=surprise.size,
+            unit=ORDINARY[surprise.cause].unit,
+            ci95=None,
+            looks_like="" if suspected is None else suspected.fault,
+            evidence={"gain": surprise.gain, "margin": surprise.margin},
+        )
+
+
+def _wrong_for(event: Event) -> tuple[float, float] | None:
+    """Return when air data are wrong by an event, None where none are."""
+    if event.state != "declared" or not DEPENDS_ON.keys() & {*event.channels}:
+        return None
+    return event.onset_ci95[0] - SAME_S, (np.inf if event.offset_s is None else event.offset_s) + SAME_S
+
+
+def _is_of(bench: Bench, event: Event, surprise: Surprise) -> bool:
+    """Return whether a suspected event may be what surprises."""
+    near = abs(event.onset_s - surprise.at_s) < SAME_S and event.state == "suspected"
+    return near and explains(bench, surprise.cause, rows_of(bench, event.channels))
+
+
+def _surprises(bench: Bench, without: Sequence[tuple[float, float]]) -> Iterator[Surprise]:
+    """Yield what explains a flight's surprises, in their order, a cause once within a minute: the jump that is most."""
+    seconds = _proposed(bench)
+    times_s = bench.model.time_s[seconds]
+    standing: dict[float, Surprise] = {}
+    for at_s in times_s[~within(times_s, without)].tolist():
+        near = [surprise for at, surprise in standing.items() if abs(at - at_s) < SAME_S]
+        surprise = _weighed(bench, at_s)
+        if surprise is not None and surprise.cause not in {other.cause for other in near}:
+            standing[at_s] = surprise
+    for at_s in sorted(standing):
+        yield standing[at_s]
+
+
+def _weighed(bench: Bench, at_s: float) -> Surprise | None:
+    """Return what an ordinary cause is worth at a place; None where none is worth telling."""
+    whole = place_of(bench, at_s, None, at_s + WEIGHED_S)
+    if whole is None:
+        return None
+    weighed = [(place, ordinary_of(place)) for place in (whole.at(whole.onset, None, jumps=jumps) for jumps in TAKES_S)]
+    place, ordinary = max(weighed, key=lambda pair: float(np.nansum(pair[1].log_density)))
+    if not ordinary.cause or not ORDINARY[ordinary.cause].is_sought or ordinary.gain < TOLD:
+        return None
+    state, size = _jump(place, ordinary)
+    if abs(size) > LARGEST * ORDINARY[ordinary.cause].jumps[state]:
+        return None
+    return Surprise(
+        cause=ordinary.cause,
+        at_s=at_s,
+        gain=ordinary.gain,
+        margin=_margin_of_faults(place, ordinary, state),
+        size=size,
+    )
+
+
+def _margin_of_faults(place: Place, ordinary: Ordinary, state: str) -> float:
+    """Return the margin of the best fault over a cause: in its place, and not beside it."""
+    model = place.bench.model
+    moved = [name for name in model.rows if np.any(model.Z[place.part, model.row(name), model.state(state)])]
+    if len(moved) == 1 and moved[0] not in rows_of(place.bench, REFERENCES):
+        return 0.0  # an error of the one channel that it moves, of the same course, is as good
+    return judge_place(place, replace(ordinary, shocks=np.zeros_like(ordinary.shocks))).weights[0].margin
+
+
+def _proposed(bench: Bench) -> list[int]:
+    """Return the seconds at which a jump of an ordinary cause is worth most, the best first."""
+    gains = jump_gains(bench)
+    manoeuvre = np.maximum(gains.pop(""), 0.0)
+    net = np.max(list(gains.values()), axis=0, initial=0.0) - manoeuvre
+    seconds: list[int] = []
+    while len(seconds) < MOST_PLACES and net.max(initial=0.0) > PROPOSED:
+        second = int(np.argmax(net))
+        seconds.append(second)
+        net[max(second - APART_S, 0) : second + APART_S] = 0.0
+    return seconds
+
+
+def jump_gains(bench: Bench) -> dict[str, FloatArray]:
+    """Return by sought ordinary cause, and "" for a manoeuvre, (n,) log densities that a jump before a second is worth.
+
+    They are those of all of the flight that follows up to the next take-off.
+    """
+    model = bench.model
+    causes = {name: jumps for name, jumps in causes_of(model).items() if ORDINARY[name].is_sought}
+    sds = {name: _deviations(bench, jumps) for name, jumps in {"": MANOEUVRE, **causes}.items()}
+    gains = {name: np.zeros(model.n) for name in sds}
+    # The stretches between checks run side by side, what follows a jump in one after the other.
+    starts = np.array(list(bench.checks))
+    ends = np.append(starts[1:], int(np.flatnonzero(model.frame.airborne)[-1]) + 1)
+    seconds = starts + np.arange(CHECK_S)[:, None]
+    known = (seconds < ends)[..., None] & np.isfinite(bench.y[np.minimum(seconds, model.n - 1)])
+    y, Z, R, Q = (values[np.minimum(seconds, model.n - 1)] for values in (bench.y, model.Z, bench.R, bench.Q))
+    stack = Stack(y=np.where(known, y, np.nan), Z=Z, R=R, Q=Q)
+    mean, covariance = (np.stack(parts) for parts in zip(*bench.checks.values(), strict=True))
+    run = filter_stack(stack, bench.transition, mean=mean, covariance=covariance, with_gains=True)
+    loaded = np.where(known[..., None], Z, 0.0)
+    takeoffs, after = takeoffs_of(model), None
+    for h in range(starts.size - 1, -1, -1):
+        n = int(ends[h] - starts[h])
+        stretch = [(inverse[h], e[h], W[h]) for inverse, e, W in run.gains[:n]]
+        scores = jump_scores(loaded[:n, h], stretch, bench.transition, after)
+        for name, sd in sds.items():
+            gains[name][starts[h] : ends[h]] = scores.gain(sd)
+        after = None if starts[h] in takeoffs else scores
+    return gains
+
+
+def _deviations(bench: Bench, jumps: Mapping[str, float]) -> FloatArray:
+    return np.array([jumps.get(name, 0.0) for name in bench.model.states])
+
+
+def _jump(place: Place, ordinary: Ordinary) -> tuple[str, float]:
+    """Return the state that jumps most for its standard deviation, and by how much."""
+    states, jumps = place.bench.model.states, ORDINARY[ordinary.cause].jumps
+    before, after = max(place.onset - BESIDE_S, 0), min(place.onset + BESIDE_S, place.n - 1)
+    moved = ordinary.mean[after] - ordinary.mean[before]
+    state = max(jumps.keys() & {*states}, key=lambda name: abs(moved[states.index(name)]) / jumps[name])
+    return state, float(moved[states.index(state)])

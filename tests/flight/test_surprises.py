@@ -1,0 +1,110 @@
+"""Ordinary causes that no finder proposes: what moves as they do is told, what a fault does as well is left alone."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_journeys import made_journey
+
+from bfi_cli.decision import State
+from bfi_cli.flight.bench import Bench, bench_of
+from bfi_cli.flight.model import flight_model
+from bfi_cli.flight.result import Event, OrdinaryEvent
+from bfi_cli.flight.seconds import seconds_of
+from bfi_cli.flight.surprises import TOLD, jump_gains, surprising_events
+from bfi_cli.flightlog.phases import Phase
+from bfi_cli.flightlog.record import frozen_array
+
+AT_S = 420.0
+FLAPS = {"aoa": -0.03, "pitch": -0.03}  # of which the lift is the same
+KNOB = {"altitude": 60.0}
+
+
+def bench_with(steps: Mapping[str, float]) -> Bench:
+    """Return a flight in which some channels read more from a time on."""
+    log = made_journey(rate_hz=1.0)
+    after = (log.time_s >= AT_S).astype(float)
+    channels = dict(log.channels)
+    for name, size in steps.items():
+        channels[name] = replace(channels[name], values=frozen_array(channels[name].values + size * after))
+    seconds = seconds_of(replace(log, channels=channels))
+    assert seconds is not None
+    model = flight_model(seconds)
+    assert model is not None
+    return bench_of(model)
+
+
+@pytest.fixture(scope="module")
+def with_flaps() -> Bench:
+    return bench_with(FLAPS)
+
+
+@pytest.fixture(scope="module")
+def with_knob() -> Bench:
+    return bench_with(KNOB)
+
+
+def event_of(channel: str, at_s: float, state: State = "suspected") -> Event:
+    """Return what a finder says of a channel."""
+    nothing = dict.fromkeys(("constant_s", "frequency_hz", "magnitude", "sd", "ci95", "p_value", "offset_s"))
+    return Event(
+        **nothing,
+        **dict.fromkeys(("unit", "note", "repeat"), ""),
+        **dict.fromkeys(("statistic", "threshold"), 1.0),
+        effect={},
+        evidence={},
+        fault=channel,
+        among=(channel,),
+        channels=(channel,),
+        state=state,
+        kind="abrupt",
+        stages=("parity",),
+        shape="bias",
+        beyond_tolerance=True,
+        onset_s=at_s,
+        onset_ci95=(at_s, at_s),
+        seen_until_s=at_s,
+        window_s=(at_s, at_s),
+    )
+
+
+def test_nothing_surprises_in_a_healthy_flight() -> None:
+    assert list(surprising_events(bench_with({}), (), ())) == []
+
+
+def test_flaps_are_told_with_time_and_size(with_flaps: Bench) -> None:
+    (event,) = surprising_events(with_flaps, (), ())
+    assert (event.cause, event.looks_like, event.unit) == ("flaps", "", "rad")
+    assert event.from_s == pytest.approx(AT_S, abs=3.0)
+    assert event.magnitude == pytest.approx(-0.03, rel=0.25)
+    assert event.evidence["gain"] > TOLD
+    assert event.evidence["margin"] < 0.0
+
+
+def test_a_jump_is_worth_most_where_it_is(with_flaps: Bench) -> None:
+    gains = jump_gains(with_flaps)["flaps"]
+    assert with_flaps.model.time_s[np.argmax(gains)] == pytest.approx(AT_S, abs=2.0)
+
+
+def test_nothing_is_told_where_the_rows_are_no_functions_of_the_states(with_flaps: Bench) -> None:
+    phase = Phase(phase="parabola", from_s=AT_S - 20.0, to_s=AT_S + 20.0)
+    assert list(surprising_events(with_flaps, (phase,), ())) == []
+
+
+@pytest.mark.parametrize(("channel", "told"), [("tas", False), ("yaw", True)])
+def test_nothing_is_told_while_air_data_are_wrong(with_flaps: Bench, channel: str, told: bool) -> None:
+    declared = event_of(channel, AT_S - 100.0, "declared")
+    assert bool(list(surprising_events(with_flaps, (), [declared]))) == told
+
+
+@pytest.mark.parametrize(("beside", "told"), [((), False), ((("pitch", AT_S),), False), ((("altitude", AT_S),), True)])
+def test_what_an_error_of_a_channel_does_as_well_is_told_beside_its_suspicion_alone(
+    with_knob: Bench, beside: tuple[tuple[str, float], ...], told: bool
+) -> None:
+    events: list[OrdinaryEvent] = list(surprising_events(with_knob, (), [event_of(*each) for each in beside]))
+    assert [(event.cause, event.looks_like) for event in events] == ([("altimeter_set", "altitude")] if told else [])
+    for event in events:
+        assert event.magnitude == pytest.approx(60.0, rel=0.1)

@@ -27,8 +27,8 @@ from .weight import Ordinary
 # take some seconds, and are worth more where the judge spreads them.
 PROPOSED, MOST_PLACES = 20.0, 8
 APART_S = 40  # seconds within which the largest surprise stands for all
-# Log density over the best of nothing and a manoeuvre from which on a cause is told: three times on 14 healthy flights
-# of seven aircraft, flaps before two landings and an altimeter that was set (docs/validation.md).
+# Log density over the best of nothing and a manoeuvre from which on a cause is told: four times on 14 healthy flights,
+# flaps before two landings, an altimeter that was set, and a heading that settles (docs/validation.md).
 TOLD = 40.0
 WEIGHED_S = 200.0  # after a jump, in which it is told from what grows and from what settles
 # Seconds beside a place at which the states may jump: at once, within 10 s as flaps and fronts do, and as the judge's.

@@ -38,14 +38,12 @@ class Timing:
     Attributes
     ----------
     weight : what the fault is worth as it begins and ends there.
-    grows_s : in which what a line loses grows evenly and then stays, None of another course.
     """
 
     onset_s: float
     onset_ci95: tuple[float, float]
     offset_s: float | None
     weight: Weight
-    grows_s: float | None = None
 
 
 Course = float | Law  # of a channel the seconds of its growth, of a line its law
@@ -78,17 +76,13 @@ def timing_of(
     if place is None or not _is_weighed(place, weight.fault):
         return None
     fault, proposed = weight.fault, place.onset
-    last = latest = min(proposed + REACH_S, (place.n if place.offset is None else place.offset) - FEWEST_S)
-    courses: Sequence[Course]
-    if weight.growth_s is None:
-        courses = _laws(place, fault, proposed, place.offset, ordinary_of(place))
-        # What grows for minutes is told by minutes.
-        last += max(int(law.grows_s or 0.0) for law in courses)
-    else:
-        courses = (weight.growth_s,)
+    last = min(proposed + REACH_S, (place.n if place.offset is None else place.offset) - FEWEST_S)
+    courses: Sequence[Course] = (weight.growth_s,) if weight.growth_s is not None else ()
+    # A course of ice that stays moves the onset where the ice takes another: the straight one tells it.
+    courses = courses or _law(place, fault, (*LAWS, *LEAKS), proposed, place.offset, ordinary_of(place))
     part = place.until(last + SHOWN_S)
     ordinary = ordinary_of(part.at(proposed, part.offset, jumps=JUMP_S))
-    onsets = range(proposed - earlier_s, latest + 1)
+    onsets = range(proposed - earlier_s, last + 1)
     begins = _peak(fault, courses, [part.at(second, part.offset) for second in onsets], ordinary)
     if begins is None:
         return None
@@ -121,7 +115,6 @@ def _timing(begins: _Peak, ends: _Peak | None, offset_s: float | None) -> Timing
         onset_ci95=(float(time_s[begins.first.onset] - 1.0), float(time_s[begins.last.onset] + 0.5)),
         offset_s=offset_s,
         weight=known,
-        grows_s=begins.course.grows_s if isinstance(begins.course, Law) else None,
     )
 
 
@@ -161,7 +154,7 @@ def begun_before(bench: Bench, fault: str, end_s: float, *, sure: float, until_s
         near = range(max(about - reach_s, end - earlier_s), min(about + reach_s, end - FEWEST_S) + 1)
         return _peak(fault, courses, [place.at(second, end) for second in near], ordinary)
 
-    courses = GROWN_S if is_channel else _laws(place, fault, began.onset, end, ordinary)
+    courses = GROWN_S if is_channel else _law(place, fault, (*LAWS, *ICINGS, *LEAKS), began.onset, end, ordinary)
     onset = peak(courses, began.onset, EARLIER_STEP_S)
     if onset is not None and not isinstance(onset.course, Law) and 0.0 < onset.course < np.inf:
         onset = peak([share * onset.course for share in BESIDE], onset.best.onset, EARLIER_STEP_S)
@@ -170,12 +163,14 @@ def begun_before(bench: Bench, fault: str, end_s: float, *, sure: float, until_s
     return _timing(onset, _end(fault, onset, place.at(end, end), COARSE_S, ordinary), end_s)
 
 
-def _laws(place: Place, fault: str, onset: int, offset: int | None, ordinary: Ordinary) -> Sequence[Law]:
-    """Return the law by which a line goes on that fails about a second of a part."""
+def _law(
+    place: Place, fault: str, laws: Sequence[Law], onset: int, offset: int | None, ordinary: Ordinary
+) -> Sequence[Law]:
+    """Return which of some laws a line goes on by that fails about a second of a part."""
     reach_s = EARLIER_STEP_S // 2
     seconds = range(max(onset - reach_s, 0), onset + reach_s + 1, COARSE_S)
     about = [place.at(second, offset) for second in seconds if second < place.n - FEWEST_S]
-    weights = _weights(fault, [law for law in (*LAWS, *ICINGS, *LEAKS) if law.fault == fault], about, ordinary)
+    weights = _weights(fault, [law for law in laws if law.fault == fault], about, ordinary)
     law = max(weights, key=lambda pair: _rank(pair[0]))[1]
     assert isinstance(law, Law)
     return (law,)

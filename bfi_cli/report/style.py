@@ -137,7 +137,8 @@ def _fix_labels(figure: Figure) -> None:
 
     renderer = figure.canvas.get_renderer()  # type: ignore[attr-defined]
     columns: dict[object, list[tuple[Axes, float, float]]] = {}
-    for axes in figure.axes:
+    # A colour bar finds its place when it is drawn, beside its map.
+    for axes in (axes for axes in figure.axes if axes.get_axes_locator() is None):
         for axis in (axes.xaxis, axes.yaxis):
             axis.get_tightbbox(renderer)  # which places its label
         below = blended_transform_factory(axes.transAxes, figure.transFigure)

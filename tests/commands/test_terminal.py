@@ -96,10 +96,15 @@ START_TIME, DETECT = (
 )
 
 
+def not_pasted(lines: list[str]) -> list[str]:
+    """Return the lines without advice, a command that the terminal folds so that it can be pasted."""
+    return [line for line in lines if not line.startswith("To decide")]
+
+
 @pytest.mark.slow
 def test_fault_channel_and_onset_stand_in_one_line_that_fits():
     lines = on_terminal(40, *IDENTIFY, "-v")
-    assert max(map(len, lines)) <= 40
+    assert max(map(len, not_pasted(lines))) <= 40
     assert any(re.match(r" bias_13\.8 +tas +13\.8", line) for line in lines)
     assert "\x1b" not in "".join(lines)
 
@@ -127,7 +132,7 @@ def narrow(bfi: Callable, monkeypatch: pytest.MonkeyPatch) -> Callable[..., list
 )
 def test_of_a_scan_and_of_a_detection_too(failing: Path, narrow: Callable, argv: tuple[object, ...], kept: str):
     lines = narrow(*(failing if word == "FAILING" else word for word in argv), "-v")
-    assert max(map(len, lines)) <= 40
+    assert max(map(len, not_pasted(lines))) <= 40
     assert any(re.match(kept, line) for line in lines)
 
 

@@ -68,6 +68,16 @@ FILES: dict[str, str | Callable[[Path], object]] = {
     "damaged.json": _text('{"kind": "identify", "schema": 3}'),
 }
 
+# Answers of which numbers hang on the rounding of a processor: simulations without noise, whose regressors follow from
+# others to round-off, digests of files and tables, what a window far below its threshold would be.
+ROUNDED = frozenset(
+    (
+        *("plot_journey", "identify_thesis", "identify_two_faults", "identify_clean", "identify_outputs"),
+        *("identify_rate_and_order", "identify_together", "identify_arx", "identify_fails_on_fault"),
+        *("diagnose_icing", "diagnose_static", "calibrate", "compare", "reproduce_fir"),
+    )
+)
+
 # By name, the command line. The names are those of the stored answers.
 LINES: dict[str, str] = {
     "info_bias": "info data/citation_bias.h5 --json",

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import scipy
-from command_lines import FILES, LINES, ROOT
+from command_lines import FILES, LINES, ROOT, ROUNDED
 from threadpoolctl import threadpool_info
 
 from bfi_cli.commands import run_command
@@ -152,8 +152,25 @@ def differences_from_stored(name: str, after: Mapping[str, Any], *, within: floa
     """
     before = stored(name)
     if within is None:
-        within = NUMBERS if before["arithmetic"] == after["arithmetic"] else ELSEWHERE
+        elsewhere = before["arithmetic"] != after["arithmetic"]
+        if elsewhere and name in ROUNDED:
+            return list(differences(decisive(before), decisive(after)))
+        within = ELSEWHERE if elsewhere else NUMBERS
     return list(differences(before, {**after, "arithmetic": before["arithmetic"]}, within=within))
+
+
+def decisive(answer: Mapping[str, Any]) -> dict[str, Any]:
+    """Return of an answer what it decides: code, decision, verdicts, and the names, channels and states of faults."""
+    document = answer["document"] or {}
+    faults = [*document.get("faults", ()), *document.get("events", ())]
+    return {
+        "code": answer["code"],
+        "stderr": answer["stderr"],
+        "keys": sorted(document),
+        "decision": document.get("decision"),
+        "verdicts": document.get("verdicts"),
+        "faults": [[fault.get(key) for key in ("name", "fault", "channel", "state", "shape")] for fault in faults],
+    }
 
 
 def differences(before: Any, after: Any, where: str = "", *, within: float = NUMBERS) -> Iterator[Difference]:

@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from command_lines import FAST, LINES
+from command_lines import FAST, LINES, ROUNDED
 from locked_answers import (
     ELSEWHERE,
     NUMBERS,
     STORED,
     answer,
+    decisive,
     differences,
     differences_from_stored,
     plain,
@@ -37,6 +38,18 @@ def test_an_answer_is_the_one_that_is_stored(name: str, workshop: Path) -> None:
 def test_every_stored_answer_is_of_a_command_line() -> None:
     assert {path.stem for path in STORED.glob("*.json")} == set(LINES)
     assert set(FAST) <= set(LINES)
+
+
+def test_what_hangs_on_rounding_is_held_to_what_it_decides_on_another_processor() -> None:
+    assert set(LINES) >= ROUNDED
+    before = stored("identify_thesis")
+    (fault,) = before["document"]["faults"]
+    faults = {"a digit": [{**fault, "sd": 2.0 * fault["sd"]}], "a name": [{**fault, "name": "drift"}]}
+    after = {key: {**before, "document": {**before["document"], "faults": it}} for key, it in faults.items()}
+    assert decisive(after["a digit"]) == decisive(before) != decisive(after["a name"])
+    assert differences_from_stored("identify_thesis", after["a digit"])
+    assert not differences_from_stored("identify_thesis", {**after["a digit"], "arithmetic": "another"})
+    assert differences_from_stored("identify_thesis", {**after["a name"], "arithmetic": "another"})
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from ..airdata import DEPENDS_ON, IMPACT_SOURCES
 from ..faults.shapes import SHAPES
 from ..model.onset.glance import Glance
 from ..model.onset.search import OnsetSearch
-from ..quantities.channels import quantity_of
+from ..quantities.channels import channel_in_words, quantity_of
 from .parity import Finding, Fit, Record, Threshold, WindowScan, effects
 from .parity.record import STATIC_LEAK, hypotheses
 
@@ -195,6 +195,8 @@ def contradicted(relations: Mapping[str, bool]) -> tuple[str, ...]:
     return tuple(name for name, intact in relations.items() if intact and name in ("tas", "cas", "ias", "mach"))
 
 
+# By the line that fails, the pressure of which a second sensor would tell it.
+LINE_READS = {"pitot": "impact pressure", "static": "static pressure"}
 # What a repeated flight should record or fly, where one of each pair cannot be told from the other.
 REPEATS: tuple[tuple[frozenset[str], str], ...] = (
     (
@@ -228,7 +230,8 @@ def repeat_advice(among: Collection[str]) -> str:
         if pair <= set(among):
             return words
     further = "third" if len({quantity_of(name) for name in among}) == 1 else "second"
-    return f"a {further}, independent sensor of {' or '.join(sorted(among)[:3])} tells them apart"
+    sensed = sorted({LINE_READS.get(name.partition("_")[0], channel_in_words(name)) for name in among})
+    return f"a {further}, independent sensor of {' or '.join(sensed[:3])} tells them apart"
 
 
 def vote_against(finding: Finding, recorded: Collection[str]) -> str:

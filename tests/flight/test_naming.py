@@ -139,4 +139,11 @@ def test_advice_does_not_depend_on_the_order_of_a_set(pair: frozenset[str], word
 
 def test_a_single_fault_needs_no_advice_and_any_set_has_one():
     assert repeat_advice(("tas",)) == ""
-    assert repeat_advice(("roll", "aoa")) == "a second, independent sensor of aoa or roll tells them apart"
+    assert (
+        repeat_advice(("roll", "aoa"))
+        == "a second, independent sensor of angle of attack or roll attitude tells them apart"
+    )
+    lines = repeat_advice(("static_leak", "pitot_icing", "altitude_rate"))
+    assert (
+        lines == "a second, independent sensor of impact pressure or rate of climb or static pressure tells them apart"
+    )

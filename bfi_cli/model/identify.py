@@ -30,7 +30,7 @@ from ..threads import one_thread
 from .claims import claims_of_entries, hidden_atoms, warnings_of
 from .maximum_likelihood import identify_by_likelihood
 from .preprocessing.advice import what_would_help
-from .preprocessing.manoeuvres import manoeuvres_of
+from .preprocessing.defaults import manoeuvres_of
 from .preprocessing.regression import RegressionData
 from .preprocessing.summary import ModelSummary, noise_of
 from .preprocessing.tolerance import tolerances_of

@@ -32,7 +32,7 @@ from ...kernels.progress import Progress, Report, parts, silent, unseen
 from ...notes import Note
 from ...quantities.text import instant
 from ...threads import one_thread
-from ..preprocessing.manoeuvres import modelled_stretches
+from ..preprocessing.defaults import modelled_stretches
 from .scan import HypothesisScan, Peak, bic_change, scan_hypotheses
 from .scan_record import ScanRecord, prepare_record
 

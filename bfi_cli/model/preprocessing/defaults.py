@@ -2,25 +2,35 @@
 
 The output is tas, the inputs are the trusted channels that the log has, of published methods the elevator, and the
 window is the whole log. Where a log lacks them, as an autopilot's without a true airspeed or a Garmin's without an
-elevator, the nearest channels are taken. What differs from the configuration is named in a note.
+elevator, the nearest channels are taken. What differs from the configuration is named in a note. Manoeuvres that no
+linear model of one trim follows are evidence of their own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ...config import Config, merge
+from ...decision import Evidence, Manoeuvre
 from ...errors import LogError
 from ...faults import Fault
 from ...flightlog import Channel, FlightLog
-from ...flightlog.phases import HOVER, TRANSITION, airborne_stretches, phases_of
+from ...flightlog.phases import (
+    HOVER,
+    RECOVERY_S,
+    TRANSITION,
+    Phase,
+    airborne_phases,
+    airborne_stretches,
+    phases_of,
+)
 from ...flightlog.quality import advice_on_windows, gap_starts, held_hz
 from ...flightlog.signs import HEIGHTS
-from ...kernels.runs import runs, within
+from ...kernels.runs import left_of, runs, within
 from ...methods import METHODS
 from ...notes import Note
 from ...quantities.channels import INPUTS
@@ -28,6 +38,8 @@ from ...quantities.text import instant
 from .window import TRUSTED
 
 OTHER_AIRSPEEDS = ("cas", "ias")
+# Phases that no linear model of one trim follows.
+MANOEUVRES = ("stall", "parabola")
 # What moves an aircraft lengthwise, and what shows that it does: one of each group, the first that moves.
 SURFACES = tuple(name for name in INPUTS if name.startswith("elevator"))
 THRUST = ("throttle", "n1_left", "n1_right")
@@ -235,3 +247,27 @@ def require_one_trim(window: FlightLog, faults: Sequence[Fault], config: Config)
             f"{len(later)} phases ({', '.join(dict.fromkeys(later))}) that a model of one trim does not describe; give "
             "--from and --to within one of them"
         )
+
+
+def manoeuvres_of(log: FlightLog, suspects: Collection[str]) -> Evidence:
+    """Return the stalls and parabolas of a log.
+
+    Parameters
+    ----------
+    suspects : channels that may be faulty, which do not say how the aircraft flies where others do.
+    """
+    return Evidence(source="phases", manoeuvres=_manoeuvres(phases_of(log, suspects=suspects)))
+
+
+def modelled_stretches(log: FlightLog, suspects: Collection[str]) -> list[tuple[float, float]]:
+    """Return (from_s, to_s) of the stretches of flight that a linear model may follow: without stalls and parabolas."""
+    phases = phases_of(log, suspects=suspects)
+    return left_of(airborne_phases(phases), [manoeuvre.reach_s for manoeuvre in _manoeuvres(phases)])
+
+
+def _manoeuvres(phases: Sequence[Phase]) -> tuple[Manoeuvre, ...]:
+    return tuple(
+        Manoeuvre(name=phase.phase, from_s=phase.from_s, to_s=phase.to_s, beside_s=RECOVERY_S)
+        for phase in phases
+        if phase.phase in MANOEUVRES
+    )

@@ -152,7 +152,8 @@ def test_the_terminal(bfi, calibrated: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("TERM", "dumb")
     lines = bfi("start-time", BIAS, *QUICK, "--calibration", calibrated).stdout.splitlines()
     assert lines[0].startswith("FAULT  true airspeed reads 4.0")
-    assert max(map(len, lines)) <= 80
+    # A command to paste is folded by the terminal.
+    assert max(len(line) for line in lines if not line.startswith("To decide")) <= 80
 
 
 @pytest.mark.first_rows(2)

@@ -11,7 +11,7 @@ from bfi_cli.config import Config
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.model.onset import find_onset, windows_of
-from bfi_cli.model.preprocessing.manoeuvres import manoeuvres_of
+from bfi_cli.model.preprocessing.defaults import manoeuvres_of
 
 pytestmark = pytest.mark.realdata
 

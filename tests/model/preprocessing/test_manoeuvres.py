@@ -11,7 +11,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.model.onset import windows_of
-from bfi_cli.model.preprocessing.manoeuvres import manoeuvres_of, modelled_stretches
+from bfi_cli.model.preprocessing.defaults import manoeuvres_of, modelled_stretches
 
 UNITS = {"tas": "m/s", "altitude": "m", "pitch": "rad", "aoa": "rad"}
 

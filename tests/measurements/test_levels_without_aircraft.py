@@ -128,15 +128,20 @@ def flown_of(aircraft: str, name: str, log: FlightLog, seed: int) -> Flown:
         return flown
     answer = diagnose_flight(inject(log, [fault]), Config())
     name_of = fault.channel or fault.shape
-    named = [event for event in answer.events if name_of in event.among]
     first_s, last_s = fault.onset_s - SLACK_S, fault.onset_s + (build_up_s(fault) or 0.0) + SLACK_S
+    # What is surely within its tolerance is named as a deviation.
+    named = [
+        event
+        for event in (*answer.events, *answer.deviations)
+        if name_of in event.among and event.onset_ci95[0] <= last_s and first_s <= event.onset_ci95[1]
+    ]
     best = max(named, key=lambda event: (event.state == "declared", event.margin or 0.0), default=None)
     return replace(
         flown,
         fault=fault,
         margin=-np.inf if best is None else best.margin if best.margin is not None else DECLARED,
         state="" if best is None else best.state,
-        is_covered=best is not None and best.onset_ci95[0] <= last_s and first_s <= best.onset_ci95[1],
+        is_covered=best is not None,
     )
 
 

@@ -15,5 +15,5 @@ TWO_SIDED_95 = 1.959963984540054
 ONE_SIDED_90, ONE_SIDED_95, ONE_SIDED_99 = 1.2815515655446004, 1.6448536269514722, 2.3263478740408408
 # CHI_SQUARE_95: below it lie 95 % of a squared normal deviate (chi-square with one degree of freedom).
 CHI_SQUARE_95 = 3.84
-# The median of the absolute deviations over the standard deviation, and its inverse as it is mostly written.
-MEDIAN_DEVIATION, MAD = 0.6744897501960817, 1.4826
+# The standard deviation over the median of the absolute deviations.
+MAD = 1.4826

@@ -6,10 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
+from scipy.linalg import solve_triangular
 
 from . import FloatArray
 from .lagged import lagged
-from .lapack import lapack
 
 # Singular values of unit signatures below this share of the largest are round-off; chosen, not tuned.
 RANK_TOLERANCE = 1e-10
@@ -47,7 +48,7 @@ def whiten(signatures: FloatArray, sigma: FloatArray) -> FloatArray:
     """
     rows, n_y, n = signatures.shape
     by_output = np.moveaxis(signatures, 1, 0).reshape(n_y, rows * n)
-    white = np.asarray(lapack.dtrtrs(np.linalg.cholesky(sigma), by_output, lower=True)[0])
+    white = solve_triangular(np.linalg.cholesky(sigma), by_output, lower=True)
     return np.moveaxis(white.reshape(n_y, rows, n), 0, 1).reshape(rows * n_y, n)
 
 
@@ -119,7 +120,5 @@ def detectable_deviations(n_candidates: int, *, charge: float, false_alarm: floa
     charge : penalty of the selection criterion for one more signal, on the scale of twice the log-likelihood; 0 for
         none.
     """
-    from scipy.special import ndtri
-
-    tail = -float(ndtri(false_alarm / (2.0 * max(n_candidates, 1))))
-    return max(tail, float(np.sqrt(max(charge, 0.0)))) + float(ndtri(power))
+    tail = -float(special.ndtri(false_alarm / (2.0 * max(n_candidates, 1))))
+    return max(tail, float(np.sqrt(max(charge, 0.0)))) + float(special.ndtri(power))

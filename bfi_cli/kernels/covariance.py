@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import lapack
 
 from . import FloatArray
 from .atom_signals import AtomSignals, Channels
@@ -25,7 +26,6 @@ from .lagged import (
     lagged,
     with_earlier,
 )
-from .lapack import lapack
 from .progress import Report, silent
 from .variable_projection import Fit
 

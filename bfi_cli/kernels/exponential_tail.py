@@ -10,6 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import special
 
 from . import FloatArray
 
@@ -61,17 +62,13 @@ def white_level(n_tests: float, false_alarm: float) -> float:
 
     The bound is Bonferroni's: deviates that depend on each other exceed it less often.
     """
-    from scipy.special import ndtri
-
-    return -float(ndtri(0.5 * false_alarm / n_tests))
+    return -float(special.ndtri(0.5 * false_alarm / n_tests))
 
 
 def white_excess(n_tests: float) -> float:
     """Return the mean excess of the largest of `n_tests` absolute normal deviates over its median, where it has one."""
-    from scipy.special import ndtri
-
     upper = (np.arange(QUANTILES) + 0.5) / (2 * QUANTILES) + 0.5
-    largest = ndtri(0.5 * (1.0 + np.append(0.5, upper) ** (1.0 / n_tests)))
+    largest = special.ndtri(0.5 * (1.0 + np.append(0.5, upper) ** (1.0 / n_tests)))
     return float(np.mean(largest[1:]) - largest[0])
 
 

@@ -22,11 +22,11 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
+from scipy.linalg import lapack
 
 from . import TWO_SIDED_95, FloatArray
 from .covariance import Layout
 from .lagged import lagged
-from .lapack import lapack
 from .variable_projection import RANK_TOLERANCE
 
 # Cells of the walk at most. In simulated residuals of 4 to 20 minutes the course then differs from that of a cell per

@@ -12,9 +12,9 @@ right kind and wrong by up to 100 % with another.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -42,9 +42,6 @@ NEAR, FAR = 0.003, 0.1
 # Edges tried first, as a share of the sampling rate, 10 % apart; the best of them is then refined to a part in 1000.
 EDGES = np.geomspace(0.03, HIGHEST_EDGE, 30)
 REFINED, COARSE = 1e-3, 3
-# GOLDEN, ROUNDING [1]: share of the golden section, and of a number by which the values of a smooth function beside its
-# least differ by rounding: the root of the precision of a double.
-GOLDEN, ROUNDING = 0.5 * (3.0 - 5.0**0.5), 2.2e-16**0.5
 # Larger values are no measurements, and their differences no numbers.
 LARGEST = 1e100
 # A jump between two samples is complete this many samples after its half crossing where there is no filter.
@@ -113,16 +110,24 @@ def _jumps(values: FloatArray, rate_hz: float, width_s: float) -> tuple[FloatArr
 
 def _nearest_kind(delay: FloatArray, level: FloatArray, n_jumps: int, rate_hz: float) -> RecorderEstimate:
     """Return the kind of filter whose step response is nearest to the averaged one."""
+    from scipy.optimize import minimize_scalar
+
     grid, response = _averaged(delay, level)
     if np.interp(SHARP, grid, response) > 1.0 - FLAT and np.interp(-SHARP, grid, response) < FLAT:
         return RecorderEstimate(kind=None, edge_hz=None, misfit=0.0, n_jumps=n_jumps)
     nearest = RecorderEstimate(kind=None, edge_hz=None, misfit=np.inf, n_jumps=n_jumps)
     for kind in RECORDERS:
         around = EDGES[np.clip(_nearest_edge(kind, grid, response) + np.array([-1, 1]), 0, len(EDGES) - 1)]
-        misfit_of = partial(_misfit, kind=kind, grid=grid, response=response)
-        edge, misfit = least_between(misfit_of, *around.tolist(), tolerance=REFINED * float(around[0]))
-        if misfit < nearest.misfit:
-            nearest = RecorderEstimate(kind=kind, edge_hz=edge * rate_hz, misfit=misfit, n_jumps=n_jumps)
+        refined = minimize_scalar(
+            _misfit,
+            bounds=around,
+            args=(kind, grid, response),
+            method="bounded",
+            options={"xatol": REFINED * around[0]},
+        )
+        if refined.fun < nearest.misfit:
+            edge_hz, misfit = float(refined.x * rate_hz), float(refined.fun)
+            nearest = RecorderEstimate(kind=kind, edge_hz=edge_hz, misfit=misfit, n_jumps=n_jumps)
         if not NEAR <= nearest.misfit <= FAR:
             break
     return nearest
@@ -135,44 +140,6 @@ def _nearest_edge(kind: Kind, grid: FloatArray, response: FloatArray) -> int:
     beside = range(max(0, best - COARSE + 1), min(len(EDGES), best + COARSE))
     misfits |= {k: _misfit(EDGES[k], kind, grid, response) for k in beside if k not in misfits}
     return min(misfits, key=misfits.__getitem__)
-
-
-def least_between(
-    function: Callable[[float], float], low: float, high: float, *, tolerance: float
-) -> tuple[float, float]:
-    """Return where a function is least between two numbers, and its value, by golden sections and parabolas.
-
-    The search of R. P. Brent, Algorithms for Minimization without Derivatives, 1973, chapter 5, as in
-    `scipy.optimize.minimize_scalar`, whose import takes as long as a short log to read.
-    """
-    best = second = third = low + GOLDEN * (high - low)
-    least = after = last = function(best)  # at these
-    step = before = 0.0
-    while True:
-        middle, close = 0.5 * (low + high), ROUNDING * abs(best) + tolerance / 3.0
-        if abs(best - middle) <= 2.0 * close - 0.5 * (high - low):
-            return best, least
-        r, q = (best - second) * (least - last), (best - third) * (least - after)
-        p, q = (best - third) * q - (best - second) * r, 2.0 * (q - r)
-        p, q = -p if q > 0.0 else p, abs(q)
-        if abs(before) > close and abs(p) < abs(0.5 * q * before) and q * (low - best) < p < q * (high - best):
-            before, step = step, p / q
-            if min(best + step - low, high - best - step) < 2.0 * close:
-                step = close if middle >= best else -close
-        else:
-            before = (low if best >= middle else high) - best
-            step = GOLDEN * before
-        trial = best + (max(abs(step), close) if step >= 0.0 else -max(abs(step), close))
-        value = function(trial)
-        if value <= least:
-            low, high = (best, high) if trial >= best else (low, best)
-            third, last, second, after, best, least = second, after, best, least, trial, value
-            continue
-        low, high = (trial, high) if trial < best else (low, trial)
-        if value <= after or second == best:
-            third, last, second, after = second, after, trial, value
-        elif value <= last or third in (best, second):
-            third, last = trial, value
 
 
 def _averaged(delay: FloatArray, level: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -10,10 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import lapack
 
 from . import MAD, FloatArray
 from .lagged import add_rows
-from .lapack import lapack
 
 # A coefficient is known before the record to about noise / PRIOR, that is, next to nothing is known.
 PRIOR = 1e-3

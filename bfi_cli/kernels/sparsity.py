@@ -22,10 +22,10 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
+from scipy.linalg import lapack
 
 from . import FloatArray
 from .lagged import PANEL
-from .lapack import lapack
 from .risro import least_squares, whitened_outputs
 from .variable_projection import ProjectedRegression
 

@@ -13,10 +13,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.linalg import lapack
 
 from . import BoolArray, FloatArray
 from .lagged import Compressed, restrict
-from .lapack import lapack
 from .termination import Termination
 
 # Below this share of the largest, a direction of the regressors is round-off: 1e5 times the precision of a double.

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy import special
 
-from . import MEDIAN_DEVIATION, FloatArray, IntArray
-from .student import chi_square_tail
+from . import FloatArray, IntArray
 
 # Products beyond which autocorrelations are taken by Fourier transforms of blocks of so many rows; the speed only.
 MOST_PRODUCTS, BLOCK = 10**8, 65_536
@@ -37,7 +37,7 @@ def ljung_box(e: FloatArray, n_lags: int, n_fitted: int) -> float:
     """Return the p-value of the Ljung-Box whiteness test (Ljung and Box 1978), `n_fitted` lags having been fitted."""
     n, r = len(e), autocorrelation(e, n_lags)
     statistic = n * (n + 2) * float(np.sum(r**2 / (n - np.arange(1, n_lags + 1))))
-    return chi_square_tail(max(n_lags - n_fitted, 1), statistic)
+    return float(special.chdtrc(max(n_lags - n_fitted, 1), statistic))
 
 
 def effective_rows(e: FloatArray) -> float:
@@ -59,7 +59,7 @@ def robust_sd(e: FloatArray) -> float:
     """Standard deviation from the median absolute deviation, so that a step does not hide itself."""
     deviation = e - np.median(e)
     np.abs(deviation, out=deviation)
-    return float(np.median(deviation, overwrite_input=True) / MEDIAN_DEVIATION)
+    return float(np.median(deviation, overwrite_input=True) / special.ndtri(0.75))
 
 
 def exceedances(e: FloatArray, sigmas: float = 5.0) -> IntArray:

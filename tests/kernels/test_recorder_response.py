@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import signal
-from scipy.optimize import minimize_scalar
 
-from bfi_cli.kernels.recorder_response import least_between, recorder_from_jumps
+from bfi_cli.kernels.recorder_response import recorder_from_jumps
 
 QUANTUM, FACTOR = 0.25, 10
 
@@ -67,14 +66,3 @@ def test_channels_without_jumps_say_nothing():
 
 def test_the_steps_of_a_manoeuvre_are_too_few():
     assert recorder_from_jumps([gaussian(np.repeat([0.0, 1.0, -1.0, 1.0, 0.0], 1000), 0.75)[::FACTOR]], 10.0) is None
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_the_least_between_two_numbers_is_that_of_scipy(seed: int):
-    a, b, c, low, high, digits = np.random.default_rng(seed).uniform((-1, -1, -1, -3, 0, -6), (1, 1, 1, 0, 3, -1))
-
-    def function(x: float) -> float:
-        return float((x - a) ** 4 + 0.3 * abs(x - b) + np.sin(3.0 * x + c))
-
-    expected = minimize_scalar(function, bounds=(low, high), method="bounded", options={"xatol": 10.0**digits})
-    assert least_between(function, low, high, tolerance=10.0**digits) == (expected.x, expected.fun)

@@ -18,10 +18,10 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
+from scipy.linalg import lapack, qr
 
 from .. import ComplexArray, FloatArray, IntArray
-from ..lagged import PANEL, lagged
-from ..lapack import lapack
+from ..lagged import lagged
 from ..progress import Report, parts, silent
 from .profile import CACHE_DOUBLES, ProfilePolynomial, minimise, profile_polynomial, screen
 from .waveform import Waveform
@@ -167,9 +167,8 @@ def prepare_scan(
     base *= rows[:, None]
     norms = np.linalg.norm(base, axis=0)
     base = base[:, norms > 0.0] / norms[norms > 0.0]
-    packed, _, tau, _, _ = lapack.dgeqp3(base, PANEL * base.shape[1])
-    diagonal = np.abs(packed.diagonal())
-    Q0 = np.asarray(lapack.dorgqr(packed, tau, PANEL * base.shape[1], overwrite_a=True)[0])
+    Q0, R0, _ = qr(base, mode="economic", pivoting=True, overwrite_a=True, check_finite=False)
+    diagonal = np.abs(np.diag(R0))
     Q0 = Q0[:, diagonal > RANK_TOLERANCE * diagonal[0]]
 
     # Q1 and R1 of [lags s..1 | other outputs | lag 0], differenced and off Q0, with rows for the floor below.

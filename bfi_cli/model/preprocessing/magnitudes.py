@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy import special
 
 from ...config import Config
 from ...errors import LogError
@@ -21,12 +22,12 @@ from ...kernels import ONE_SIDED_90, FloatArray
 from ...kernels.covariance import Adding, adding_to, additions_and_covariance
 from ...kernels.model_selection import Penalty, ScoredFit, least_criterion
 from ...kernels.progress import Report, parts, shares, silent
-from ...kernels.student import student_two_sided_95
 from ...kernels.variable_projection import Fit, fit_magnitudes, log_dets_beside, single_magnitudes, with_unit_root
 from .regression import RegressionData, build_regression, fault_free_fits
 from .signals import decimate_native
 from .window import PreparedWindow, regression_of, shifts_within, signals_of_faults, with_onsets
 
+CONFIDENCE = 0.95  # of intervals
 CLOSE = 20.0  # orders whose criterion is further from the best weigh less than exp(-10) and are not worth their time
 RATE_WEIGHT = 0.5  # of the squared change between two rates, half is the variance of either
 # Twice the log likelihood ratio against a root at 1 from which on the model without it counts more: what 5 % of the
@@ -87,7 +88,7 @@ class MagnitudeEstimates:
     @property
     def quantile(self) -> float:
         """How many standard deviations a 95 % interval reaches to each side."""
-        return student_two_sided_95(self.degrees)
+        return float(special.stdtrit(self.degrees, 0.5 + CONFIDENCE / 2.0))
 
 
 def estimate_magnitudes(
@@ -340,7 +341,7 @@ def _with_unit_root(
     held = fit_magnitudes(problem, fit.atoms, fit.z)
     value, value_variance = single_magnitudes(problem, held, len(z))
     ratio = penalty.n_effective * (held.log_det - fit.log_det) / overdispersion
-    weight = np.exp(-np.logaddexp(0.0, 0.5 * (ratio - n_outputs * UNIT_ROOT)))
+    weight = special.expit(0.5 * (n_outputs * UNIT_ROOT - ratio))
     weight = np.where(np.isfinite(value_variance), weight, 0.0)
     value, value_variance = np.where(weight > 0.0, value, z), np.where(weight > 0.0, value_variance, variance)
     mean = (1.0 - weight) * z + weight * value

@@ -77,13 +77,14 @@ def timing_of(
         return None
     fault, proposed = weight.fault, place.onset
     last = min(proposed + REACH_S, (place.n if place.offset is None else place.offset) - FEWEST_S)
-    courses: Sequence[Course] = (weight.growth_s,) if weight.growth_s is not None else ()
-    # A course of ice that stays moves the onset where the ice takes another: the straight one tells it.
-    courses = courses or _law(place, fault, (*LAWS, *LEAKS), proposed, place.offset, ordinary_of(place))
+    course: Course | None = weight.growth_s
+    if course is None:
+        # A course of ice that stays moves the onset where the ice takes another: the straight one tells it.
+        course = _law(place, fault, (*LAWS, *LEAKS), proposed, place.offset, ordinary_of(place))
     part = place.until(last + SHOWN_S)
     ordinary = ordinary_of(part.at(proposed, part.offset, jumps=JUMP_S))
     onsets = range(proposed - earlier_s, last + 1)
-    begins = _peak(fault, courses, [part.at(second, part.offset) for second in onsets], ordinary)
+    begins = _peak(fault, (course,), [part.at(second, part.offset) for second in onsets], ordinary)
     if begins is None:
         return None
     ends = None
@@ -154,7 +155,8 @@ def begun_before(bench: Bench, fault: str, end_s: float, *, sure: float, until_s
         near = range(max(about - reach_s, end - earlier_s), min(about + reach_s, end - FEWEST_S) + 1)
         return _peak(fault, courses, [place.at(second, end) for second in near], ordinary)
 
-    courses = GROWN_S if is_channel else _law(place, fault, (*LAWS, *ICINGS, *LEAKS), began.onset, end, ordinary)
+    laws = (*LAWS, *ICINGS, *LEAKS)
+    courses = GROWN_S if is_channel else (_law(place, fault, laws, began.onset, end, ordinary),)
     onset = peak(courses, began.onset, EARLIER_STEP_S)
     if onset is not None and not isinstance(onset.course, Law) and 0.0 < onset.course < np.inf:
         onset = peak([share * onset.course for share in BESIDE], onset.best.onset, EARLIER_STEP_S)
@@ -163,9 +165,7 @@ def begun_before(bench: Bench, fault: str, end_s: float, *, sure: float, until_s
     return _timing(onset, _end(fault, onset, place.at(end, end), COARSE_S, ordinary), end_s)
 
 
-def _law(
-    place: Place, fault: str, laws: Sequence[Law], onset: int, offset: int | None, ordinary: Ordinary
-) -> Sequence[Law]:
+def _law(place: Place, fault: str, laws: Sequence[Law], onset: int, offset: int | None, ordinary: Ordinary) -> Law:
     """Return which of some laws a line goes on by that fails about a second of a part."""
     reach_s = EARLIER_STEP_S // 2
     seconds = range(max(onset - reach_s, 0), onset + reach_s + 1, COARSE_S)
@@ -173,7 +173,7 @@ def _law(
     weights = _weights(fault, [law for law in laws if law.fault == fault], about, ordinary)
     law = max(weights, key=lambda pair: _rank(pair[0]))[1]
     assert isinstance(law, Law)
-    return (law,)
+    return law
 
 
 def _is_weighed(place: Place, fault: str) -> bool:

@@ -194,7 +194,7 @@ def test_a_cluster_of_two_workers_of_which_one_is_killed(tmp_path: Path):
     out = tmp_path / "cluster"
     with (
         distributed.LocalCluster(
-            n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1"
+            n_workers=2, threads_per_worker=1, dashboard_address="127.0.0.1:0", host="127.0.0.1"
         ) as cluster,
         distributed.Client(cluster) as client,
     ):

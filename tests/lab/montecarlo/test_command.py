@@ -225,7 +225,7 @@ def test_a_cluster_of_two_workers_does_not_change_a_byte(montecarlo: Callable[..
     distributed = pytest.importorskip("distributed")
     one = montecarlo("noisy", "one")
     with distributed.LocalCluster(
-        n_workers=2, threads_per_worker=2, processes=True, dashboard_address=None, silence_logs=50
+        n_workers=2, threads_per_worker=2, processes=True, dashboard_address="127.0.0.1:0", silence_logs=50
     ) as cluster:
         two = montecarlo("noisy", "two", "--scheduler", cluster.scheduler_address)
     assert (one / "trials.csv").read_bytes() == (two / "trials.csv").read_bytes()

@@ -367,10 +367,8 @@ def _within_tolerance(fit: Identification, searched: OnsetSearch | None, config:
     """Return an identification with the limits of the search for entries whose onsets are known to a tolerance only."""
     if config.onset_tolerance_s == 0.0 or not METHODS[config.method].intervals:
         return fit
-    limits = [None] * len(fit.candidates) if searched is None else searched.dictionary_limits
-    covered_s = None if searched is None else searched.covered_s
-    both = zip(fit.candidates, limits, strict=True)
-    return replace(fit, candidates=tuple(with_limit_of_scan(candidate, limit, covered_s) for candidate, limit in both))
+    scanned = [None] * len(fit.candidates) if searched is None else searched.entry_claims
+    return replace(fit, candidates=tuple(map(with_limit_of_scan, fit.candidates, scanned)))
 
 
 def _beside_entries(evidence: Evidence, looked_for: set[Kind]) -> Evidence:

@@ -3,10 +3,10 @@
 from .candidate import (
     BUILD_UP_S,
     KINDS,
+    NOT_EXACT,
     UNTESTED,
     Candidate,
     Proof,
-    ScanLimit,
     State,
     beyond_tolerance,
     candidate_of,
@@ -27,6 +27,7 @@ from .evidence import Evidence, Manoeuvre, at_entries
 __all__ = [
     "BUILD_UP_S",
     "KINDS",
+    "NOT_EXACT",
     "UNTESTED",
     "WITHHELD",
     "Candidate",
@@ -34,7 +35,6 @@ __all__ = [
     "Evidence",
     "Manoeuvre",
     "Proof",
-    "ScanLimit",
     "State",
 ]
 __all__ += ["at_entries", "beyond_tolerance", "candidate_of", "conclude", "decide", "estimate_of", "finite", "kind_of"]

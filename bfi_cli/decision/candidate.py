@@ -237,24 +237,8 @@ def two_digits(value: float) -> str:
 
 # The note of an entry of a dictionary that counts for no verdict, since no analysis of the window could tell.
 UNTESTED = "too near an end of the window"
+NOT_EXACT = "no claim where its onset is not exact{} (--onset-tolerance 0)"
 IN_PLACE = "in place of what is declared it would explain the log nearly as well"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScanLimit:
-    """What a scan says of a fault of a dictionary, the worst of the onsets it may have; None where it has no limit.
-
-    Magnitudes and errors in SI, see `Candidate`.
-
-    Attributes
-    ----------
-    covered : whether the scan claims anything of faults of this shape that begin there.
-    """
-
-    excluded_above: float | None = None
-    effect: float | None = None
-    seen_above: float | None = None
-    covered: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -286,27 +270,20 @@ def untested(candidate: Candidate) -> Candidate:
     return with_limit(candidate, None, None, state=None, note=UNTESTED)
 
 
-def with_limit_of_scan(
-    candidate: Candidate, limit: ScanLimit | None, covered_s: tuple[float, float] | None
-) -> Candidate:
+def with_limit_of_scan(candidate: Candidate, scanned: Candidate | None) -> Candidate:
     """Return a candidate whose onset is known to a tolerance only, excluded by what a scan over all onsets excludes.
 
     Parameters
     ----------
-    limit : of the scan, None where it has none.
-    covered_s : between which onsets the scan's claims hold, None where the window is not scanned.
+    scanned : what became of the same fault in the scan; None where the window is not scanned.
     """
     if candidate.state not in ("excluded", "not_seen"):
         return candidate
-    note, onset_s = None, candidate.onset_s
-    if limit is None:
-        why = " and the window is not scanned" if covered_s is None else ": the scan does not look for it"
-        note = f"no claim where its onset is not exact{why} (--onset-tolerance 0)"
-    sizes = (None, None, None) if limit is None else (limit.effect, limit.excluded_above, limit.seen_above)
-    bounded = with_limit(candidate, *sizes, note=note)
-    too_late = covered_s is not None and onset_s is not None and not covered_s[0] <= onset_s <= covered_s[1]
-    if too_late or (limit is not None and not limit.covered):
-        bounded = untested(bounded)
+    if scanned is None:
+        bounded = with_limit(candidate, None, None, note=NOT_EXACT.format(" and the window is not scanned"))
+    else:
+        bounded = with_limit(candidate, scanned.effect, scanned.excluded_above, scanned.seen_above, note=scanned.note)
+        bounded = untested(bounded) if scanned.state is None else bounded
     # What is left out as the same signal as another entry says so.
     return replace(bounded, note=candidate.note) if candidate.magnitude is None else bounded
 

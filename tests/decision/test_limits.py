@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from bfi_cli.decision.candidate import IN_PLACE, Candidate, ScanLimit, not_excluded, with_limit_of_scan
+from bfi_cli.decision.candidate import IN_PLACE, Candidate, not_excluded, untested, with_limit_of_scan
 
 EXCLUDED = Candidate(
     name="sine",
@@ -35,19 +35,19 @@ def test_what_may_stand_in_place_of_a_declared_fault_is_not_excluded():
 
 
 @pytest.mark.parametrize(
-    ("limit", "covered_s", "state", "effect"),
+    ("scanned", "state", "effect"),
     [
-        (ScanLimit(excluded_above=2.0, effect=2.0), (10.0, 30.0), "excluded", 2.0),
-        (ScanLimit(excluded_above=5.0, effect=5.0), (10.0, 30.0), "not_seen", 5.0),
-        (ScanLimit(excluded_above=2.0, effect=2.0), (25.0, 30.0), None, None),
-        (None, (10.0, 30.0), "not_seen", None),
-        (None, None, "not_seen", None),
+        (replace(EXCLUDED, excluded_above=2.0, effect=2.0), "excluded", 2.0),
+        (replace(EXCLUDED, state="not_seen", excluded_above=5.0, effect=5.0), "not_seen", 5.0),
+        (untested(EXCLUDED), None, None),
+        (replace(EXCLUDED, state="not_seen", effect=None, note="not looked for"), "not_seen", None),
+        (None, "not_seen", None),
     ],
     ids=["within the tolerance", "beyond it", "too near an end", "not looked for", "not scanned"],
 )
 def test_an_entry_whose_onset_is_not_exact_is_excluded_by_what_the_scan_excludes(
-    limit: ScanLimit | None, covered_s: tuple[float, float] | None, state: str | None, effect: float | None
+    scanned: Candidate | None, state: str | None, effect: float | None
 ):
-    bounded = with_limit_of_scan(EXCLUDED, limit, covered_s)
+    bounded = with_limit_of_scan(EXCLUDED, scanned)
     assert (bounded.state, bounded.effect) == (state, effect)
-    assert (bounded.note is None) == (state is not None and limit is not None)
+    assert (bounded.note is None) == (effect is not None)

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from ...decision import KINDS, UNTESTED, Candidate, ScanLimit, candidate_of, finite, kind_of, with_limit
+from ...decision import KINDS, NOT_EXACT, UNTESTED, Candidate, candidate_of, finite, kind_of, untested, with_limit
 from ...faults import Fault
 from ...faults.shapes import ADDITIVE, SHAPES, Kind, Shape, scanned_shape
 from ...kernels import ONE_SIDED_90, ONE_SIDED_95, BoolArray, FloatArray, IntArray
@@ -409,7 +409,7 @@ def _likeliness(
     )
 
 
-def limits_near_onsets(
+def claims_near_onsets(
     record: ScanRecord,
     rule: Rule,
     faults: Sequence[Fault],
@@ -417,27 +417,30 @@ def limits_near_onsets(
     tolerances: Mapping[str, float],
     scans: Sequence[Scan],
     *,
+    order: int,
     report: Report = silent,
-) -> tuple[ScanLimit | None, ...]:
-    """Return what the scan says of faults of a dictionary, the worst of the onsets that each may have.
-
-    None for a fault of a shape that no claim is made of, or whose channel is no output.
+) -> tuple[Candidate, ...]:
+    """Return one candidate per fault of a dictionary, excluded at the worst of the onsets that it may have.
 
     Parameters
     ----------
-    faults : of the dictionary; `tolerances` and `scans` as in `claims_of`.
+    faults : of the dictionary; `tolerances`, `scans` and `order` as in `claims_of`.
     tolerance_s : how far the onset of a fault may be from that of the dictionary.
     report : called with the fraction that is done.
     """
     form_limits = dict[ShapeHypothesis, Limits | Likeliness | None]()
     # An onset lies between two samples of the analysis.
     near_s = tolerance_s + 1.0 / record.settings.rate_hz
-    limits: list[ScanLimit | None] = []
+    earliest_s, latest_s = covered_s(record, order)
+    candidates = []
     for fault, _ in parts(report, faults):
         shape = scanned_shape(fault.shape) if fault.shape in ADDITIVE else None
-        looked_for = shape in (*record.settings.shapes, *BUILT_UP)
-        if shape is None or not looked_for or fault.channel not in record.settings.outputs:
-            limits.append(None)
+        candidate = candidate_of(fault, "", tolerance=tolerances.get(fault.channel), onset_s=fault.onset_s)
+        if not earliest_s <= fault.onset_s <= latest_s:
+            candidates.append(untested(candidate))
+            continue
+        if shape not in (*record.settings.shapes, *BUILT_UP) or fault.channel not in record.settings.outputs:
+            candidates.append(replace(candidate, note=NOT_EXACT.format(": the scan does not look for it")))
             continue
         output = record.settings.outputs.index(fault.channel)
         parameter = fault.frequency_hz or fault.time_constant_s or fault.duration_s
@@ -452,20 +455,18 @@ def limits_near_onsets(
             )
         hidden = _near(form_limits[form], fault.onset_s, near_s)
         if hidden is None:
-            limits.append(ScanLimit(covered=False))
+            candidates.append(untested(candidate))
             continue
         excluded, effect, seen_above = hidden
         if shape not in record.settings.shapes:
             seen_above = max(seen_above, tolerances[fault.channel] / scale)
-        known_size = not is_any(scale * effect, record.window.log, fault.channel)
-        limits.append(
-            ScanLimit(
-                excluded_above=scale / slope * excluded if known_size else None,
-                effect=scale * effect if known_size else None,
-                seen_above=finite(scale * max(seen_above, effect)),
-            )
-        )
-    return tuple(limits)
+        seen_above = scale * max(seen_above, effect)
+        if is_any(scale * effect, record.window.log, fault.channel):
+            candidates.append(with_limit(candidate, None, None, finite(seen_above)))
+        else:
+            bounded = with_limit(candidate, scale * effect, scale / slope * excluded, finite(seen_above))
+            candidates.append(bounded)
+    return tuple(candidates)
 
 
 def _near(limits: Limits | Likeliness | None, onset_s: float, near_s: float) -> tuple[float, float, float] | None:

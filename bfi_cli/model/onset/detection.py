@@ -24,7 +24,7 @@ from ..preprocessing.advice import what_would_help
 from ..preprocessing.defaults import manoeuvres_of
 from ..preprocessing.tolerance import tolerances_of
 from ..preprocessing.window import with_inputs_of
-from .claims import claims_of, covered_s, limits_near_onsets
+from .claims import claims_near_onsets, claims_of, covered_s
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, estimate, measure, subtract_faults, unit_signals
 from .result import OnsetResult
@@ -138,8 +138,8 @@ def search_onsets(
         entries_report, limiting = shares(limits_report, len(entries) / 8, 2)
         y, declared = subtract_faults(record.y, *estimates), [*known_faults(record, known), *estimates]
         scans = scans_beside(record, y, declared, order)
-        dictionary_limits = limits_near_onsets(
-            record, rule, entries, config.onset_tolerance_s, tolerances, scans, report=entries_report
+        entry_claims = claims_near_onsets(
+            record, rule, entries, config.onset_tolerance_s, tolerances, scans, order=order, report=entries_report
         )
         seen = {} if known else first.standing_out
         declared = with_rivals(record, y, declared, tolerances, order=order, seen=seen)
@@ -176,7 +176,7 @@ def search_onsets(
         rule=rule,
         verdict=verdict,
         covered_s=covered,
-        dictionary_limits=dictionary_limits,
+        entry_claims=entry_claims,
         rivals=frozenset((shape, config.outputs[output]) for shape, output in rivals_of(declared)),
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from ...decision import Candidate, Proof, ScanLimit
+from ...decision import Candidate, Proof
 from ...decision.implausible import Implausible
 from ...faults import Decision, Fault, FaultEstimate
 from ...faults.shapes import Kind
@@ -65,7 +65,6 @@ class OnsetResult(Presented):
     verdicts : on each kind of fault; candidates : every shape on every output, see `bfi_cli.decision`.
     summary : what the log says of the kinds of which no fault is declared.
     covered_s : first and last onset for which the claims hold, None where the method makes no claim.
-    dictionary_limits : limits of the faults that were asked for, in their order.
     statistic, threshold : 2 log of the likelihood ratio of the shape that stands out most, and what it must exceed.
     p_value : of the largest standardised statistic, a bound where it is 1 / (n + 1) of n windows; None where no
         calibration fits the settings.
@@ -82,7 +81,6 @@ class OnsetResult(Presented):
     candidates: tuple[Candidate, ...]
     summary: str
     covered_s: tuple[float, float] | None = None
-    dictionary_limits: tuple[ScanLimit | None, ...] = ()
     false_alarm: float
     p_value: float | None
     statistic: float

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...decision import Conclusion, Evidence, ScanLimit, estimate_of
+from ...decision import Candidate, Conclusion, Evidence, estimate_of
 from ...faults import Fault, FaultEstimate
 from ...faults.shapes import Shape
 from ...flightlog.record import frozen_array
@@ -35,7 +35,7 @@ class OnsetSearch:
     order : of the model without the faults; series_order : of that of the outputs as measured, which may hold faults.
     rule, verdict : what decided; None where the method has no test.
     covered_s : first and last onset for which the claims hold, None where the method makes no claim.
-    dictionary_limits : limits of the faults that were asked for, in their order.
+    entry_claims : what became of the entries that were asked for, in their order.
     rivals : shape and channel of what may stand in place of a declared fault.
     """
 
@@ -49,7 +49,7 @@ class OnsetSearch:
     rule: Rule | None = None
     verdict: Verdict | None = None
     covered_s: tuple[float, float] | None = None
-    dictionary_limits: tuple[ScanLimit | None, ...] = ()
+    entry_claims: tuple[Candidate, ...] = ()
     rivals: frozenset[tuple[Shape, str]] = frozenset()
 
     @cached_property
@@ -132,7 +132,6 @@ def onset_result(search: OnsetSearch, conclusion: Conclusion, false_alarm: float
         candidates=conclusion.candidates,
         summary=conclusion.summary,
         covered_s=search.covered_s,
-        dictionary_limits=search.dictionary_limits,
         false_alarm=false_alarm,
         p_value=verdict.p_value if verdict else None,
         statistic=verdict.statistic if verdict else statistic,

@@ -62,8 +62,8 @@ MEANT = {
 }
 
 # New objects between searches for circles of references: imports make a hundred thousand that stay, and to search
-# them again and again takes a twentieth of a short command.
-COLLECTED = (50_000, 20, 100)
+# them, again and again or once at the end, takes an eighth of a short command.
+COLLECTED = (200_000, 20, 100)
 
 # Patterns of click's messages about a value, and the messages of this program for them.
 VALUES = (
@@ -136,6 +136,7 @@ def main(argv: list[str] | None = None) -> None:
         with contextlib.suppress(OSError):
             sys.stdout.flush()
         os._exit(code)
+    gc.freeze()  # the interpreter would search what ends with it anyway
     sys.exit(code)
 
 

@@ -10,7 +10,7 @@ import shlex
 import sys
 import types
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import MISSING, dataclass, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
@@ -107,7 +107,7 @@ def to_plain(value: object) -> Any:
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if is_dataclass(value) and not isinstance(value, type):
-        return {field.name: to_plain(getattr(value, field.name)) for field in fields(value)}
+        return {_key(field): to_plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, dict | Mapping):
         return {valid_text(str(key)): to_plain(entry) for key, entry in value.items()}
     return [to_plain(entry) for entry in value] if isinstance(value, Sequence) else value
@@ -128,6 +128,12 @@ def from_plain(kind: type[T], value: object, *, where: str) -> T:
     """
     read: T = _read(kind, value, where)
     return read
+
+
+def _key(field: Field[Any]) -> str:
+    """Return the key of a document that holds a field: its name, where no other is given."""
+    key: str = field.metadata.get("key", field.name)
+    return key
 
 
 def mapping(value: object, *, where: str) -> Mapping[str, Any]:
@@ -244,8 +250,10 @@ def _read(kind: Any, value: Any, where: str) -> Any:
         required = {
             field.name for field in fields(kind) if field.default is MISSING and field.default_factory is MISSING
         }
-        names = [field.name for field in fields(kind) if field.name in required or field.name in given]
-        read = {name: _read(hints[name], member(given, name, where=where), _below(where, name)) for name in names}
+        keys = {field.name: _key(field) for field in fields(kind) if field.name in required or _key(field) in given}
+        read = {
+            name: _read(hints[name], member(given, key, where=where), _below(where, key)) for name, key in keys.items()
+        }
         return kind(**read)
     if kind is float and (value is None or (isinstance(value, int | float) and not isinstance(value, bool))):
         return math.nan if value is None else float(value)

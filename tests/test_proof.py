@@ -15,7 +15,6 @@ import pytest
 from bfi_cli import Config, merge, read_log, start_time
 from bfi_cli import proof as proving_module
 from bfi_cli.decision import Proof
-from bfi_cli.decision.candidate import with_plain_proofs, with_proof_entries
 from bfi_cli.errors import ConfigError, LogError
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.faults.shapes import Kind
@@ -25,7 +24,7 @@ from bfi_cli.model.onset.report import onset_from_document
 from bfi_cli.proof import JOURNAL, Proving, Sighting, sees, sightings_of
 from bfi_cli.quantities.text import SI
 from bfi_cli.report.first_screen import proof_in_words
-from bfi_cli.serialization import provenance
+from bfi_cli.serialization import from_plain, provenance, to_plain
 
 DATA = Path(__file__).parents[1] / "data"
 COARSE: dict[str, Any] = {"conditioning.rate_hz": 4.0, "model.order": 2}
@@ -119,14 +118,12 @@ def test_a_drift_keeps_its_error_after_the_window():
 
 
 def test_entries_of_a_document_are_read_back():
-    body = with_proof_entries({"kind": "start-time", "proved": [{"n_seen": 19}]}, [PROOF])
     entry = {"kind": "abrupt", "channel": "tas", "size": 0.3, "unit": "m/s", "found": 19, "of": 20}
-    assert body == {"kind": "start-time", "proved": [entry]}
-    (plain,) = with_plain_proofs(body, where="result")["proved"]
-    assert (plain["n_seen"], plain["n_added"]) == (19, 20)
-    assert "proved" not in with_proof_entries({"proved": []}, [])
+    assert to_plain([PROOF]) == [entry]
+    assert from_plain(tuple[Proof, ...], [entry], where="result: proved") == (PROOF,)
+    without = {key: value for key, value in entry.items() if key != "found"}
     with pytest.raises(ConfigError, match=r"result: proved\[0\]: no key 'found'"):
-        with_plain_proofs({"proved": [{"of": 20}]}, where="result")
+        from_plain(tuple[Proof, ...], [without], where="result: proved")
 
 
 def test_the_sentence_names_the_channel_where_there_are_several():
@@ -197,6 +194,7 @@ def test_the_command_counts_what_the_call_counts(whole: OnsetResult, bfi: Callab
     assert proved == document["proved"]
     assert all(0 <= entry["found"] <= entry["of"] == 2 for entry in proved)
     assert onset_from_document(document).proved == whole.proved
+    assert "proved" not in onset_document(replace(whole, proved=()), provenance(log_sha256=""))
     content = onset_content(document)
     assert any(table.name == "proved" and len(table.rows) == len(proved) for table in content.tables)
     assert content.screen is not None

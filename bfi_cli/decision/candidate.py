@@ -13,8 +13,8 @@ A limit holds for onsets that could be tested, and only for what may not stand i
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
 from ..faults import Fault, FaultEstimate, build_up_s, magnitude_unit, meaning, physical
@@ -22,7 +22,6 @@ from ..faults.shapes import SHAPES, Kind
 from ..kernels import TWO_SIDED_95
 from ..quantities.channels import LARGEST_ERROR
 from ..quantities.text import SI, Units
-from ..serialization import mapping, member
 
 State = Literal["declared", "suspected", "excluded", "not_seen"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
@@ -256,8 +255,8 @@ class Proof:
     channel: str
     size: float
     unit: str
-    n_seen: int
-    n_added: int
+    n_seen: int = field(metadata={"key": "found"})
+    n_added: int = field(metadata={"key": "of"})
 
 
 def untested(candidate: Candidate) -> Candidate:
@@ -301,39 +300,3 @@ def not_excluded(candidates: Sequence[Candidate], rivals: Collection[tuple[str, 
         else candidate
         for candidate in candidates
     )
-
-
-def with_proof_entries(body: Mapping[str, Any], proofs: Sequence[Proof]) -> dict[str, Any]:
-    """Return the body of a document with the entries `proved`, without them where nothing was proved."""
-    entries = [
-        {
-            "kind": proof.kind,
-            "channel": proof.channel,
-            "size": proof.size,
-            "unit": proof.unit,
-            "found": proof.n_seen,
-            "of": proof.n_added,
-        }
-        for proof in proofs
-    ]
-    rest = {key: value for key, value in body.items() if key != "proved"}
-    return {**rest, "proved": entries} if entries else rest
-
-
-def with_plain_proofs(document: Mapping[str, Any], *, where: str) -> dict[str, Any]:
-    """Return a document with its entries `proved` as plain data of `Proof`, the inverse of `with_proof_entries`.
-
-    Raises
-    ------
-    ConfigError : an entry is damaged.
-    """
-    entries = enumerate(document.get("proved", ()))
-    plain = [
-        {
-            **mapping(entry, where=f"{where}: proved[{i}]"),
-            "n_seen": member(entry, "found", where=f"{where}: proved[{i}]"),
-            "n_added": member(entry, "of", where=f"{where}: proved[{i}]"),
-        }
-        for i, entry in entries
-    ]
-    return {**document, "proved": plain}

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from ..decision.candidate import with_plain_proofs, with_proof_entries
 from ..files import EVENTS
 from ..kernels import TWO_SIDED_95
 from ..notes import Note
@@ -52,7 +51,8 @@ LIMITS = (
 def diagnose_document(result: DiagnoseResult, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi diagnose --json`; numbers that are not finite are None."""
     body = to_plain(result) | {"headline": to_plain(diagnose_screen(result).headline)}
-    body = with_proof_entries(body, result.proved)
+    if not result.proved:
+        del body["proved"]
     series = {key: body.pop(key) for key in SERIES}
     return document_of("diagnose", {**body, "series": series}, result.notes, provenance)
 
@@ -91,7 +91,7 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
     ConfigError : the document, named by `where`, is damaged.
     """
     series = mapping(member(document, "series", where=where), where=f"{where}: series")
-    result = from_plain(DiagnoseResult, {**with_plain_proofs(document, where=where), **series}, where=where)
+    result = from_plain(DiagnoseResult, {**document, **series}, where=where)
     log, events, angle = result.log, result.events, result.zero_lift_rad
     facts = [
         ("Flight", f"{instant(log.start_s)} to {instant(log.stop_s)} s"),

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from ..decision import Candidate, Proof
-from ..decision.candidate import with_plain_proofs, with_proof_entries
 from ..decision.implausible import Implausible
 from ..errors import ConfigError
 from ..faults import Decision, FaultEstimate
@@ -219,8 +218,9 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
         "residuals": whole["residuals"],
         "truth": truth,
         "series": {key: whole[key] for key in ("time_s", "inputs", "input_units", "outputs")},
+        **({"proved": whole["proved"]} if result.proved else {}),
     }
-    return document_of("identify", with_proof_entries(body, result.proved), thinned.notes, provenance)
+    return document_of("identify", body, thinned.notes, provenance)
 
 
 def _thinned(result: IdentifyResult) -> IdentifyResult:
@@ -267,7 +267,7 @@ def identify_from_document(document: object, *, where: str = "result") -> tuple[
     if truth is not None:
         truth = {**_mapping_at(whole, "truth", where), "vaf_fault": member(whole, "vaf.fault", where=where)}
     flat = {
-        **with_plain_proofs(whole, where=where),
+        **whole,
         **series,
         "faults": [plain_estimate(entry, where=f"{where}: faults[{i}]") for i, entry in enumerate(faults)],
         "model": {**_mapping_at(whole, "model", where), **_mapping_at(whole, "order_selection", where)},

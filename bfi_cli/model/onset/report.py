@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ...decision.candidate import with_plain_proofs, with_proof_entries
 from ...faults import FaultEstimate, fault_from_dict, fault_to_dict, physical
 from ...faults.shapes import SHAPES
 from ...quantities.text import SI, Units, instant, interval, noise_levels, number, quantity, with_unit
@@ -72,9 +71,10 @@ def onset_document(result: OnsetResult, provenance: Provenance) -> dict[str, Any
             },
             "series": {"time_s": result.time_s, "outputs": result.series},
             "truth": result.truth and [fault_to_dict(fault) for fault in result.truth],
+            **({"proved": result.proved} if result.proved else {}),
         }
     )
-    return document_of("start-time", with_proof_entries(body, result.proved), result.notes, provenance)
+    return document_of("start-time", body, result.notes, provenance)
 
 
 def onset_from_document(document: Plain, *, where: str = "result") -> OnsetResult:
@@ -90,7 +90,7 @@ def onset_from_document(document: Plain, *, where: str = "result") -> OnsetResul
     result = from_plain(
         OnsetResult,
         {
-            **with_plain_proofs(document, where=where),
+            **document,
             "faults": [plain_estimate(fault, where=f"{where}: faults[{i}]") for i, fault in enumerate(faults)],
             "profiles": [
                 {**{key: profile[key][i] for key in keys}, "onset_s": own_s}

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -172,9 +172,56 @@ def conclude(
     fires : a source says that there is a fault, whatever is declared.
     failed : why there is no verdict, a sentence; "" where there is.
     """
-    faults: list[FaultEstimate] = []
-    candidates: list[Candidate] = []
-    notes: list[Note] = []
+    refuted = _refuted(evidence)
+    faults = _joined(evidence, refuted)
+    candidates = tuple(
+        _while_it_read(_with_least_limit(candidate, evidence), faults) for candidate in _suspecting(evidence, refuted)
+    )
+    verdicts: dict[Kind, Decision] = {
+        **verdicts_of(candidates),
+        **dict.fromkeys([SHAPES[estimate.fault.shape].kind for estimate in faults], "fault"),
+    }
+    decision, summary = "fault" if fires else decide(verdicts, required), failed or says(verdicts, candidates)
+    if failed:
+        decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
+    findings, notes = tuple(finding for source in evidence for finding in source.findings), list(refuted.values())
+    to_state = [finding for finding in findings if finding.is_open]
+    if to_state:
+        from .implausible import in_words
+
+        declared = [candidate for candidate in candidates if candidate.state == "declared"]
+        names = [named.name for named in faults or declared]
+        notes += [Note.limit(f"what would be declared is {WITHHELD}: {', '.join(names)}")] if names else []
+        decision, verdicts, summary, faults = (
+            "inconclusive",
+            dict.fromkeys(KINDS, "inconclusive"),
+            in_words(to_state),
+            [],
+        )
+        candidates = tuple(
+            replace(candidate, state="suspected", note=WITHHELD) if candidate.state == "declared" else candidate
+            for candidate in candidates
+        )
+    else:
+        notes += _notes_on(findings)
+        if errors := [f"{finding.advice}: {finding.text}" for finding in findings if _errs_throughout(finding)]:
+            decision, summary = _not_excluded(decision), "; ".join(filter(None, (*errors, summary)))
+            verdicts = {kind: _not_excluded(verdict) for kind, verdict in verdicts.items()}
+    return Conclusion(
+        decision=decision,
+        verdicts=verdicts,
+        summary=summary,
+        faults=tuple(faults),
+        candidates=candidates,
+        notes=tuple(notes),
+        plausibility=findings,
+        is_withheld=bool(to_state),
+        has_failed=bool(failed),
+    )
+
+
+def _refuted(evidence: Sequence[Evidence]) -> dict[int, Note]:
+    """Return by `id` why faults are only suspected: another source excludes them, or they begin in a manoeuvre."""
     refuted: dict[int, Note] = {}
     manoeuvres = [manoeuvre for source in evidence for manoeuvre in source.manoeuvres]
     for source in evidence:
@@ -184,7 +231,12 @@ def conclude(
                 refuted[id(fault)] = _disagreement(fault, source.source, by)
             elif source.source in MODELS and (within := _within(fault, manoeuvres)) is not None:
                 refuted[id(fault)] = _beside(fault, source.source, within)
-    notes += refuted.values()
+    return refuted
+
+
+def _joined(evidence: Sequence[Evidence], refuted: Collection[int]) -> list[FaultEstimate]:
+    """Return the faults that are declared, in the order of their sources: what two of them see alike is one fault."""
+    faults: list[FaultEstimate] = []
     declared = [
         replace(fault, source=source.source)
         for source in evidence
@@ -199,7 +251,11 @@ def conclude(
             known = faults[same]
             faults[same] = replace(known, evidence={**known.evidence, fault.source: fault.statistic})
     order = {source.source: k for k, source in enumerate(evidence)}
-    faults.sort(key=lambda estimate: order[estimate.source])
+    return sorted(faults, key=lambda estimate: order[estimate.source])
+
+
+def _suspecting(evidence: Sequence[Evidence], refuted: Collection[int]) -> Iterator[Candidate]:
+    """Yield the candidates of all sources, as suspected where all that declares them is refuted."""
     for source in evidence:
         for candidate in source.candidates:
             # An entry of the dictionary may be declared by the search.
@@ -211,89 +267,25 @@ def conclude(
             ]
             if candidate.state == "declared" and matching and all(id(fault) in refuted for fault in matching):
                 candidate = replace(candidate, state="suspected", note=REFUTED)
-            candidates.append(candidate)
-    bounded = tuple(_while_it_read(_with_least_limit(candidate, evidence), faults) for candidate in candidates)
-    verdicts: dict[Kind, Decision] = {
-        **verdicts_of(bounded),
-        **dict.fromkeys([SHAPES[estimate.fault.shape].kind for estimate in faults], "fault"),
-    }
-    decision = "fault" if fires else decide(verdicts, required)
-    if failed:
-        decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
-    conclusion = Conclusion(
-        decision=decision,
-        verdicts=verdicts,
-        summary=failed or says(verdicts, bounded),
-        faults=tuple(faults),
-        candidates=bounded,
-        notes=tuple(notes),
-        has_failed=bool(failed),
-    )
-    return _beside_findings(conclusion, [finding for source in evidence for finding in source.findings])
+            yield candidate
 
 
-def _beside_findings(conclusion: Conclusion, findings: Sequence[Implausible]) -> Conclusion:
-    """Return a conclusion beside what is wrong with channels throughout the flight.
+def _notes_on(findings: Sequence[Implausible]) -> list[Note]:
+    """Return notes on constant errors, which withhold nothing that was found, and on units that are stated and kept."""
+    there = [finding for finding in findings if not finding.fixed]
+    return [
+        *(Note.limit(f"throughout the flight: {finding.text}") for finding in there if finding.is_constant),
+        *(Note.method(f"{finding.advice}: {finding.text}") for finding in there if finding.is_stated),
+    ]
 
-    A unit that is stated is kept, and what arithmetic thinks of it is one line. A constant error, or a channel that is
-    set aside, is no fault of the flight and withholds nothing that was found.
-    """
-    conclusion = replace(conclusion, plausibility=tuple(findings))
-    if to_state := [finding for finding in findings if finding.is_open]:
-        return _withheld(conclusion, to_state)
-    beside = [
-        Note.limit(f"throughout the flight: {finding.text}")
-        for finding in findings
-        if finding.is_constant and not finding.fixed
-    ]
-    beside += [
-        Note.method(f"{finding.advice}: {finding.text}")
-        for finding in findings
-        if finding.is_stated and not finding.fixed
-    ]
-    conclusion = replace(conclusion, notes=(*conclusion.notes, *beside))
-    errors = [
-        finding
-        for finding in findings
-        if finding.what == "unrelated" or (finding.is_constant and not finding.is_installation)
-    ]
-    if not errors:
-        return conclusion
-    return replace(
-        conclusion,
-        decision=_not_excluded(conclusion.decision),
-        verdicts={kind: _not_excluded(verdict) for kind, verdict in conclusion.verdicts.items()},
-        summary="; ".join(
-            filter(None, (*(f"{finding.advice}: {finding.text}" for finding in errors), conclusion.summary))
-        ),
-    )
+
+def _errs_throughout(finding: Implausible) -> bool:
+    """Say whether a channel is set aside, or errs by more than an installation makes it."""
+    return finding.what == "unrelated" or (finding.is_constant and not finding.is_installation)
 
 
 def _not_excluded(verdict: Decision) -> Decision:
     return "inconclusive" if verdict == "no_fault" else verdict
-
-
-def _withheld(conclusion: Conclusion, to_state: Sequence[Implausible]) -> Conclusion:
-    """Return a conclusion without a verdict, and what would be declared as suspected."""
-    from .implausible import in_words
-
-    declared = [estimate.name for estimate in conclusion.faults] or [
-        candidate.name for candidate in conclusion.candidates if candidate.state == "declared"
-    ]
-    notes = [Note.limit(f"what would be declared is {WITHHELD}: {', '.join(declared)}")] if declared else []
-    return replace(
-        conclusion,
-        decision="inconclusive",
-        verdicts=dict.fromkeys(conclusion.verdicts, "inconclusive"),
-        summary=in_words(to_state),
-        faults=(),
-        candidates=tuple(
-            replace(candidate, state="suspected", note=WITHHELD) if candidate.state == "declared" else candidate
-            for candidate in conclusion.candidates
-        ),
-        notes=(*conclusion.notes, *notes),
-        is_withheld=True,
-    )
 
 
 def _is_of(fault: FaultEstimate, candidate: Candidate) -> bool:

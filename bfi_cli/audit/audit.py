@@ -207,7 +207,7 @@ def _audit_entries(log: FlightLog, clean: FlightLog, dictionary: Dictionary, con
         stop_s=summary.stop_s,
         rate_hz=summary.rate_hz,
         n_samples=summary.n_samples,
-        why=window.rate.reason,
+        why=window.rate_reason,
         log_path=summary.path,
         native_rate_hz=summary.native_rate_hz,
         model=fitted.model,

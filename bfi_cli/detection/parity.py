@@ -67,7 +67,7 @@ def detect_by_parity(prepared: PreparedRecord, config: Config, report: Report) -
 
     The calibration is that of the first pass.
     """
-    samples, outputs = decimate_record(prepared, prepared.choice.factor), prepared.outputs
+    samples, outputs = decimate_record(prepared, prepared.factor), prepared.outputs
     alarms, passes = monitor_sequentially(samples, false_alarm=config.detect.false_alarm, report=report)
     statistic, level = np.full(samples.y.shape, np.nan), np.zeros(len(outputs))
     for monitored in passes:  # the last pass of a channel counts
@@ -78,7 +78,7 @@ def detect_by_parity(prepared: PreparedRecord, config: Config, report: Report) -
     first_held, last_held = (float(samples.time_s[model.samples[k]]) for k in (model.errors.start, model.n_healthy - 1))
     notes = [
         *prepared.notes,
-        Note.method(f"rate: {prepared.choice.reason}"),
+        Note.method(f"rate: {prepared.rate_reason}"),
         Note.limit(SLOW),
         *_threshold_notes(prepared, threshold),
     ]

@@ -18,7 +18,7 @@ from ..kernels import BoolArray, FloatArray
 from ..kernels.atom_signals import AtomSignals
 from ..kernels.input_directions import directions, independent, moments
 from ..kernels.low_pass import WHITE, decimate, lost_samples, lowpass_taps
-from ..model.preprocessing.sampling_rate import RateChoice, choose_rate, is_exact
+from ..model.preprocessing.sampling_rate import choose_rate, is_exact
 from ..model.preprocessing.signals import Signals
 from ..model.preprocessing.window import moves, must_resample, require_outputs_move
 from ..notes import Note
@@ -81,7 +81,7 @@ class PreparedRecord:
     record : its inputs and outputs, no dictionary.
     train : healthy time; watched : the stretches of flight after it.
     inputs, outputs, units : names, and the unit of each output.
-    choice : of the rate.
+    factor : of the decimation; rate_reason : why.
     exact : a linear model explains the healthy time to round-off.
     recorder : what it may have done to a step.
     """
@@ -94,7 +94,8 @@ class PreparedRecord:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     units: tuple[str, ...]
-    choice: RateChoice
+    factor: int
+    rate_reason: str
     exact: bool
     recorder: RecorderFilters
     notes: tuple[Note, ...]
@@ -168,6 +169,15 @@ def prepare_detection(log: FlightLog, config: Config) -> PreparedRecord:
     record, healthy = _record(part, u, y), _record(part, u, y, until=int(np.count_nonzero(part.time_s < train[1])))
     cut_off = last_s > recorder.until_s
     felt = () if given_inputs else tuple(name for name in FELT if name in inputs)
+    factor, reason = choose_rate(
+        healthy,
+        (),
+        exact=False,
+        asked=config.conditioning.rate_hz,
+        recorder_hz=recorder.shown_hz,
+        fastest_hz=FASTEST_HZ,
+        purpose="detect",
+    )
     return PreparedRecord(
         part=part,
         record=record,
@@ -177,15 +187,8 @@ def prepare_detection(log: FlightLog, config: Config) -> PreparedRecord:
         inputs=inputs,
         outputs=outputs,
         units=tuple(part.channel(name).unit for name in outputs),
-        choice=choose_rate(
-            healthy,
-            (),
-            exact=False,
-            asked=config.conditioning.rate_hz,
-            recorder_hz=recorder.shown_hz,
-            fastest_hz=FASTEST_HZ,
-            purpose="detect",
-        ),
+        factor=factor,
+        rate_reason=reason,
         exact=is_exact(healthy),
         recorder=recorder,
         notes=(

@@ -72,7 +72,7 @@ def answer_of_diagnosis(document: Mapping[str, Any], content: ReportContent) -> 
     screen = content.screen
     assert screen is not None
     headline = screen.headline
-    hidden = next((f"{line.label.lower()}: {line.parts[0]}" for line in screen.lines if line.label in HIDES), "")
+    hidden = next((f"{label.lower()}: {parts[0]}" for label, parts in screen.lines.items() if label in HIDES), "")
     named = next(iter([*events, *deviations]), {})
     return {
         "rank": RANKS[headline.state],

@@ -108,19 +108,18 @@ def risro(
         raise ValueError(f"A must be (n, p1, p2) and y (n,), got {A.shape} and {y.shape}")
     if not 1 <= rank <= min(A.shape[1:]):
         raise ValueError(f"rank must lie in 1..{min(A.shape[1:])}, got {rank}")
-    ending = iterate(
+    last, iterations, termination = iterate(
         lambda state: _step(A, y, state),
         _state(A, y, _start(A, y, rank) if initial is None else initial, NO_SKETCH),
         scale=float(np.linalg.norm(y)),
         settings=StoppingRule(max_iterations=max_iterations, tolerance=tolerance, fixed=fixed),
         between=None if between is None else lambda state: _state(A, y, between(state.factors), state.sketch),
     )
-    last = ending.last
     return RisroSolution(
         factors=last.factors,
         misfit=last.misfit,
-        iterations=ending.iterations,
-        termination=ending.termination,
+        iterations=iterations,
+        termination=termination,
         condition_number=float(np.linalg.cond(np.triu(last.sketch))),
     )
 

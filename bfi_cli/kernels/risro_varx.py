@@ -124,16 +124,15 @@ def risro_varx(
         misfit, corner_value = _state(A, y, _pair(z, K), NO_SKETCH).misfit, float(free.factors.X[-1, -1])
         iterations, termination, condition_number = free.iterations, free.termination, free.condition_number
     else:
-        imposed = iterate(
+        last, iterations, termination = iterate(
             lambda state: _gauss_newton(A, y, state),
             _state(A, y, start, NO_SKETCH),
             scale=float(np.linalg.norm(y)),
             settings=rule,
         )
-        z, K = _read(imposed.last.pair)
-        misfit, corner_value = imposed.last.misfit, 1.0
-        iterations, termination = imposed.iterations, imposed.termination
-        condition_number = float(np.linalg.cond(np.triu(imposed.last.sketch)))
+        z, K = _read(last.pair)
+        misfit, corner_value = last.misfit, 1.0
+        condition_number = float(np.linalg.cond(np.triu(last.sketch)))
 
     whole = np.zeros(columns.n_atoms)
     whole[live] = z
@@ -193,13 +192,13 @@ def _several_outputs(
             z[atom] += free[column, output]
             shares[atom] += 1.0
         z /= np.maximum(shares, 1.0)
-    ending = iterate(
+    last, iterations, termination = iterate(
         lambda state: _joint_step(outputs, state),
         _joint_state(outputs, z[atoms], outputs.coefficients(K), NO_SKETCH),
         scale=float(np.linalg.norm(outputs.y[0])),
         settings=settings,
     )
-    last, whole = ending.last, np.zeros(n_atoms)
+    whole = np.zeros(n_atoms)
     whole[atoms] = last.z
     K = outputs.predictor(last.H)
     error = last.error.T @ np.linalg.inv(outputs.whiten)
@@ -209,8 +208,8 @@ def _several_outputs(
         misfit=last.misfit,
         squares=error.T @ error,
         corner=1.0,
-        iterations=ending.iterations,
-        termination=ending.termination,
+        iterations=iterations,
+        termination=termination,
         condition_number=float(np.linalg.cond(np.triu(last.sketch))),
         updates=0,
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Generic, Protocol, TypeVar
+from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -60,15 +60,6 @@ class StoppingRule:
     fixed: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Ending(Generic[S]):
-    """The iterate returned, the number of steps made, and why no more were."""
-
-    last: S
-    iterations: int
-    termination: Termination
-
-
 def iterate(
     step: Callable[[S], S | None],
     start: S,
@@ -76,8 +67,10 @@ def iterate(
     scale: float,
     settings: StoppingRule,
     between: Callable[[S], S] | None = None,
-) -> Ending[S]:
-    """Repeat `step` until X settles, the data are reproduced to round-off, or nothing more can be gained.
+) -> tuple[S, int, Termination]:
+    """Return an iterate, the number of steps made, and why no more were.
+
+    Steps are made until X settles, the data are reproduced to round-off, or nothing more can be gained.
 
     X has settled when its relative change is below the tolerance, or below its root once the misfit has not improved
     (relatively, by the tolerance) for eight steps: along an ill-conditioned direction round-off keeps X trembling.
@@ -96,19 +89,19 @@ def iterate(
         origin = previous if between is None or count == 1 else between(previous)
         current = step(origin)
         if current is None:
-            return Ending(last=best, iterations=count, termination=Termination.RANK_LOST)
+            return best, count, Termination.RANK_LOST
         if not np.isfinite(current.misfit) or (not settings.fixed and current.misfit > RUNAWAY * scale):
-            return Ending(last=best, iterations=count, termination=Termination.DIVERGED)
+            return best, count, Termination.DIVERGED
         improved = count == 1 or current.misfit < best.misfit * (1 - settings.tolerance)
         best, waited = (current, 0) if improved else (best, waited + 1)
         if not settings.fixed:
             change = float(np.linalg.norm(current.X - previous.X) / (np.linalg.norm(current.X) or 1.0))
             done = change <= settings.tolerance or current.misfit <= ROUND_OFF * scale
             if done or (waited >= PATIENCE and change <= settings.tolerance**0.5):
-                return Ending(last=current, iterations=count, termination=Termination.CONVERGED)
+                return current, count, Termination.CONVERGED
             if waited >= PATIENCE:
-                return Ending(last=best, iterations=count, termination=Termination.STAGNATED)
+                return best, count, Termination.STAGNATED
         previous = current
     if settings.fixed:
-        return Ending(last=previous, iterations=settings.max_iterations, termination=Termination.FIXED)
-    return Ending(last=best, iterations=settings.max_iterations, termination=Termination.MAX_ITERATIONS)
+        return previous, settings.max_iterations, Termination.FIXED
+    return best, settings.max_iterations, Termination.MAX_ITERATIONS

@@ -292,7 +292,7 @@ def identify_by_dmae(
     model, run = dmae_of(log, config)
 
     def at_rate(x: FloatArray) -> FloatArray:
-        return decimate(x, window.rate.factor, window.lowpass)
+        return decimate(x, window.signals.factor, window.lowpass)
 
     course = at_rate(run.fault)
     theta = np.asarray(window.signals.theta)[:, 0, list(window.live)]

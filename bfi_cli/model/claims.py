@@ -238,7 +238,7 @@ def warnings_of(
             )
     notes = [
         *map(Note.limit, limits),
-        Note.method(f"analysed at {window.signals.rate_hz:.4g} Hz: {window.rate.reason}"),
+        Note.method(f"analysed at {window.signals.rate_hz:.4g} Hz: {window.rate_reason}"),
     ]
     limits = [f"{_named(unseen)}: {BLIND_NOTE}"] if unseen else []
     ends: dict[str, Any] = {"start_s": window.window_start_s, "stop_s": window.window_stop_s}

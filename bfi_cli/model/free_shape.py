@@ -141,7 +141,7 @@ def _course_of(
         )
     columns = partial(_columns, window, fault, min(MOST_CELLS, after // SAMPLES_PER_CELL))
     line, walk = (
-        decimate(each, window.rate.factor, window.lowpass) / regression.unit[0]
+        decimate(each, window.signals.factor, window.lowpass) / regression.unit[0]
         for each in columns(window.native.time_s)
     )
     supports = dict.fromkeys([atoms, *(tuple(a for a in atoms if a != left) for left in atoms), ()])

@@ -114,7 +114,7 @@ def true_faults(window: PreparedWindow) -> dict[str, FloatArray]:
     signals = {}
     for name in window.outputs:
         measured = window.log.channel(name).values
-        signals[name] = decimate(measured - truth.clean.get(name, measured), window.rate.factor, window.lowpass)
+        signals[name] = decimate(measured - truth.clean.get(name, measured), window.signals.factor, window.lowpass)
     return signals
 
 

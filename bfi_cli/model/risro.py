@@ -8,7 +8,7 @@ of the largest. That rule also decides where a threshold is asked for or the sta
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -30,7 +30,7 @@ from .preprocessing.magnitudes import magnitudes_of_fit
 from .preprocessing.regression import RegressionData, as_published, decides_by_rule, solve, stage_of, stopping_of
 from .preprocessing.window import PreparedWindow
 from .result import SolverSummary, SparsityRun, SparsitySummary
-from .selection import MethodResult, StageRun, proposals_of, result_of_selection, stage_runs
+from .selection import MethodResult, Visits, proposals_of, result_of_selection, stage_runs
 
 # T section 5-1: a fault is a magnitude whose share of the norm is larger.
 THRESHOLD = 1e-3
@@ -74,7 +74,7 @@ def _by_stage(
 ) -> MethodResult:
     """Score the supports that the stage visits at every order by the criterion, and drop atoms while it falls."""
     names, stage = [window.names[j] for j in window.live], stage_of(config)
-    runs = stage_runs(
+    solutions, visited = stage_runs(
         regression,
         penalty,
         orders=regression.orders,
@@ -86,18 +86,18 @@ def _by_stage(
         [regression.problem(order) for order in regression.orders],
         range(len(names)),
         penalty,
-        proposals=proposals_of(runs),
+        proposals=proposals_of(visited),
         max_active=config.selection.max_active,
         dropping_only=True,
     )
     selection = best_of(regression, searches, penalty)
     fit = selection.best.fit
-    (whole,) = (run.whole for run in runs if run.order == fit.order and run.whole is not None)
+    whole = solutions[fit.order]
     before = np.flatnonzero(declared(whole, whole.z * regression.magnitude_unit, config))
     left_out = tuple(names[j] for j in before if j not in fit.atoms)
     notes = []
     if left_out:
-        steps = " and ".join(str(went.iterations) for run in runs if run.order == fit.order for went in run.visits)
+        steps = " and ".join(str(went.iterations) for went in visited[fit.order])
         notes.append(
             Note.method(
                 f"the sparsity stage ({stage.kind}, {steps} steps from its two starts) sets {len(left_out)} of "
@@ -113,14 +113,14 @@ def _by_stage(
             termination=fit.termination.value,
             iterations=whole.iterations,
             condition_number=whole.condition_number,
-            sparsity=_summary_of(stage, penalty, runs, names, left_out),
+            sparsity=_summary_of(stage, penalty, visited, names, left_out),
         ),
         notes=tuple(notes),
     )
 
 
 def _summary_of(
-    stage: SparseStage, penalty: Penalty, runs: Sequence[StageRun], names: Sequence[str], left_out: tuple[str, ...]
+    stage: SparseStage, penalty: Penalty, visited: Mapping[int, Visits], names: Sequence[str], left_out: tuple[str, ...]
 ) -> SparsitySummary:
     """Return what the stage did at every order, and which entries it set to zero."""
     alpha, r, _ = penalty_constants(stage, penalty.per_fault)
@@ -131,14 +131,14 @@ def _summary_of(
         updates=None,
         runs=tuple(
             SparsityRun(
-                order=run.order,
+                order=order,
                 start=start,
                 iterations=went.iterations,
                 converged=went.converged,
                 supports=tuple(tuple(names[j] for j in support) for support in went.supports),
             )
-            for run in runs
-            for start, went in zip(STARTS, run.visits, strict=False)
+            for order, visits in visited.items()
+            for start, went in zip(STARTS, visits, strict=False)
         ),
         set_to_zero=left_out,
     )

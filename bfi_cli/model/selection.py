@@ -76,15 +76,7 @@ DERIVED = SparseStage(kind="exp-l0")
 COARSE = StoppingRule(max_iterations=25, tolerance=1e-4)
 # Larger supports are way-marks of the stage's first steps: a fit of each would cost more than the stage.
 LARGEST = 24
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StageRun:
-    """The stage at one order: RISRO's solution that it started from, if it did, and where it went from each start."""
-
-    order: int
-    whole: VarxSolution | None
-    visits: tuple[SparseSolution, ...]
+Visits = tuple[SparseSolution, ...]  # where the stage goes at one order, from each of its starts
 
 
 def stage_runs(
@@ -95,14 +87,14 @@ def stage_runs(
     stage: SparseStage = DERIVED,
     settings: StoppingRule = COARSE,
     report: Report = silent,
-) -> tuple[StageRun, ...]:
-    """Solve every order by RISRO and follow the stage from its starts."""
-    runs = []
+) -> tuple[dict[int, VarxSolution], dict[int, Visits]]:
+    """Return by order RISRO's solution, and where the stage goes from it and from the predictor of no fault."""
+    solutions, visited = {}, {}
     for order, _ in parts(report, orders):
         whole, problem = risro_varx(regression.at_order(order), settings=settings), regression.problem(order)
         visits = sparse_varx(problem, whole, n_atoms=penalty.n_candidates, stage=stage, price=penalty.per_fault)
-        runs.append(StageRun(order=order, whole=whole, visits=visits))
-    return tuple(runs)
+        solutions[order], visited[order] = whole, visits
+    return solutions, visited
 
 
 def propose_supports(regression: RegressionData, penalty: Penalty, report: Report = silent) -> tuple[Proposal, ...]:
@@ -113,21 +105,20 @@ def propose_supports(regression: RegressionData, penalty: Penalty, report: Repor
     """
     n_atoms, n_base = penalty.n_candidates, regression.data.columns.n_base
     determined = [s for s in regression.orders if regression.n_rows >= n_base + (n_atoms + 1) * (s + 1) - 1]
-    runs = list(stage_runs(regression, penalty, orders=determined, report=report))
+    _, visited = stage_runs(regression, penalty, orders=determined, report=report)
     short = [regression.problem(order) for order in regression.orders if order not in determined]
     if short:
         problem = min(short, key=lambda problem: penalty.criterion(fit_magnitudes(problem, ())))
-        visits = sparse_varx(problem, None, n_atoms=n_atoms, stage=DERIVED, price=penalty.per_fault)
-        runs.append(StageRun(order=problem.order, whole=None, visits=visits))
-    return proposals_of(runs)
+        visited[problem.order] = sparse_varx(problem, None, n_atoms=n_atoms, stage=DERIVED, price=penalty.per_fault)
+    return proposals_of(visited)
 
 
-def proposals_of(runs: Sequence[StageRun]) -> tuple[Proposal, ...]:
+def proposals_of(visited: Mapping[int, Visits]) -> tuple[Proposal, ...]:
     """Return every support that was visited and is not too large, and the last of each start in any case."""
     return tuple(
-        Proposal(order=run.order, atoms=support, z=went.z[list(support)])
-        for run in runs
-        for went in run.visits
+        Proposal(order=order, atoms=support, z=went.z[list(support)])
+        for order, visits in visited.items()
+        for went in visits
         for support in went.supports
         if len(support) <= LARGEST or support == went.supports[-1]
     )

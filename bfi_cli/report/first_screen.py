@@ -64,26 +64,19 @@ class Headline:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Line:
-    """A line of the first screen; of its parts those are shown that fit, the first of them always."""
-
-    label: Label
-    parts: tuple[str, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class Screen:
     """The first screen of an answer.
 
     Attributes
     ----------
     name : of the entry of a dictionary that the headline is about, "" for none.
-    lines : in their order, none without parts.
+    lines : the parts of each by its label, in their order, none without parts; those parts are shown that fit in a row,
+        the first of them always.
     """
 
     headline: Headline
     name: str
-    lines: tuple[Line, ...]
+    lines: Mapping[Label, tuple[str, ...]]
 
     @property
     def first(self) -> str:
@@ -93,17 +86,14 @@ class Screen:
 
     def with_sentences(self, change: Callable[[str], str]) -> Screen:
         """Return the screen with its sentences changed."""
-        lines = (replace(line, parts=tuple(map(change, line.parts))) for line in self.lines)
-        headline = replace(self.headline, text=change(self.headline.text))
-        return replace(self, headline=headline, lines=tuple(lines))
+        lines = {label: tuple(map(change, parts)) for label, parts in self.lines.items()}
+        return replace(self, headline=replace(self.headline, text=change(self.headline.text)), lines=lines)
 
 
-def lines_of(parts: Mapping[Label, Iterable[str]]) -> tuple[Line, ...]:
+def lines_of(parts: Mapping[Label, Iterable[str]]) -> dict[Label, tuple[str, ...]]:
     """Return the lines of a screen, each sentence once, without those that have nothing to say."""
-    lines = (
-        Line(label=label, parts=tuple(dict.fromkeys(filter(None, sentences)))) for label, sentences in parts.items()
-    )
-    return tuple(line for line in lines if line.parts)
+    lines = {label: tuple(dict.fromkeys(filter(None, sentences))) for label, sentences in parts.items()}
+    return {label: shown for label, shown in lines.items() if shown}
 
 
 def error_in_words(

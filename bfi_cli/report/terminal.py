@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ..printable import printable, shortened
 from .content import ReportContent
-from .first_screen import MOST_ROWS, Line
+from .first_screen import MOST_ROWS
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -67,22 +67,23 @@ def print_screen(content: ReportContent, console: Console) -> None:
     first = Text(printable(screen.first), style=COLOURS[content.tone])
     console.print(first)
     rows = len(first.wrap(console, console.width))
-    for line in screen.lines:
-        row = Text(line.label, style="dim").append_text(Text(f"  {_fitting(line, console.width)}", style="not dim"))
+    for label, parts in screen.lines.items():
+        fitting = Text(f"  {_fitting(label, parts, console.width)}", style="not dim")
+        row = Text(label, style="dim").append_text(fitting)
         rows += len(row.wrap(console, console.width))
         if rows > MOST_ROWS and console.width >= LEAST_WIDTH:
             break
         # Who pastes a command takes it as it is: the terminal folds it.
-        console.print(row, soft_wrap=console.is_terminal and line.label == "To decide")
+        console.print(row, soft_wrap=console.is_terminal and label == "To decide")
 
 
-def _fitting(line: Line, width: int) -> str:
+def _fitting(label: str, parts: Sequence[str], width: int) -> str:
     """Return the parts of a line that fit in a row, the first always, and how many more there are.
 
     A line of few parts may take two rows.
     """
-    parts = [printable(part) for part in line.parts]
-    room = (2 if len(parts) <= FEW else 1) * width - len(line.label) - 2
+    parts = [printable(part) for part in parts]
+    room = (2 if len(parts) <= FEW else 1) * width - len(label) - 2
     for n in range(len(parts), 1, -1):
         more = f"; {len(parts) - n} more: --verbose" if n < len(parts) else ""
         if len(text := "; ".join(parts[:n]) + more) <= room:

@@ -74,7 +74,7 @@ def windows(log: FlightLog) -> Iterator[FlightLog]:
 
 def healthy(part: FlightLog, flight: str, config: Config) -> Healthy:
     prepared = prepare_detection(part, config)
-    samples = decimate_record(prepared, prepared.choice.factor)
+    samples = decimate_record(prepared, prepared.factor)
     alarms, (first, *_) = monitor_sequentially(samples, false_alarm=config.detect.false_alarm)
     at = first.model.n_healthy - first.model.errors.start
     ratios = first.drops.deviate[at:] / first.threshold.level

@@ -96,7 +96,7 @@ def test_a_share_of_the_reading_stays_one_when_it_begins_later(flight, shift_s, 
     wanted = np.where(since_s >= 0.0, window.log.channel("tas").values, 0.0)
     clear = np.abs(since_s) > (0.0 if rate != 7.0 else 2.0)  # of the filter that resampling needs
     np.testing.assert_allclose(native[clear], wanted[clear], rtol=1e-9)
-    again, largest = decimate_native(moved.native, moved.rate.factor, moved.lowpass)
+    again, largest = decimate_native(moved.native, moved.signals.factor, moved.lowpass)
     np.testing.assert_allclose(again.theta, moved.signals.theta, rtol=1e-9)
     np.testing.assert_allclose(largest, moved.largest, rtol=1e-9)
 

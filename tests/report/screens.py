@@ -25,8 +25,8 @@ def check_screen(lines, content):
     assert len(lines) <= MOST_ROWS
     assert lines[0].startswith(HEADS)
     assert lines[0].startswith(f"{content.heading.upper()}  {content.verdict[:40]}")
-    shown = [one.label for one in content.screen.lines if any(line.startswith(f"{one.label}  ") for line in lines)]
-    assert shown == [one.label for one in content.screen.lines][: len(shown)]
+    shown = [label for label in content.screen.lines if any(line.startswith(f"{label}  ") for line in lines)]
+    assert shown == [*content.screen.lines][: len(shown)]
     places = [LABELS.index(label) for label in shown]
     assert places == sorted(set(places))
     assert len({one.text for one in content.notes}) == len(content.notes)

@@ -89,7 +89,7 @@ def test_the_state_of_a_flight_is_that_of_the_largest_that_it_shows():
 
 
 def test_a_blocked_line_names_what_is_wrong_and_what_to_look_at():
-    lines = {one.label: one.parts for one in stored_flight("blocked").lines}
+    lines = stored_flight("blocked").lines
     assert lines["Wrong from then on"] == ("calibrated airspeed, Mach number, static air temperature, true airspeed",)
     assert lines["Look at"] == ("pitot tube, drain, heater, line",)
     assert any("the fault there masks others" in part for part in lines["Not checked"])

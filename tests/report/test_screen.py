@@ -51,7 +51,7 @@ def test_the_headline(made, state: str, channel: str, text: str):
 
 
 def test_a_second_fault_stands_below_the_first():
-    lines = {one.label: one.parts for one in identify_content(two_output_result()).screen.lines}
+    lines = identify_content(two_output_result()).screen.lines
     assert lines["Also"] == (
         "rate of climb oscillates by 4.00 m/s at 1.15 Hz from 113.8 s (size, 95 %: 3.99 to 4.02) "
         "[sine_altitude_rate_13.8]",

@@ -192,7 +192,7 @@ RULES: Mapping[str, Callable[[Problem], Support]] = {
     "lasso": lambda of: _by_lasso(of, adaptive=False),
     "adaptive": lambda of: _by_lasso(of, adaptive=True),
     # The exponential stage from its two starts, as method risro does.
-    "stage": lambda of: _cheapest(of, proposals_of(stage_runs(of.regression, of.penalty, orders=[ORDER]))),
+    "stage": lambda of: _cheapest(of, proposals_of(stage_runs(of.regression, of.penalty, orders=[ORDER])[1])),
     "search": lambda of: search_orders([of.projected], range(of.penalty.n_candidates), of.penalty)[0].best.fit.atoms,
 }
 

@@ -416,7 +416,7 @@ def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], rule: Rule, verd
         notes.append(
             Note.method(f"the p-value is at most {verdict.p_value:.2g}, the least that {n_windows} windows can show")
         )
-    notes.append(Note.method(f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate.reason}"))
+    notes.append(Note.method(f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate_reason}"))
     notes += [Note.method(record.window.recorder)] if record.window.recorder else []
     changes = np.abs(np.diff(record.u, axis=0))
     large = changes >= MOST * changes.max(axis=0, initial=0.0)

@@ -209,11 +209,11 @@ def prepare_record(
             segments=None,
         ),
         unit=regression.unit,
-        floor=None if window.rate.factor == 1 else regression.floor,
+        floor=None if window.signals.factor == 1 else regression.floor,
         sampling=Sampling(
             n_samples=n,
             rate_hz=rate_hz,
-            factor=window.rate.factor,
+            factor=window.signals.factor,
             lowpass=window.lowpass,
             response=window.response,
         ),

@@ -362,7 +362,7 @@ def at_half_rate(
     if window.exact_at_rate:
         return None
     try:
-        signals, _ = decimate_native(window.native, 2 * window.rate.factor, window.lowpass)
+        signals, _ = decimate_native(window.native, 2 * window.signals.factor, window.lowpass)
         return build_regression(signals, regression.atoms, config, orders=regression.orders, report=report)
     except LogError:
         return None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -46,14 +45,6 @@ SEGMENTS = 1000  # of a spectrum, transformed at once, for memory
 MOST_ROWS, ESTIMATED = 20_000, 360_000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RateChoice:
-    """A decimation factor and the sentence that says why."""
-
-    factor: int
-    reason: str
-
-
 def choose_rate(
     signals: Signals | NativeSignals,
     faults: Sequence[Fault],
@@ -63,8 +54,8 @@ def choose_rate(
     recorder_hz: float | None = None,
     fastest_hz: float = FASTEST_HZ,
     purpose: Purpose = "estimate",
-) -> RateChoice:
-    """Choose the rate that suits the recorder, rigid-body dynamics, the window's length and the dictionary.
+) -> tuple[int, str]:
+    """Return the decimation factor that suits the recorder, the aircraft, the window and the dictionary, and why.
 
     The outputs have no say in it, since one of them may be faulty.
 
@@ -79,11 +70,11 @@ def choose_rate(
     purpose : an estimate needs more of what is left above the edge than a scan; a detection has a rate at most.
     """
     if asked == "none":
-        return RateChoice(factor=1, reason="the log's own rate, as asked for")
+        return 1, "the log's own rate, as asked for"
     if not isinstance(asked, str):
-        return RateChoice(factor=max(1, round(signals.rate_hz / asked)), reason="asked for")
+        return max(1, round(signals.rate_hz / asked)), "asked for"
     if exact and len(signals.time_s) <= ESTIMATED:
-        return RateChoice(factor=1, reason="the log's own rate, where a VARX explains the record to round-off")
+        return 1, "the log's own rate, where a VARX explains the record to round-off"
     duration = len(signals.time_s) / signals.rate_hz
     rate = float(np.clip(SAMPLES_WANTED / duration, SLOWEST_HZ, fastest_hz))
     reason = f"{rate:.3g} Hz suits rigid-body dynamics in a window of {duration:.3g} s"
@@ -102,7 +93,7 @@ def choose_rate(
         reason = f"{fastest:g} Hz is the fastest oscillation of the dictionary"
         factor = int(np.floor(signals.rate_hz / (SAMPLES_PER_CYCLE * fastest) + TIE))
     factor = int(np.clip(factor, 1, max(1, len(signals.time_s) // FEWEST_SAMPLES)))
-    return RateChoice(factor=factor, reason=reason if factor > 1 else f"the log's own rate; {reason}")
+    return factor, reason if factor > 1 else f"the log's own rate; {reason}"
 
 
 def require_one_model(path: str, duration_s: float, rate_hz: float, *, purpose: Purpose = "scan") -> None:

@@ -28,7 +28,6 @@ from .regression import RegressionData, build_regression, longest_order
 from .sampling_rate import (
     EXACT_SAMPLES,
     Purpose,
-    RateChoice,
     candidate_orders,
     choose_rate,
     is_exact,
@@ -62,8 +61,9 @@ class PreparedWindow:
     names : of the dictionary's entries.
     reasons : why an entry is left out, by index; live : the indices of the others but for
     free : the indices of the entries of unknown course, whose signals are zero.
-    native : signals at the log's own rate; signals : filtered and decimated as `rate` and `lowpass` say.
+    native : signals at the log's own rate; signals : filtered by `lowpass` and decimated.
     largest : (n_faults,) the largest value of every entry's signal at the log's own rate.
+    rate_reason : why the signals have their rate.
     filters : that the log went through, the recorder's first.
     recorder : a sentence on it, and on channels that are derived from others; recorder_hz : its edge, None where there
         is none or none is known.
@@ -82,7 +82,7 @@ class PreparedWindow:
     native: NativeSignals
     signals: Signals
     largest: FloatArray
-    rate: RateChoice
+    rate_reason: str
     filters: tuple[Filter, ...]
     recorder: str
     recorder_hz: float | None
@@ -116,12 +116,12 @@ class PreparedWindow:
     @property
     def exact_at_rate(self) -> bool:
         """Whether a VARX explains the record to round-off at the rate of the analysis."""
-        return self.exact and self.rate.factor == 1
+        return self.exact and self.signals.factor == 1
 
     @property
     def same_rate(self) -> float | str:
         """What `conditioning.rate_hz` has to be for another window to be analysed at the rate of this one."""
-        return "none" if self.rate.factor == 1 else self.signals.rate_hz
+        return "none" if self.signals.factor == 1 else self.signals.rate_hz
 
     @property
     def summary(self) -> LogSummary:
@@ -188,10 +188,10 @@ def prepare_window(
     exact = is_exact(native.between(slice(EXACT_SAMPLES)))
     recorder_hz = min((low_pass.edge_hz for low_pass in recorder_low_passes(filters)), default=None)
     seen = [faults[j] for j in native.seen]
-    rate = choose_rate(native, seen, exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose)
+    factor, reason = choose_rate(native, seen, exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose)
     if purpose == "scan" or rate_hz != "auto":
-        require_one_model(log.path, span[1] - span[0], native.rate_hz / rate.factor, purpose=purpose)
-    decimated, largest = decimate_native(native, rate.factor, lowpass)
+        require_one_model(log.path, span[1] - span[0], native.rate_hz / factor, purpose=purpose)
+    decimated, largest = decimate_native(native, factor, lowpass)
     names = tuple(fault.called for fault in faults)
     reasons |= unusable_atoms(decimated.theta, names, native.seen, report, selects=selects)
     live = tuple(j for j in native.seen if j not in reasons)
@@ -208,7 +208,7 @@ def prepare_window(
         native=native,
         signals=decimated,
         largest=largest,
-        rate=rate,
+        rate_reason=reason,
         filters=filters,
         recorder="; ".join(filter(None, (about_recorder, *(note.text for note in log.notes[known:])))),
         recorder_hz=recorder_hz,
@@ -361,7 +361,8 @@ def signals_of_faults(window: PreparedWindow, faults: Sequence[Fault], sizes: Se
                     window.log, fault, window.response, window.outputs, size=size, with_slopes=False
                 )
     made = window.native.with_faults(faults, (*stated, *log_signals), log_signals)
-    return made.theta_decimated(window.rate.factor, window.lowpass, in_stretches=window.signals.theta.in_stretches)[0]
+    factor, in_stretches = window.signals.factor, window.signals.theta.in_stretches
+    return made.theta_decimated(factor, window.lowpass, in_stretches=in_stretches)[0]
 
 
 def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> PreparedWindow:
@@ -402,7 +403,7 @@ def _with_entries(window: PreparedWindow, faults: Mapping[int, Fault], sizes: Ma
         range(len(faults)),
         {n: log_signals[j] for n, j in enumerate(entries) if j in log_signals},
     )
-    rate, held = (window.rate.factor, window.lowpass), window.signals.theta
+    rate, held = (window.signals.factor, window.lowpass), window.signals.theta
     theta, largest[entries] = alone.theta_decimated(*rate, in_stretches=held.in_stretches)
     made = native.with_others(faults, log_signals)
     return replace(

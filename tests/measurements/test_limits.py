@@ -56,12 +56,12 @@ def excluded(record: ScanRecord, y: np.ndarray, form: ShapeHypothesis, unit: flo
     scan = scan_of(record, y, ORDER, output=0)
     if form.shape == "bias":
         # What a threshold asks for is not counted: it makes limits larger still.
-        limits = claims._limits(record, scan, form, 1e-6, 1e-6)
-        assert limits is not None
-        return float(limits.effect.max())
-    likeliness = claims._likeliness(record, scan, form, unit)
-    assert likeliness is not None
-    return likeliness.hidden()[1]
+        wave = waveform(form, record.sampling)
+        profile = claims.scan_shape(scan, wave, claims._covered(record, scan, form))
+        return float(claims._sizes(record, scan, wave, profile, 1e-6, 1e-6, profile.dispersion)["effect"].max())
+    limits = claims._limits(record, scan, form, unit, (1e-6, 1e-6))
+    assert limits is not None
+    return limits.hidden()[1]
 
 
 def counted(form: ShapeHypothesis, seeds: Sequence[int]) -> dict[float, list[bool]]:

@@ -80,73 +80,68 @@ MOSTLY = 0.95
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Limits:
-    """The magnitudes of a hypothesis that the scan would declare, and excludes, by onset: scaled, (n_onsets,).
+    """The sizes of a hypothesis that the scan would declare, and excludes, by onset: scaled.
 
     Attributes
     ----------
-    profile : over the onsets.
-    onset_s : on the log's axis.
+    profile : over the onsets that a claim covers; onset_s : (n_onsets,) of these, on the log's axis.
+    parameter : of the hypothesis: frequency, time constant or duration, 0 where it has none.
+    sized_s : (n_sized,) the onsets, all or some, at which there are:
     declared : magnitude that is declared with 90 % power, infinite where none is.
     seen : largest error of the magnitude that is declared or suspected with 90 % power.
     excluded : magnitude beyond which the record excludes the fault, infinite where none is; effect : its largest error.
+    ratios : (n_errors, n_onsets) likelihood ratios of the record with a fault that makes an error of `ERRORS`
+        tolerances against none; None where sizes alone exclude.
+    tolerance : of the channel.
     """
 
     profile: Profile
     onset_s: FloatArray
+    parameter: float
+    sized_s: FloatArray
     declared: FloatArray
     seen: FloatArray
     excluded: FloatArray
     effect: FloatArray
+    ratios: FloatArray | None = None
+    tolerance: float = np.nan
 
     def hidden(self, near: BoolArray | None = None) -> tuple[float, float]:
-        """Return magnitude and error that are excluded at the worst onset, of those `near` (n_onsets,) or of all."""
-        worst = int(np.argmax(self.effect if near is None else np.where(near, self.effect, -1.0)))
-        return float(self.excluded[worst]), float(self.effect[worst])
+        """Return magnitude and error that are excluded at the worst of the onsets, those `near` (n_onsets,) or all.
 
-    def seen_near(self, near_s: FloatArray) -> FloatArray:
-        """Return (n_near,) the errors that are seen at the onsets nearest to `near_s`."""
-        return np.asarray(self.seen[np.abs(near_s[:, None] - self.onset_s).argmin(axis=1)])
+        Likelihood ratios are averaged over them.
+        """
+        if self.ratios is None:
+            worst = int(np.argmax(self.effect if near is None else np.where(near, self.effect, -1.0)))
+            return float(self.excluded[worst]), float(self.effect[worst])
+        ratios = self.ratios if near is None else self.ratios[:, near]
+        error = excluded_error(self.tolerance * ERRORS, ratios.mean(axis=1), EXCLUDED)
+        return error, error
+
+    def near(self, onset_s: float, near_s: float) -> tuple[float, float, float] | None:
+        """Return the magnitude that is excluded near an onset, the error that it makes, and the error that is seen.
+
+        Infinite where there is none; None where no onset near it is covered.
+        """
+        near = np.abs(self.onset_s - onset_s) <= near_s
+        if not near.any():
+            return None
+        nearest = np.abs(self.onset_s[near][:, None] - self.sized_s).argmin(axis=1)
+        return *self.hidden(near), mostly(self.seen[nearest])
+
+    @property
+    def beyond(self) -> float:
+        """How much likelier the record is with a fault beyond the tolerance than without; 0 without ratios."""
+        if self.ratios is None:
+            return 0.0
+        errors = self.tolerance * ERRORS
+        means = mean_ratios(errors, self.ratios)
+        return float(np.interp(np.log(self.tolerance), np.log(errors[: len(means)]), means))
 
 
 def mostly(errors: FloatArray) -> float:
     """Return the error that is no less than most of some."""
     return float(np.quantile(errors, MOSTLY, method="higher"))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Likeliness:
-    """Likelihood ratios of the record with a fault of a hypothesis against none, by error and onset.
-
-    Attributes
-    ----------
-    profile : over the onsets.
-    onset_s : (n_onsets,) on the log's axis.
-    errors : (n_errors,) largest errors on the channel, scaled; ratios : (n_errors, n_onsets) of the fault that makes
-        each.
-    tolerance : of the channel, scaled.
-    parameter : of the hypothesis: frequency, time constant or duration.
-    limits : at some onsets; None where they were not asked for.
-    """
-
-    profile: Profile
-    parameter: float
-    onset_s: FloatArray
-    errors: FloatArray
-    ratios: FloatArray
-    tolerance: float
-    limits: Limits | None
-
-    def hidden(self, near: BoolArray | None = None) -> tuple[float, float]:
-        """Return magnitude and error that are excluded at 95 %, at the onsets `near` (n_onsets,) or at all."""
-        ratios = self.ratios if near is None else self.ratios[:, near]
-        error = excluded_error(self.errors, ratios.mean(axis=1), EXCLUDED)
-        return error, error
-
-    @property
-    def beyond(self) -> float:
-        """How much likelier the record is with a fault beyond the tolerance than without."""
-        means = mean_ratios(self.errors, self.ratios)
-        return float(np.interp(np.log(self.tolerance), np.log(self.errors[: len(means)]), means))
 
 
 def claims_of(
@@ -216,9 +211,8 @@ def claims_of(
         if suspicion is None and (shape, output) in rivals:
             suspicion = f"a {shape} in place of what is declared would explain the log nearly as well"
         if kind in claims:
-            bounded = _weighed if shape in WEIGHED else _sized
             seen = last.standing_out.get(output)
-            candidate = bounded(record, scans[output], rule, candidate, form, peak, seen, share)
+            candidate = _bounded(record, scans[output], rule, candidate, form, peak, seen, share)
         elif suspicion is None:
             continue
         if suspicion is not None:
@@ -248,7 +242,7 @@ def _checked(record: ScanRecord, shape: Shape, output: int, order: int) -> tuple
     return (span,) if span[0] <= span[1] else ()
 
 
-def _sized(
+def _bounded(
     record: ScanRecord,
     scan: Scan,
     rule: Rule,
@@ -258,155 +252,74 @@ def _sized(
     seen: Sequence[float] | None,
     report: Report,
 ) -> Candidate:
-    """Return a candidate of a shape that is excluded by the size that it would have needed at the worst onset."""
-    forms = _claimed(record, scan, form, peak, seen, report)
-    form_limits = [_limits(record, scan, claimed, *statistics_of(rule, form.shape)) for claimed in forms]
-    covered = [limits for limits in form_limits if limits is not None]
-    if not covered:
-        return candidate if peak is None else _bounded(record, candidate, form.output, peak.profile, ())
-    worst = max(covered, key=lambda limits: float(limits.effect.max()))
-    likeliest = max((limits.profile for limits in covered), key=lambda profile: float(profile.statistic.max()))
-    return _bounded(record, candidate, form.output, likeliest, covered, *worst.hidden())
-
-
-def _weighed(
-    record: ScanRecord,
-    scan: Scan,
-    rule: Rule,
-    candidate: Candidate,
-    form: ShapeHypothesis,
-    peak: Peak | None,
-    seen: Sequence[float] | None,
-    report: Report,
-) -> Candidate:
-    """Return a candidate of a shape that is excluded by how likely the record is with and without it.
+    """Return a candidate with its likeliest magnitude and its limits; a shape that is weighed may be suspected.
 
     Parameters
     ----------
     peak : of the shape where it is looked for; seen : see `standing_out_hz`.
     """
-    searching, weighing = shares(report, 1, 2)
+    searching, looking = shares(report, 1, 2)
     shape, forms = form.shape, _claimed(record, scan, form, peak, seen, searching)
     if not forms:
         return replace(candidate, note="the window is too short for an oscillation")
     assert candidate.tolerance is not None
-    tolerance = candidate.tolerance / float(record.unit[form.output])
+    tolerance, is_weighed = candidate.tolerance / float(record.unit[form.output]), shape in WEIGHED
     # Every onset counts for the hypotheses that hide most only: fewer onsets tell which these are.
-    every = GLANCED if len(forms) > FULL else 1
+    every, statistics = GLANCED if is_weighed and len(forms) > FULL else 1, statistics_of(rule, shape)
     glances = {
-        claimed: _likeliness(record, scan, claimed, tolerance, statistics_of(rule, shape), every=every)
-        for claimed, _ in parts(weighing, forms)
+        claimed: limits
+        for claimed, _ in parts(looking, forms)
+        if (limits := _limits(record, scan, claimed, tolerance, statistics, every=every)) is not None
     }
-    covered = {claimed: glance for claimed, glance in glances.items() if glance is not None}
-    if not covered:
-        return candidate
-    limits = [glance.limits for glance in covered.values() if glance.limits is not None]
+    if not glances:
+        return candidate if is_weighed or peak is None else _with_magnitude(record, candidate, form, peak.profile)
+    looks = list(glances.values())
     if every > 1:
-        worst_forms = {
+        worst = {
             claimed
-            for most in (lambda at: covered[at].hidden(), lambda at: covered[at].beyond)
-            for claimed in sorted(covered, key=most)[-FULL:]
+            for most in (lambda at: glances[at].hidden(), lambda at: glances[at].beyond)
+            for claimed in sorted(glances, key=most)[-FULL:]
         }
-        looked_at = (_likeliness(record, scan, claimed, tolerance) for claimed in forms if claimed in worst_forms)
-        likelinesses = [likeliness for likeliness in looked_at if likeliness is not None]
-    else:
-        likelinesses = list(covered.values())
-    likeliest = max(likelinesses, key=lambda likeliness: likeliness.beyond)
-    values = [claimed.parameter or 0.0 for claimed in forms]
-    if shape == "sine":
-        note, named = f"of {min(values):.2g} to {max(values):.2g} Hz", f"an oscillation of {likeliest.parameter:.3g} Hz"
-    elif shape == "bias":
-        note, named = None, "a step"
-    else:
-        note = f"over up to {max(values):.3g} s"
-        named = f"a {'lag' if shape == 'lagged_bias' else 'ramp'} over {likeliest.parameter:.3g} s"
+        looks = [
+            replace(limits, **_weighed(record, scan, claimed, _covered(record, scan, claimed), tolerance))
+            for claimed, limits in glances.items()
+            if claimed in worst
+        ]
+    likeliest = max(looks, key=lambda limits: (limits.beyond, float(limits.profile.statistic.max())))
+    covers, named = _in_words(shape, [claimed.parameter or 0.0 for claimed in forms], likeliest.parameter)
+    candidate = replace(_with_magnitude(record, candidate, form, likeliest.profile), note=covers)
     if likeliest.beyond >= SUSPECTED:
-        candidate = replace(candidate, state="suspected")
         note = (
             f"the log is {likeliest.beyond:.2g} times as likely with {named} beyond the tolerance as without, most of "
             f"all from {instant(likeliest.onset_s[likeliest.profile.best])} s on; see --shape {shape}"
         )
-    hidden = max(likeliness.hidden() for likeliness in likelinesses)
+        candidate = replace(candidate, state="suspected", note=note)
     # What is scanned as another shape is seen by the likelihood of faults beyond the tolerance.
-    least = 0.0 if peak is not None else tolerance
-    return _bounded(record, candidate, form.output, likeliest.profile, limits, *hidden, least=least, note=note)
-
-
-def _bounded(
-    record: ScanRecord,
-    candidate: Candidate,
-    output: int,
-    profile: Profile,
-    limits: Sequence[Limits],
-    excluded: float = np.inf,
-    effect: float = np.inf,
-    *,
-    least: float = 0.0,
-    **changes: Any,
-) -> Candidate:
-    """Return a candidate with its likeliest magnitude and its limits.
-
-    Parameters
-    ----------
-    profile : over the onsets; excluded, effect : magnitude and error, scaled, infinite for any.
-    limits : of the hypotheses of the shape; least : error below which a fault of it is not declared, scaled.
-    """
-    scale, best = float(record.unit[output]), profile.best
-    median = float(np.median([np.median(form_limits.declared) for form_limits in limits])) if limits else np.inf
-    seen_above = max(least, mostly(np.concatenate([form_limits.seen for form_limits in limits]))) if limits else np.inf
-    sized = replace(
-        candidate,
-        magnitude=finite(scale * float(profile.z[best])),
-        sd=finite(scale * float(profile.sd[best])),
-        minimal_detectable_scan=None if least else finite(scale * median),
-    )
+    scale, least = float(record.unit[form.output]), 0.0 if peak is not None else tolerance
+    if not least:
+        median = float(np.median([np.median(limits.declared) for limits in glances.values()]))
+        candidate = replace(candidate, minimal_detectable_scan=finite(scale * median))
+    excluded, effect = max((limits.hidden() for limits in looks), key=lambda hidden: hidden[1])
     if is_any(scale * effect, record.window.log, candidate.channel):
-        return with_limit(sized, None, None, **changes)
-    return with_limit(
-        sized, scale * effect, finite(scale * excluded), finite(scale * max(seen_above, effect)), **changes
-    )
+        return with_limit(candidate, None, None)
+    seen_above = max(least, effect, mostly(np.concatenate([limits.seen for limits in glances.values()])))
+    return with_limit(candidate, scale * effect, finite(scale * excluded), finite(scale * seen_above))
 
 
-def _likeliness(
-    record: ScanRecord,
-    scan: Scan,
-    form: ShapeHypothesis,
-    tolerance: float,
-    statistics: tuple[float, float] | None = None,
-    *,
-    every: int = 1,
-    is_weighed: bool = True,
-) -> Likeliness | None:
-    """Return the likelihood ratios of a hypothesis; None where there is no onset that a claim covers.
+def _with_magnitude(record: ScanRecord, candidate: Candidate, form: ShapeHypothesis, profile: Profile) -> Candidate:
+    """Return a candidate with the magnitude of the likeliest onset of a profile."""
+    scale, best = float(record.unit[form.output]), profile.best
+    z, sd = float(profile.z[best]), float(profile.sd[best])
+    return replace(candidate, magnitude=finite(scale * z), sd=finite(scale * sd))
 
-    Parameters
-    ----------
-    statistics : above which a fault is declared, and suspected, for `limits`; None where they are not asked for.
-    every : of so many onsets one is looked at.
-    is_weighed : whether a fault is suspected too where the record is likelier with it.
-    """
-    wave = waveform(form, replace(record.sampling, n_samples=scan.n_samples))
-    onsets = _covered(record, scan, form)[::every]
-    if onsets.size == 0:
-        return None
-    errors, limits = tolerance * ERRORS, None
-    magnitudes = errors[:, None] / wave.largest(scan.n_samples - onsets)
-    profile, both_signs = profile_with_deviances(scan, wave, onsets, magnitudes)
-    dispersion = profile.dispersion
-    if statistics is not None:
-        some = profile.take(np.linspace(0, len(onsets) - 1, min(SIZED, len(onsets))).astype(np.intp))
-        threshold, suspicion = statistics
-        suspicion = min(suspicion, dispersion * likelier_by(every * len(onsets)) ** 2 if is_weighed else np.inf)
-        limits = _limits_of(record, scan, wave, some, threshold, suspicion, dispersion, least=tolerance)
-    return Likeliness(
-        profile=profile,
-        parameter=form.parameter or 0.0,
-        onset_s=record.onsets_s(onsets + record.sampling.lead),
-        errors=errors,
-        ratios=likelihood_ratios(both_signs, dispersion=dispersion),
-        tolerance=tolerance,
-        limits=limits,
-    )
+
+def _in_words(shape: Shape, values: Sequence[float], likeliest: float) -> tuple[str | None, str]:
+    """Return of which frequencies, time constants or durations a claim is, and the likeliest of its hypotheses."""
+    if shape == "sine":
+        return f"of {min(values):.2g} to {max(values):.2g} Hz", f"an oscillation of {likeliest:.3g} Hz"
+    if shape not in BUILT_UP:
+        return None, "a step"
+    return f"over up to {max(values):.3g} s", f"a {'lag' if shape == 'lagged_bias' else 'ramp'} over {likeliest:.3g} s"
 
 
 def claims_near_onsets(
@@ -428,7 +341,7 @@ def claims_near_onsets(
     tolerance_s : how far the onset of a fault may be from that of the dictionary.
     report : called with the fraction that is done.
     """
-    form_limits = dict[ShapeHypothesis, Limits | Likeliness | None]()
+    form_limits = dict[ShapeHypothesis, Limits | None]()
     # An onset lies between two samples of the analysis.
     near_s = tolerance_s + 1.0 / record.settings.rate_hz
     earliest_s, latest_s = covered_s(record, order)
@@ -447,13 +360,10 @@ def claims_near_onsets(
         form = ShapeHypothesis(shape=shape, output=output, parameter=parameter, file=fault.file)
         scale, slope = float(record.unit[output]), abs(fault.slope or 1.0)  # a slope is so many times the hypothesis's
         if form not in form_limits:
-            scan, statistics = scans[output], statistics_of(rule, shape)
-            form_limits[form] = (
-                _likeliness(record, scan, form, tolerances[fault.channel] / scale, statistics, is_weighed=False)
-                if shape in WEIGHED
-                else _limits(record, scan, form, *statistics)
-            )
-        hidden = _near(form_limits[form], fault.onset_s, near_s)
+            statistics, tolerance = statistics_of(rule, shape), tolerances[fault.channel] / scale
+            form_limits[form] = _limits(record, scans[output], form, tolerance, statistics, is_suspected=False)
+        limits = form_limits[form]
+        hidden = None if limits is None else limits.near(fault.onset_s, near_s)
         if hidden is None:
             candidates.append(untested(candidate))
             continue
@@ -467,18 +377,6 @@ def claims_near_onsets(
             bounded = with_limit(candidate, scale * effect, scale / slope * excluded, finite(seen_above))
             candidates.append(bounded)
     return tuple(candidates)
-
-
-def _near(limits: Limits | Likeliness | None, onset_s: float, near_s: float) -> tuple[float, float, float] | None:
-    """Return the magnitude that is excluded near an onset, the error that it makes, and the error that is declared.
-
-    Scaled, infinite where there is none; None where no onset near it is covered.
-    """
-    near = np.zeros(0, dtype=bool) if limits is None else np.abs(limits.onset_s - onset_s) <= near_s
-    declared = limits.limits if isinstance(limits, Likeliness) else limits
-    if limits is None or declared is None or not near.any():
-        return None
-    return *limits.hidden(near), mostly(declared.seen_near(limits.onset_s[near]))
 
 
 def _claimed(
@@ -585,16 +483,62 @@ def statistics_of(rule: Rule, shape: Shape) -> tuple[float, float]:
     return rule.threshold(shape), rule.suspicion(shape)
 
 
-def _limits(record: ScanRecord, scan: Scan, form: ShapeHypothesis, threshold: float, suspicion: float) -> Limits | None:
-    """Return the limits of a hypothesis at every onset that a claim covers; None where there is no such onset."""
-    wave, onsets = waveform(form, replace(record.sampling, n_samples=scan.n_samples)), _covered(record, scan, form)
+def _limits(
+    record: ScanRecord,
+    scan: Scan,
+    form: ShapeHypothesis,
+    tolerance: float,
+    statistics: tuple[float, float],
+    *,
+    every: int = 1,
+    is_suspected: bool = True,
+) -> Limits | None:
+    """Return the limits of a hypothesis; None where there is no onset that a claim covers.
+
+    Parameters
+    ----------
+    tolerance : of the channel, scaled.
+    statistics : above which a fault is declared, and suspected.
+    every : of so many onsets one is looked at.
+    is_suspected : whether a fault is suspected too where the record is likelier with it.
+    """
+    onsets = _covered(record, scan, form)[::every]
     if onsets.size == 0:
         return None
-    profile = scan_shape(scan, wave, onsets)
-    return _limits_of(record, scan, wave, profile, threshold, suspicion, profile.dispersion)
+    wave, (threshold, suspicion) = _wave(record, scan, form), statistics
+    if form.shape in WEIGHED:
+        shown, least = _weighed(record, scan, form, onsets, tolerance), tolerance
+        profile: Profile = shown["profile"]
+        sized = profile.take(np.linspace(0, len(onsets) - 1, min(SIZED, len(onsets))).astype(np.intp))
+        if is_suspected:
+            suspicion = min(suspicion, profile.dispersion * likelier_by(every * len(onsets)) ** 2)
+    else:
+        profile = sized = scan_shape(scan, wave, onsets)
+        shown, least = {"profile": profile, "onset_s": _onsets_s(record, onsets)}, 0.0
+    sizes = _sizes(record, scan, wave, sized, threshold, suspicion, profile.dispersion, least=least)
+    return Limits(parameter=form.parameter or 0.0, tolerance=tolerance, **shown, **sizes)
 
 
-def _limits_of(
+def _weighed(
+    record: ScanRecord, scan: Scan, form: ShapeHypothesis, onsets: IntArray, tolerance: float
+) -> dict[str, Any]:
+    """Return what `Limits` has of a hypothesis over (n_onsets,) onsets that a claim covers, with likelihood ratios."""
+    wave = _wave(record, scan, form)
+    magnitudes = tolerance * ERRORS[:, None] / wave.largest(scan.n_samples - onsets)
+    profile, both_signs = profile_with_deviances(scan, wave, onsets, magnitudes)
+    ratios = likelihood_ratios(both_signs, dispersion=profile.dispersion)
+    return {"profile": profile, "onset_s": _onsets_s(record, onsets), "ratios": ratios}
+
+
+def _wave(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> Waveform:
+    return waveform(form, replace(record.sampling, n_samples=scan.n_samples))
+
+
+def _onsets_s(record: ScanRecord, onsets: IntArray) -> FloatArray:
+    return record.onsets_s(onsets + record.sampling.lead)
+
+
+def _sizes(
     record: ScanRecord,
     scan: Scan,
     wave: Waveform,
@@ -604,8 +548,8 @@ def _limits_of(
     dispersion: float,
     *,
     least: float = 0.0,
-) -> Limits:
-    """Return the limits of a hypothesis at the onsets of a profile: declared with 90 % power, and excluded at 95 %.
+) -> dict[str, Any]:
+    """Return what `Limits` has at the onsets of a profile: declared with 90 % power, and excluded at 95 %.
 
     Parameters
     ----------
@@ -624,14 +568,13 @@ def _limits_of(
         doubt=ONE_SIDED_95**2 * dispersion,
     )
     excluded, largest = np.maximum(declared, admitted), wave.largest(scan.n_samples - profile.onsets)
-    return Limits(
-        profile=profile,
-        onset_s=record.onsets_s(profile.onsets + record.sampling.lead),
-        declared=declared,
-        seen=np.minimum(declared * largest, np.maximum(suspected * largest, least)),
-        excluded=excluded,
-        effect=excluded * largest,
-    )
+    return {
+        "sized_s": _onsets_s(record, profile.onsets),
+        "declared": declared,
+        "seen": np.minimum(declared * largest, np.maximum(suspected * largest, least)),
+        "excluded": excluded,
+        "effect": excluded * largest,
+    }
 
 
 def _suspicion(rule: Rule, first: HypothesisScan, estimates: Sequence[Estimate], peak: Peak, order: int) -> str | None:

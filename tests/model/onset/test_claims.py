@@ -13,6 +13,7 @@ from scipy import optimize, stats
 from bfi_cli import kernels
 from bfi_cli.config import Config, merge
 from bfi_cli.decision import candidate_of
+from bfi_cli.kernels.onset.scan import Scan, scan_shape
 from bfi_cli.model.onset import claims
 from bfi_cli.model.onset.scan import scan_of
 from bfi_cli.model.onset.scan_record import ScanRecord, prepare_record
@@ -37,13 +38,20 @@ def signal_of(record: ScanRecord, form: ShapeHypothesis, onset: int) -> np.ndarr
     return theta
 
 
+def sized(record: ScanRecord, scan: Scan, threshold: float, suspicion: float) -> claims.Limits:
+    """Return the sizes of a step at every onset, whatever the record says of them by its likelihood."""
+    wave = waveform(BIAS, record.sampling)
+    profile = scan_shape(scan, wave, claims._covered(record, scan, BIAS))
+    sizes = claims._sizes(record, scan, wave, profile, threshold, suspicion, profile.dispersion)
+    return claims.Limits(profile=profile, onset_s=sizes["sized_s"], parameter=0.0, tolerance=1.0, **sizes)
+
+
 @pytest.mark.parametrize("threshold", [30.0, 90.0])
 def test_a_fault_of_the_size_that_is_seen_exceeds_the_threshold_by_90_percent_power(record: ScanRecord, threshold):
     """Its root, in the mean of both signs, lies 1.28 standard deviations of the scatter above the threshold's."""
     y = record.y + 0.03 * signal_of(record, BIAS, 100)
     scan = scan_of(record, y, ORDER, output=0)
-    limits = claims._limits(record, scan, BIAS, threshold, threshold)
-    assert limits is not None
+    limits = sized(record, scan, threshold, threshold)
     phi = float(limits.profile.statistic.mean())
     assert phi > 1.2
     for i in range(0, len(limits.onset_s), 60):
@@ -62,8 +70,7 @@ def test_a_size_is_excluded_at_95_percent_above_the_likeliest(record: ScanRecord
     """Where next to any fault would be declared, what the record does not admit is what is left of the limit."""
     onset = 150
     y = record.y + size * signal_of(record, BIAS, onset)
-    limits = claims._limits(record, scan_of(record, y, ORDER, output=0), BIAS, threshold=1e-6, suspicion=1e-6)
-    assert limits is not None
+    limits = sized(record, scan_of(record, y, ORDER, output=0), 1e-6, 1e-6)
     phi = max(1.0, float(limits.profile.statistic.mean()))
     i = int(limits.profile.best)
     assert limits.profile.onsets[i] == onset
@@ -110,9 +117,10 @@ def test_a_lag_is_suspected_where_the_record_is_likelier_with_one_beyond_the_tol
     theta = signal_of(record, LAG, 150)
 
     def beyond(z: float) -> float:
-        likeliness = claims._likeliness(record, scan_of(record, record.y + z * theta, ORDER, output=0), LAG, scaled)
-        assert likeliness is not None
-        return likeliness.beyond
+        scan = scan_of(record, record.y + z * theta, ORDER, output=0)
+        limits = claims._limits(record, scan, LAG, scaled, (30.0, 20.0))
+        assert limits is not None
+        return limits.beyond
 
     middle = optimize.brentq(lambda z: np.log(beyond(z)), 0.0, 3.0 * scaled, xtol=1e-3)
     for z, suspected in ((0.99 * middle, False), (1.01 * middle, True)):
@@ -121,7 +129,7 @@ def test_a_lag_is_suspected_where_the_record_is_likelier_with_one_beyond_the_tol
         scan = scan_of(record, record.y + z * theta, ORDER, output=0)
         rule = SimpleNamespace(threshold=lambda _shape: 30.0, suspicion=lambda _shape: 20.0)
         looked_for = candidate_of(fault_of(LAG, "tas", magnitude=1.0, onset_s=0.0), "m/s", tolerance=tolerance)
-        candidate = claims._weighed(record, scan, rule, looked_for, LAG, None, None, lambda _: None)
+        candidate = claims._bounded(record, scan, rule, looked_for, LAG, None, None, lambda _: None)
         assert (candidate.state == "suspected") is suspected
         # What is scanned as a step is seen as a fault beyond the tolerance, or not at all.
         assert candidate.minimal_detectable_scan is None
@@ -131,11 +139,10 @@ def test_a_lag_is_suspected_where_the_record_is_likelier_with_one_beyond_the_tol
 
 def test_limits_near_an_onset_are_of_the_onsets_within_the_tolerance(record: ScanRecord):
     scan = scan_of(record, record.y, ORDER, output=0)
-    limits = claims._limits(record, scan, BIAS, 30.0, 20.0)
-    assert limits is not None
+    limits = sized(record, scan, 30.0, 20.0)
     i = len(limits.onset_s) // 2
     near = np.abs(np.arange(len(limits.onset_s)) - i) <= 10
-    found = claims._near(limits, float(limits.onset_s[i]), 10.5 / RATE_HZ)
+    found = limits.near(float(limits.onset_s[i]), 10.5 / RATE_HZ)
     assert found is not None
     assert found[1] == limits.effect[near].max()
-    assert claims._near(limits, float(limits.onset_s[-1]) + 5.0, 1.0) is None
+    assert limits.near(float(limits.onset_s[-1]) + 5.0, 1.0) is None

@@ -470,11 +470,6 @@ class Adding:
     fit: Fit
     regressors: Regressors | None
 
-    @property
-    def n_bytes(self) -> int:
-        """What the regressors take in memory."""
-        return 0 if self.regressors is None else self.regressors.Q.nbytes
-
     def with_signals(self, theta: AtomSignals) -> Layout:
         """Return the record with the fit's own signals and others after them."""
         return self.layout.with_signals(self.layout.theta.joined(theta))

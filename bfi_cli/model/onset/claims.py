@@ -265,7 +265,10 @@ def _bounded(
     assert candidate.tolerance is not None
     tolerance, is_weighed = candidate.tolerance / float(record.unit[form.output]), shape in WEIGHED
     # Every onset counts for the hypotheses that hide most only: fewer onsets tell which these are.
-    every, statistics = GLANCED if is_weighed and len(forms) > FULL else 1, statistics_of(rule, shape)
+    every, statistics = (
+        GLANCED if is_weighed and len(forms) > FULL else 1,
+        (rule.threshold(shape), rule.suspicion(shape)),
+    )
     glances = {
         claimed: limits
         for claimed, _ in parts(looking, forms)
@@ -360,7 +363,7 @@ def claims_near_onsets(
         form = ShapeHypothesis(shape=shape, output=output, parameter=parameter, file=fault.file)
         scale, slope = float(record.unit[output]), abs(fault.slope or 1.0)  # a slope is so many times the hypothesis's
         if form not in form_limits:
-            statistics, tolerance = statistics_of(rule, shape), tolerances[fault.channel] / scale
+            statistics, tolerance = (rule.threshold(shape), rule.suspicion(shape)), tolerances[fault.channel] / scale
             form_limits[form] = _limits(record, scans[output], form, tolerance, statistics, is_suspected=False)
         limits = form_limits[form]
         hidden = None if limits is None else limits.near(fault.onset_s, near_s)
@@ -476,11 +479,6 @@ def likelier_by(n_onsets: int) -> float:
     for _ in range(STEPS):
         deviations = math.sqrt(2.0 * math.log(2.0 * n_onsets * deviations * math.log(SPAN) / math.sqrt(2.0 * math.pi)))
     return deviations
-
-
-def statistics_of(rule: Rule, shape: Shape) -> tuple[float, float]:
-    """Return the statistics of a shape above which a fault is declared, and suspected."""
-    return rule.threshold(shape), rule.suspicion(shape)
 
 
 def _limits(

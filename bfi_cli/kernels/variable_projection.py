@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -153,11 +154,12 @@ def log_dets_beside(problem: ProjectedRegression, atoms: Sequence[int], z: Float
     n_together = max(1, TOGETHER // (2 * support.y.size))
     for start in range(0, len(atoms), n_together):
         part = slice(start, start + n_together)
-        signed = [(atom, sign * size) for atom, size in zip(atoms[part], z[part], strict=True) for sign in (1.0, -1.0)]
-        outputs = np.array([without_signal(problem, *fault).y for fault in signed])
-        fitted, is_plain = _log_dets_of_outputs(support, outputs, fit.z)
-        for n in np.flatnonzero(~is_plain):
-            alone = replace(problem, y=outputs[n])
+        shared, signals = support.on_fewer_rows(atoms[part])
+        change = z[part, None, None, None] * signals
+        outputs = np.stack([shared.y - change, shared.y + change], axis=1).reshape(-1, *shared.y.shape)
+        fitted, is_plain = _log_dets_of_outputs(shared, outputs, fit.z)
+        for n in np.flatnonzero(~is_plain).tolist():
+            alone = without_signal(problem, atoms[start + n // 2], float(z[start + n // 2]) * (-1.0) ** n)
             fitted[n] = fit_magnitudes(alone, fit.atoms, fit.z, tolerance=PROFILE_TOLERANCE).log_det
         log_dets[part] = fitted.reshape(-1, 2)
     return log_dets
@@ -359,7 +361,7 @@ def relaxed_bound(problem: ProjectedRegression, base: Fit | None, extra: int) ->
     Q, coefficients = _regress(regressors, corrected[:, 0])
     _, log_det = _covariance_root(corrected[:, 0] - Q @ (Q.T @ corrected[:, 0]), problem)
     now = coefficients[problem.order * problem.n_outputs :][: freed.theta.shape[2]]
-    outputs = np.argmax(freed.scatter[:, :, 0], axis=1)
+    outputs = np.argmax(freed.acts, axis=1)
     return log_det, float(np.mean(now[np.arange(len(outputs)), outputs])) if len(outputs) else 0.0
 
 
@@ -377,27 +379,55 @@ class _Predictor:
 class _Support:
     """The regression with the magnitudes of some atoms free; all others are zero.
 
-    `theta`, (m, order + 1, n_kept), holds the signals of these atoms, `y` the outputs on the same rows, and `scatter`,
-    (n_kept, n_outputs, n_active), the output and the atom that each belongs to.
+    `theta`, (m, order + 1, n_kept), holds the signals of these atoms, `y` the outputs on the same rows. `acts`,
+    (n_kept, n_outputs), is 1 for the output on which each acts, and `owner`, (n_kept,), the place of its atom.
     """
 
     def __init__(self, problem: ProjectedRegression, atoms: Sequence[int], *, compress: bool = True) -> None:
         self.problem, self.atoms = problem, tuple(atoms)
         place = {atom: j for j, atom in enumerate(self.atoms)}
         kept = [column for column, (_, atom) in enumerate(problem.signals) if atom in place]
+        self.acts = np.zeros((len(kept), problem.n_outputs))
+        self.acts[np.arange(len(kept)), [problem.signals[column][0] for column in kept]] = 1.0
+        self.owner = np.array([place[problem.signals[column][1]] for column in kept], dtype=np.intp)
         every = len(kept) == len(problem.signals)
         self.theta, self.y = problem.theta if every else problem.theta[:, :, kept], problem.y
         if compress and len(self.y) > COMPRESSED * (columns := self.theta[0].size + self.y[0].size):
             stacked = np.concatenate([self.theta, self.y], axis=2).reshape(len(self.y), columns)
             R = np.asarray(np.linalg.qr(stacked, mode="r")).reshape(columns, problem.order + 1, -1)
             self.theta, self.y = R[:, :, : len(kept)], R[:, :, len(kept) :]
-        self.scatter = np.zeros((len(kept), problem.n_outputs, len(place)))
-        for n, (output, atom) in enumerate(problem.signals[n] for n in kept):
-            self.scatter[n, output, place[atom]] = 1.0
+
+    def on_fewer_rows(self, others: Sequence[int]) -> tuple[_Support, FloatArray]:
+        """Return the same regression, and other atoms' signals, on the few rows that hold it and any one of these.
+
+        These are coordinates in a basis of the support's own columns and, for each other atom, of what its signals add.
+
+        Returns
+        -------
+        support : with new `theta` and `y`.
+        signals : (n_others, m, order + 1, n_outputs) of the other atoms, on these rows.
+        """
+        signals = np.zeros((len(others), *self.y.shape))
+        for n, atom in enumerate(others):
+            for column in self.problem.columns_of(atom):
+                signals[n, :, :, self.problem.signals[column][0]] = self.problem.theta[:, :, column]
+        stacked, added = np.concatenate([self.theta, self.y], axis=2), self.y[0].size
+        if len(stacked) <= COMPRESSED * (stacked[0].size + added):
+            return self, signals
+        Q, R = np.linalg.qr(stacked.reshape(len(stacked), -1))
+        rest, within = signals.reshape(len(others), -1, added), np.zeros((len(others), len(R), added))
+        for _ in range(2):  # once loses digits where the support explains nearly all
+            along = Q.T @ rest
+            rest, within = rest - Q @ along, within + along
+        signals = np.concatenate([within, np.linalg.qr(rest, mode="r")], axis=1)
+        shared = copy(self)
+        rows = np.concatenate([R, np.zeros((added, R.shape[1]))]).reshape(-1, *stacked.shape[1:])
+        shared.theta, shared.y = rows[:, :, : self.theta.shape[2]], rows[:, :, self.theta.shape[2] :]
+        return shared, signals.reshape(len(others), *shared.y.shape)
 
     def correct(self, z: FloatArray) -> FloatArray:
         """Return the outputs at lags 0..order without the faults of magnitudes z."""
-        return np.asarray(self.y - self.theta @ (self.scatter @ z))
+        return np.asarray(self.y - self.theta @ (self.acts * z[self.owner, None]))
 
     def predict(self, z: FloatArray) -> _Predictor:
         """Return the predictor that fits best for given magnitudes."""
@@ -424,10 +454,14 @@ class _Support:
 
     def filter(self, K: FloatArray) -> FloatArray:
         """Return (m, n_outputs, n_active) signals filtered by the predictor: theta(k) - sum K_i theta(k - i)."""
-        place = self.scatter.sum(axis=2)
-        filtered = self.theta[:, 0, None, :] * place.T - np.einsum("nls,los->nos", self.theta[:, 1:], K @ place.T)
-        alike = self.problem.n_outputs == 1 and len(self.scatter) == len(self.atoms)
-        return np.asarray(filtered if alike else filtered @ self.scatter.sum(axis=1))
+        filtered = self.theta[:, 0, None, :] * self.acts.T
+        filtered -= np.einsum("nls,los->nos", self.theta[:, 1:], K @ self.acts.T)
+        alike = self.problem.n_outputs == 1 and len(self.owner) == len(self.atoms)
+        return np.asarray(filtered if alike else filtered @ self._owned())
+
+    def _owned(self) -> FloatArray:
+        """Return (n_kept, n_active) 1 where a signal is an atom's."""
+        return np.equal.outer(self.owner, np.arange(len(self.atoms))).astype(float)
 
     def linearise(self, at: _Predictor) -> tuple[FloatArray, FloatArray]:
         """Return filtered signatures off the regressors and the prediction error, both whitened, outputs stacked."""
@@ -447,7 +481,8 @@ class _Support:
         is_plain : (n,) whether the regressors are independent; the rest is void where they are not.
         """
         n, m, n_y, order = len(y), y.shape[1], self.problem.n_outputs, self.problem.order
-        corrected = y - np.moveaxis(np.tensordot(self.theta, self.scatter @ z.T, axes=1), -1, 0)
+        sizes = self.acts[:, :, None] * z.T[self.owner, None]
+        corrected = y - np.moveaxis(np.tensordot(self.theta, sizes, axes=1), -1, 0)
         Q, R = np.linalg.qr(corrected[:, :, 1:].reshape(n, m, order * n_y))
         is_plain = _is_full_rank(R)
         R[~is_plain] = np.eye(R.shape[1])
@@ -458,10 +493,10 @@ class _Support:
         stacked = np.concatenate([error / np.sqrt(self.problem.n_rows), floor], axis=1)
         root = np.asarray(np.linalg.qr(stacked, mode="r"))
         log_det = 2.0 * np.log(np.abs(np.diagonal(root, axis1=1, axis2=2))).sum(axis=1)
-        log_det -= [self.log_jacobian(sizes) for sizes in z]
-        place = self.scatter.sum(axis=2)
-        filtered = self.theta[:, 0, None, :] * place.T - np.einsum("mls,nlos->nmos", self.theta[:, 1:], K @ place.T)
-        G = (filtered @ self.scatter.sum(axis=1)).reshape(n, m, -1)
+        log_det -= [self.log_jacobian(magnitudes) for magnitudes in z]
+        filtered = self.theta[:, 0, None, :] * self.acts.T
+        filtered = filtered - np.einsum("mls,nlos->nmos", self.theta[:, 1:], K @ self.acts.T)
+        G = (filtered @ self._owned()).reshape(n, m, -1)
         G = (G - Q @ (Q.transpose(0, 2, 1) @ G)).reshape(n, m, n_y, -1)
         both = np.concatenate([G, error[:, :, :, None]], axis=3).transpose(0, 2, 1, 3).reshape(n, n_y, -1)
         white = (np.linalg.solve(root.transpose(0, 2, 1), np.eye(n_y)) @ both).reshape(n, n_y * m, -1)

@@ -56,6 +56,8 @@ class Scan:
     rss0 : without a fault: the residual sum of squares, for several outputs the determinant of the residuals' products.
     span : peak to peak of the scanned channel.
     screened : statistics of the grids of frequencies that were screened.
+    profiled : profiles that were made, by the shape and the onsets; tabulated : tables of the shape that was asked for
+        last.
     """
 
     Q: FloatArray
@@ -68,6 +70,8 @@ class Scan:
     rss0: float
     span: float
     screened: dict[bytes, FloatArray] = field(init=False, repr=False, default_factory=dict)
+    profiled: dict[int, Profile] = field(init=False, repr=False, default_factory=dict)
+    tabulated: dict[int, ShapeTables] = field(init=False, repr=False, default_factory=dict)
     _spectra: dict[str, ComplexArray] = field(init=False, repr=False, default_factory=dict)
     _shares: dict[str, FloatArray] = field(init=False, repr=False, default_factory=dict)
 
@@ -225,7 +229,15 @@ class ShapeTables:
 
 
 def tabulate(scan: Scan, h: FloatArray) -> ShapeTables:
-    """Return the tables of a shape h (n_samples,) that lasts to the end of the record."""
+    """Return the tables of a shape h (n_samples,) that lasts to the end of the record, kept until another's are."""
+    key = hash(h.tobytes())
+    if key not in scan.tabulated:
+        scan.tabulated.clear()
+        scan.tabulated[key] = _tables(scan, h)
+    return scan.tabulated[key]
+
+
+def _tables(scan: Scan, h: FloatArray) -> ShapeTables:
     n, degrees, n_base = scan.n_samples, scan.degrees, scan.n_base
     P = correlations(scan, h)
     shapes = [np.diff(h, n=d, prepend=np.zeros(d)) for d in range(scan.degree + 1)]
@@ -340,7 +352,7 @@ def largest_magnitude(scan: Scan, reach: FloatArray) -> FloatArray:
 
 
 def scan_shape(scan: Scan, waveform: Waveform, onsets: IntArray | None = None, *, report: Report = silent) -> Profile:
-    """Return the exact profile over the magnitude of a fault that lasts to the end of the record.
+    """Return the exact profile over the magnitude of a fault that lasts to the end of the record, made once.
 
     Parameters
     ----------
@@ -355,9 +367,17 @@ def scan_shape(scan: Scan, waveform: Waveform, onsets: IntArray | None = None, *
     first, last = scan.order, scan.n_samples - scan.order - 1
     if onsets.size and not (first <= onsets.min() and onsets.max() <= last):
         raise ValueError(f"onsets must lie in {first}..{last}, got {onsets.min()}..{onsets.max()}")
-    tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
-    minimum = in_blocks(scan, len(bound), lambda b: minimise(stack_onsets(scan, tables, onsets[b]), bound[b]), report)
-    return in_units(scan, waveform, onsets, minimum)
+    key = hash((waveform.samples.tobytes(), waveform.unit, onsets.tobytes()))
+    if key not in scan.profiled:
+        tables, bound = tabulate(scan, waveform.samples), magnitude_bound(scan, waveform, scan.n_samples - onsets)
+
+        def block_minimum(block: slice) -> FloatArray:
+            return minimise(stack_onsets(scan, tables, onsets[block]), bound[block])
+
+        minimum = in_blocks(scan, len(bound), block_minimum, report)
+        scan.profiled[key] = in_units(scan, waveform, onsets, minimum)
+    report(1.0)
+    return scan.profiled[key]
 
 
 def largest_statistic(scan: Scan, waveform: Waveform, onsets: IntArray | None = None) -> float:

@@ -64,8 +64,8 @@ def start_time(
     config = preprocessing.with_inputs_of(log, config)
     _require_one_model(log.window(config.window.from_s, config.window.to_s), config)
     physics, scanning = _physics(log, config, progress)
-    result = onset.find_onset(log, scanning, progress, beside=[physics, _arithmetic(findings)])
-    return replace(result, false_alarm=config.start_time.false_alarm)
+    beside, false_alarm = [physics, _arithmetic(findings)], config.start_time.false_alarm
+    return onset.find_onset(log, scanning, progress, beside=beside, false_alarm=false_alarm)
 
 
 def _arithmetic(findings: Sequence[Implausible]) -> Evidence:
@@ -125,8 +125,8 @@ def identify(
     _require_one_model(part, config, "estimate")
     log, on_model = model.with_those_that_share(log, dictionary.exact, config, progress) if log.earlier else (log, ())
     part = replace(part, earlier=log.earlier)
-    result = _identify_entries(log, part, dictionary, kinds, config, arithmetic, progress)
-    return replace(result, notes=(*on_model, *result.notes)), dictionary
+    result = _identify_entries(log, part, dictionary, kinds, config, arithmetic, progress, first=on_model)
+    return result, dictionary
 
 
 def _live_kinds(part: FlightLog, searched: Dictionary, config: Config) -> tuple[Fault, ...]:
@@ -185,13 +185,13 @@ def _identify_kinds(
     result = model.result_of(
         log,
         config,
-        fit,
+        replace(fit, truth=_truth_by_onset(fit, conclusion.faults, part)),
         conclusion,
         _summary_of(evidence, "it proposed the faults"),
+        first=[Note.method(how)],
         notes=(*on_model, *evidence.notes, *physics.notes, *_left_out(dictionary, kinds, physics)),
-        truth=_truth_by_onset(fit, conclusion.faults, part),
     )
-    return replace(result, notes=(Note.method(how), *result.notes)), proposed
+    return result, proposed
 
 
 def _left_out(dictionary: Dictionary | None, live: Sequence[Fault], physics: Evidence) -> tuple[Note, ...]:
@@ -246,25 +246,27 @@ def _identify_entries(
     config: Config,
     arithmetic: Evidence,
     progress: Progress,
+    *,
+    first: Sequence[Note],
 ) -> IdentifyResult:
     """Identify entries that state their onsets, and search the window less these for what they do not explain."""
     stated = dictionary.exact.resolved(float(part.time_s[0]))
     preprocessing.require_one_trim(part, stated, config)
     physics, scanning = _physics(log, config, progress)
     fit = model.identification(log, dictionary.exact, config, progress)
-    searched: OnsetSearch | str
+    entries = fit.evidence
     if not fit.outcome.converged:
-        searched = "not scanned: the solver did not converge"
-        conclusion = model.conclusion_of(log, config, [fit.evidence, arithmetic], fit.outcome)
-        return model.result_of(log, config, fit, conclusion, _not_scanned(searched), notes=[Note.limit(searched)])
+        why = "not scanned: the solver did not converge"
+        conclusion = model.conclusion_of(log, config, [entries, arithmetic], fit.outcome)
+        return model.result_of(log, config, fit, conclusion, _not_scanned(why), first=first, notes=[Note.limit(why)])
     summary = fit.window.summary
     exact = summary.rate_hz == summary.native_rate_hz and all(vaf > EXPLAINED for vaf in fit.vaf_output.values())
-    looked_for = {candidate.kind for candidate in fit.candidates if candidate.state is not None}
+    looked_for = {candidate.kind for candidate in entries.candidates if candidate.state is not None}
     duration_s = summary.stop_s - summary.start_s
     as_entries = partial(at_entries, entries=stated, rate_hz=fit.model.rate_hz, duration_s=duration_s)
-    candidates, physics = as_entries(fit.candidates, physics)
-    fit = replace(fit, candidates=candidates)
-    if any(SHAPES[estimate.fault.shape].acts_on == "course" for estimate in fit.faults):
+    entries, physics = as_entries(entries, physics)
+    searched: OnsetSearch | str
+    if any(SHAPES[estimate.fault.shape].acts_on == "course" for estimate in entries.faults):
         searched = "not scanned: a fault of unknown shape is declared"
     elif (why_not := _why_not_scanned(part, config, exact=exact)) is not None:
         searched = why_not
@@ -275,23 +277,22 @@ def _identify_entries(
             stated,
             progress,
             kinds=kinds,
-            claims=[kind for kind in KINDS if kind not in looked_for or kinds or fit.faults],
-            known=fit.faults,
+            claims=[kind for kind in KINDS if kind not in looked_for or kinds or entries.faults],
+            known=entries.faults,
         )
     if isinstance(searched, str):
-        fit = fit if exact else _within_tolerance(fit, None, config)
-        conclusion = model.conclusion_of(log, config, [fit.evidence, physics, arithmetic], fit.outcome)
+        entries = entries if exact else _within_tolerance(entries, None, config)
+        conclusion = model.conclusion_of(log, config, [entries, physics, arithmetic], fit.outcome)
         notes = (*physics.notes, Note.limit(searched))
-        return model.result_of(log, config, fit, conclusion, _not_scanned(searched), notes=notes)
-    fit = _within_tolerance(fit, searched, config)
-    fit = replace(
-        fit,
-        candidates=not_excluded(fit.candidates, searched.rivals),
-        faults=tuple(_with_rivals(fault, searched.rivals) for fault in fit.faults),
+        return model.result_of(log, config, fit, conclusion, _not_scanned(searched), first=first, notes=notes)
+    entries = _within_tolerance(entries, searched, config)
+    entries = replace(
+        entries,
+        candidates=not_excluded(entries.candidates, searched.rivals),
+        faults=tuple(_with_rivals(fault, searched.rivals) for fault in entries.faults),
     )
-    candidates, scan_evidence = as_entries(fit.candidates, searched.evidence)
-    fit = replace(fit, candidates=candidates)
-    sources = [fit.evidence, _beside_entries(scan_evidence, looked_for), physics, arithmetic]
+    entries, scanned = as_entries(entries, searched.evidence)
+    sources = [entries, _beside_entries(scanned, looked_for), physics, arithmetic]
     conclusion = model.conclusion_of(log, config, sources, fit.outcome)
     joint = _jointly(log, dictionary, conclusion.faults, config, progress)
     if joint is not None:
@@ -306,6 +307,7 @@ def _identify_entries(
         conclusion,
         _summary_of(searched.evidence, f"it declares {'another' if declares else 'no other'} fault"),
         shown=joint,
+        first=first,
         notes=physics.notes,
     )
 
@@ -363,12 +365,12 @@ def _why_not_scanned(window: FlightLog, config: Config, *, exact: bool) -> str |
     return None
 
 
-def _within_tolerance(fit: Identification, searched: OnsetSearch | None, config: Config) -> Identification:
-    """Return an identification with the limits of the search for entries whose onsets are known to a tolerance only."""
+def _within_tolerance(entries: Evidence, searched: OnsetSearch | None, config: Config) -> Evidence:
+    """Return the evidence of entries whose onsets are known to a tolerance only, with the limits of the search."""
     if config.onset_tolerance_s == 0.0 or not METHODS[config.method].intervals:
-        return fit
-    scanned = [None] * len(fit.candidates) if searched is None else searched.entry_claims
-    return replace(fit, candidates=tuple(map(with_limit_of_scan, fit.candidates, scanned)))
+        return entries
+    scanned = [None] * len(entries.candidates) if searched is None else searched.entry_claims
+    return replace(entries, candidates=tuple(map(with_limit_of_scan, entries.candidates, scanned)))
 
 
 def _beside_entries(evidence: Evidence, looked_for: set[Kind]) -> Evidence:
@@ -402,7 +404,7 @@ def _sized_by(
     # An uncertain recorder was profiled for each fault where it was found, and is not for all of them together.
     if alternatives(flightlog.recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)[0]):
         return tuple(faults)
-    sized = {fault.name: fault for fault in joint.faults}
+    sized = {fault.name: fault for fault in joint.evidence.faults}
     keys = ("magnitude", "physical_value", "sd", "ci95")
     return tuple(
         replace(fault, **{key: getattr(sized[fault.name], key) for key in keys}) if fault.name in sized else fault
@@ -415,7 +417,8 @@ def _corrected(part: FlightLog, fit: Identification, config: Config) -> FlightLo
     recorder = fit.recorder or config.recorder
     response = response_of(flightlog.recorder_filters(part, recorder.edge_hz, recorder.kind)[0], part.rate_hz)
     # A channel that is derived from others is made of them anew in the scan.
-    known = [estimate for estimate in fit.faults if estimate.magnitude and estimate.fault.channel in part.channels]
+    declared = fit.evidence.faults
+    known = [estimate for estimate in declared if estimate.magnitude and estimate.fault.channel in part.channels]
     line_faults = [estimate for estimate in known if estimate.fault.shape in LINE_SHAPES]
     faults = [
         replace(estimate.fault, magnitude=-estimate.magnitude) for estimate in known if estimate not in line_faults

@@ -69,25 +69,20 @@ ONSET_SAMPLES, FREQUENCY_CYCLES = 1.5, 0.5
 
 
 def at_entries(
-    candidates: Sequence[Candidate],
-    searched: Evidence,
-    entries: Sequence[Fault],
-    *,
-    rate_hz: float,
-    duration_s: float,
-) -> tuple[tuple[Candidate, ...], Evidence]:
-    """Return the candidates of a dictionary, and the evidence of a source, with each fault at an entry as that entry.
+    stated: Evidence, searched: Evidence, entries: Sequence[Fault], *, rate_hz: float, duration_s: float
+) -> tuple[Evidence, Evidence]:
+    """Return the evidence of a dictionary, and that of another source, with each fault at an entry as that entry.
 
     The entry is declared, by the name that the dictionary gives it and with the magnitude that the source estimates;
     onset and parameters are those that it found.
 
     Parameters
     ----------
-    candidates : of the entries, in their order; entries : with their onsets on the axis of the log.
-    searched : the source: the search over all onsets, or physics.
+    stated : with one candidate per entry, in their order; entries : with their onsets on the axis of the log.
+    searched : the search over all onsets, or physics.
     rate_hz, duration_s : of the record.
     """
-    known, faults, taken = list(candidates), list[FaultEstimate](), set[str]()
+    known, faults, taken = list(stated.candidates), list[FaultEstimate](), set[str]()
     for fault in searched.faults:
         at = [
             k
@@ -108,7 +103,7 @@ def at_entries(
         for candidate in searched.candidates
         if candidate.state != "declared" or (candidate.shape, candidate.channel) in left
     )
-    return tuple(known), replace(searched, faults=tuple(faults), candidates=remaining)
+    return replace(stated, candidates=tuple(known)), replace(searched, faults=tuple(faults), candidates=remaining)
 
 
 def _is_of_entry(fault: FaultEstimate, entry: Fault, *, rate_hz: float, duration_s: float) -> bool:

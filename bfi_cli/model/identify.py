@@ -16,7 +16,7 @@ from operator import attrgetter
 import numpy as np
 
 from ..config import Config, merge
-from ..decision import KINDS, Candidate, Conclusion, Evidence, conclude, estimate_of
+from ..decision import KINDS, Conclusion, Evidence, conclude, estimate_of
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
 from ..faults import FaultEstimate
@@ -124,9 +124,8 @@ def identify_faults(
     config = with_inputs_of(log, config)
     identified = identification(log, dictionary, config, progress, given=given)
     scan = ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=NOT_SCANNED)
-    return result_of(
-        log, config, identified, conclusion_of(log, config, [identified.evidence], identified.outcome), scan
-    )
+    conclusion = conclusion_of(log, config, [identified.evidence], identified.outcome)
+    return result_of(log, config, identified, conclusion, scan)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -136,7 +135,7 @@ class Identification:
     Attributes
     ----------
     window : the analysed one; outcome : of the method on it.
-    faults : that the method declares; candidates : every entry of the dictionary.
+    evidence : the faults that the method declares, and every entry of the dictionary.
     hides_all : every fault of the dictionary can pass for the aircraft's motion.
     dictionary : path of its entries.
     recorder : likeliest low-pass where the recorder is uncertain; None for that which the log or the user states.
@@ -145,8 +144,7 @@ class Identification:
 
     window: PreparedWindow
     outcome: MethodResult
-    faults: tuple[FaultEstimate, ...]
-    candidates: tuple[Candidate, ...]
+    evidence: Evidence
     model: ModelSummary
     vaf_output: Mapping[str, float]
     outputs: tuple[OutputSeries, ...]
@@ -156,11 +154,6 @@ class Identification:
     notes: tuple[Note, ...]
     dictionary: str = ""
     recorder: Filter | None = None
-
-    @property
-    def evidence(self) -> Evidence:
-        """What the method says of the entries of its dictionary."""
-        return Evidence(source="dictionary", faults=self.faults, candidates=self.candidates)
 
 
 def conclusion_of(
@@ -186,15 +179,15 @@ def result_of(
     scan: ScanSummary,
     *,
     shown: Identification | None = None,
+    first: Sequence[Note] = (),
     notes: Sequence[Note] = (),
-    truth: Comparison | None = None,
 ) -> IdentifyResult:
     """Return the result of an identification and of the conclusion from it.
 
     Parameters
     ----------
     shown : whose model, series and residuals are shown; default those of the identification.
-    notes : after those of the identification; truth : in place of its comparison with injected faults.
+    first, notes : before and after those of the identification.
     """
     window, outcome, shown = identified.window, identified.outcome, shown or identified
     unanswered = list[Note]()
@@ -218,13 +211,13 @@ def result_of(
         model=shown.model,
         vaf_output=shown.vaf_output,
         solver=outcome.solver,
-        notes=(*unanswered, *conclusion.notes, *identified.notes, *remarks, *filter(None, [helps]), *notes),
+        notes=(*first, *unanswered, *conclusion.notes, *identified.notes, *remarks, *filter(None, [helps]), *notes),
         time_s=window.signals.time_s,
         inputs={name: window.signals.u[:, i] for i, name in enumerate(config.inputs)},
         input_units={name: window.log.channel(name).unit for name in config.inputs},
         outputs=shown.outputs,
         residuals=shown.residuals,
-        truth=truth or identified.truth,
+        truth=identified.truth,
         plausibility=conclusion.plausibility,
     )
 
@@ -321,8 +314,7 @@ def _assembled(
     return Identification(
         window=window,
         outcome=outcome,
-        faults=tuple(faults),
-        candidates=candidates,
+        evidence=Evidence(source="dictionary", faults=tuple(faults), candidates=candidates),
         model=ModelSummary(
             order=outcome.order,
             rate_hz=window.signals.rate_hz,

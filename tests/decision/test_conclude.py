@@ -247,12 +247,13 @@ def entry(fault: Fault, **changes: Any) -> Candidate:
 
 def at(fault: FaultEstimate, *entries: Fault, declared: tuple[str, ...] = ()) -> tuple[dict[str, str | None], Evidence]:
     """Return the states of the entries by name, and the evidence of the search."""
-    candidates = [entry(one, declared=one.name in declared) for one in entries]
+    candidates = tuple(entry(one, declared=one.name in declared) for one in entries)
+    stated = Evidence(source="dictionary", candidates=candidates)
     kind = {"sine": "oscillating", "drift": "slow"}.get(fault.fault.shape, "abrupt")
     found = replace(candidate(kind, None, "declared"), shape=fault.fault.shape)
     search = Evidence(source="scan", faults=(fault,), candidates=(found,))
-    known, search = at_entries(candidates, search, entries, rate_hz=10.0, duration_s=60.0)
-    return {one.name: one.state for one in known}, search
+    stated, search = at_entries(stated, search, entries, rate_hz=10.0, duration_s=60.0)
+    return {one.name: one.state for one in stated.candidates}, search
 
 
 def test_a_fault_at_an_entry_is_that_entry():
@@ -301,7 +302,9 @@ def test_a_slope_that_the_entry_states_is_its_measure():
     drift = Fault(name="drift_50", shape="drift", channel="tas", slope=0.5, onset_s=50.0)
     found = replace(estimate("drift"), magnitude=1.0, physical_value=1.0, physical_unit="m/s^2", sd=0.1)
     search = Evidence(source="scan", faults=(found,))
-    (known,), _ = at_entries([entry(drift)], search, [drift], rate_hz=10.0, duration_s=60.0)
+    stated = Evidence(source="dictionary", candidates=(entry(drift),))
+    stated, _ = at_entries(stated, search, [drift], rate_hz=10.0, duration_s=60.0)
+    (known,) = stated.candidates
     assert (known.magnitude, known.sd, known.state) == (2.0, 0.2, "declared")
 
 

@@ -53,7 +53,12 @@ HARDLY_KNOWN = 0.25
 
 
 def find_onset(
-    log: FlightLog, config: Config, progress: Progress = unseen, *, beside: Sequence[Evidence] = ()
+    log: FlightLog,
+    config: Config,
+    progress: Progress = unseen,
+    *,
+    beside: Sequence[Evidence] = (),
+    false_alarm: float | None = None,
 ) -> OnsetResult:
     """Say when a fault started, of which shape it is and how large, by a scan over all onsets.
 
@@ -64,6 +69,7 @@ def find_onset(
         published search, one solution per onset.
     progress : called with the name of the stage and the fraction of it that is done.
     beside : evidence of other sources on the same window.
+    false_alarm : rate of all sources together; None where it is that of the scan.
 
     Raises
     ------
@@ -81,7 +87,7 @@ def find_onset(
     helps = None if published else what_would_help(log, config, conclusion.verdicts)
     source_notes = [note for source in (searched.evidence, *beside) for note in source.notes]
     notes = [*conclusion.notes, *source_notes, *filter(None, [helps])]
-    return onset_result(searched, conclusion, config.start_time.false_alarm, notes)
+    return onset_result(searched, conclusion, false_alarm or config.start_time.false_alarm, notes)
 
 
 def _as_published(log: FlightLog, config: Config, progress: Progress) -> OnsetSearch:

@@ -120,7 +120,7 @@ def onset_result(search: OnsetSearch, conclusion: Conclusion, false_alarm: float
 
     Parameters
     ----------
-    false_alarm : rate at which the search decides; notes : those of all sources.
+    false_alarm : rate at which the sources decide; notes : those of all sources.
     """
     record, rule, verdict = search.record, search.rule, search.verdict
     log = record.window.log

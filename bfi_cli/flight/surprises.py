@@ -172,12 +172,12 @@ def jump_gains(bench: Bench) -> dict[str, FloatArray]:
     stack = Stack(y=np.where(known, y, np.nan), Z=Z, R=R, Q=Q)
     mean, covariance = (np.stack(parts) for parts in zip(*bench.checks.values(), strict=True))
     run = filter_stack(stack, bench.transition, mean=mean, covariance=covariance, with_gains=True)
+    assert run.gains is not None
     loaded = np.where(known[..., None], Z, 0.0)
     takeoffs, after = takeoffs_of(model), None
     for h in range(starts.size - 1, -1, -1):
         n = int(ends[h] - starts[h])
-        stretch = [(inverse[h], e[h], W[h]) for inverse, e, W in run.gains[:n]]
-        scores = jump_scores(loaded[:n, h], stretch, bench.transition, after)
+        scores = jump_scores(loaded[:n, h], run.gains.between(0, n, h), bench.transition, after)
         for name, sd in sds.items():
             gains[name][starts[h] : ends[h]] = scores.gain(sd)
         after = None if starts[h] in takeoffs else scores

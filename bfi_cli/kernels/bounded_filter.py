@@ -14,7 +14,6 @@ The score is that of Koopman and Shephard (1992): of every variance, from one ba
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,23 +48,6 @@ class Transition:
             F[coupling.to, coupling.source] += coupling.value
         return F
 
-    def mean(self, x: FloatArray) -> FloatArray:
-        """Return F x of (..., n_x) states."""
-        moved = self.decay * x
-        for coupling in self.couplings:
-            moved[..., coupling.to] += coupling.value * x[..., coupling.source]
-        return moved
-
-    def covariance(self, P: FloatArray) -> FloatArray:
-        """Return F P F' of (..., n_x, n_x) covariances."""
-        moved = self.decay[:, None] * P
-        for coupling in self.couplings:
-            moved[..., coupling.to, :] += coupling.value * P[..., coupling.source, :]
-        both = moved * self.decay
-        for coupling in self.couplings:
-            both[..., :, coupling.to] += coupling.value * moved[..., :, coupling.source]
-        return both
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stack:
@@ -94,6 +76,27 @@ class Stack:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Gains:
+    """What the backward pass needs of a filter's run, with the enlarged variances.
+
+    Attributes
+    ----------
+    inverse : (n_samples, n_h, n_rows, n_rows) of the Cholesky factors of the innovations' covariances.
+    e : (n_samples, n_h, n_rows) innovations over their standard deviations.
+    W : (n_samples, n_h, n_rows, n_x) by which they move the state.
+    """
+
+    inverse: FloatArray
+    e: FloatArray
+    W: FloatArray
+
+    def between(self, first: int, end: int, hypothesis: int) -> Gains:
+        """Return those of some samples of one hypothesis."""
+        part = slice(first, end), slice(hypothesis, hypothesis + 1)
+        return Gains(inverse=self.inverse[part], e=self.e[part], W=self.W[part])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class StackRun:
     """The filter of a stack over a record.
 
@@ -103,7 +106,7 @@ class StackRun:
     innovation, sd : alike; the innovation over its standard deviation, and that.
     mean : (n_samples, n_h, n_x) of the state, from the measurements up to each sample.
     final_mean, final_covariance : (n_h, n_x) and (n_h, n_x, n_x), of the state after the last sample.
-    gains : per sample what the backward pass needs, () where it was not asked for.
+    gains : None where they were not asked for.
     """
 
     log_density: FloatArray
@@ -112,7 +115,7 @@ class StackRun:
     mean: FloatArray
     final_mean: FloatArray
     final_covariance: FloatArray
-    gains: tuple[tuple[FloatArray, FloatArray, FloatArray], ...]
+    gains: Gains | None
 
     @property
     def log_likelihood(self) -> FloatArray:
@@ -145,7 +148,8 @@ def filter_stack(
     with_gains : keeps what `variance_scores` needs.
     """
     n_samples, n_rows, n_h = stack.y.shape[0], stack.y.shape[2], stack.size
-    n_x = transition.decay.size
+    n_x, F, shrunk = transition.decay.size, transition.matrix, np.outer(transition.decay, transition.decay)
+    coupled = np.array(sorted({coupling.to for coupling in transition.couplings}), dtype=np.intp)
     known = np.isfinite(stack.y)
     y = np.where(known, stack.y, 0.0)
     R = np.where(known, stack.R, 1.0)
@@ -155,9 +159,13 @@ def filter_stack(
     x = np.broadcast_to(mean, (n_h, n_x)).copy()
     P = np.broadcast_to(covariance, (n_h, n_x, n_x)).copy()
     innovation, sd = np.empty((n_samples, n_h, n_rows)), np.empty((n_samples, n_h, n_rows))
-    means = np.empty((n_samples, n_h, n_x))
-    diagonal, states = np.arange(n_rows), np.arange(n_x)
-    gains: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+    means, gains = np.empty((n_samples, n_h, n_x)), None
+    if with_gains:
+        gains = Gains(
+            inverse=np.empty((n_samples, n_h, n_rows, n_rows)),
+            e=np.empty((n_samples, n_h, n_rows)),
+            W=np.empty((n_samples, n_h, n_rows, n_x)),
+        )
     for k in range(n_samples):
         # 1. Innovations and their covariance.
         Zk = Z[k]
@@ -168,26 +176,26 @@ def filter_stack(
             PZ = PZ + np.matmul(P[..., n_shared:], extra[k].swapaxes(-1, -2))
             v = v - np.matmul(extra[k], x[:, n_shared:, None])[..., 0]
             S = np.matmul(Zk, PZ[:, :n_shared]) + np.matmul(extra[k], PZ[:, n_shared:])
-        S[:, diagonal, diagonal] += R[k]
+        _diagonal(S)[:] += R[k]
         # 2. Each row given those before it.
-        factor = np.linalg.cholesky(S)
-        inverse: FloatArray = np.asarray(np.linalg.inv(factor), dtype=np.float64)
-        e = np.matmul(inverse, v[..., None])[..., 0]
-        innovation[k], sd[k] = e, factor[:, diagonal, diagonal]
-        beyond = np.flatnonzero((np.abs(e) > bound).any(axis=1))
-        if beyond.size:
-            factor[beyond], e[beyond], innovation[k, beyond], sd[k, beyond] = _bounded(S[beyond], v[beyond], bound)
-            inverse[beyond] = np.linalg.inv(factor[beyond])
+        inverse, e, sd[k] = _white(S, v)
+        innovation[k] = e
+        if np.abs(e).max(initial=0.0) > bound:
+            beyond = np.flatnonzero((np.abs(e) > bound).any(axis=1))
+            inverse[beyond], e[beyond], innovation[k, beyond], sd[k, beyond] = _bounded(S[beyond], v[beyond], bound)
         # 3. The state from them, and at the next sample.
         W = np.matmul(inverse, PZ.swapaxes(-1, -2))
         x += np.matmul(e[:, None, :], W)[:, 0]
         P -= np.matmul(W.swapaxes(-1, -2), W)
         means[k] = x
-        if with_gains:
-            gains.append((inverse, e, W))
-        x = transition.mean(x)
-        P = transition.covariance(P)
-        P[:, states, states] += stack.Q[k]
+        if gains is not None:
+            gains.inverse[k], gains.e[k], gains.W[k] = inverse, e, W
+        x = x @ F.T
+        # F P F', where F is diagonal but for a few rows.
+        rows = np.matmul(np.matmul(F[coupled], P), F.T)
+        P *= shrunk
+        P[:, coupled], P[:, :, coupled] = rows, rows.swapaxes(-1, -2)
+        _diagonal(P)[:] += stack.Q[k]
     known = np.broadcast_to(known, innovation.shape)
     log_density = np.where(known, bounded_log_density(innovation, sd, bound), np.nan)
     return StackRun(
@@ -197,8 +205,13 @@ def filter_stack(
         mean=means,
         final_mean=x,
         final_covariance=P,
-        gains=tuple(gains),
+        gains=gains,
     )
+
+
+def _diagonal(matrices: FloatArray) -> FloatArray:
+    """Return (n_h, n) the diagonals of contiguous (n_h, n, n) matrices, to be changed in place."""
+    return matrices.reshape(len(matrices), -1)[:, :: matrices.shape[-1] + 1]
 
 
 def _loaded(P: FloatArray, Z: FloatArray) -> FloatArray:
@@ -208,29 +221,33 @@ def _loaded(P: FloatArray, Z: FloatArray) -> FloatArray:
     return np.asarray((P.reshape(-1, P.shape[-1]) @ Z[0].T).reshape(*P.shape[:-1], -1))
 
 
+def _white(S: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the inverses of the Cholesky factors of covariances, and innovations over their sds, with these."""
+    factor = np.linalg.cholesky(S)
+    inverse: FloatArray = np.asarray(np.linalg.inv(factor), dtype=np.float64)
+    return inverse, np.matmul(inverse, v[..., None])[..., 0], _diagonal(factor)
+
+
 def _bounded(S: FloatArray, v: FloatArray, bound: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return Cholesky factors with the variances of innovations beyond the bound enlarged, row after row.
+    """Return what `_white` does with the variances of innovations beyond the bound enlarged, row after row.
 
     Returns
     -------
-    factor, e : (n, n_rows, n_rows) and (n, n_rows), so that the state is moved by no more than the bound.
+    inverse, e : (n, n_rows, n_rows) and (n, n_rows), so that the state is moved by no more than the bound.
     innovation, sd : (n, n_rows), as they were before their variances were enlarged.
     """
-    S, v = S.copy(), v.copy()
-    n_rows = v.shape[1]
-    factor, e = np.zeros_like(S), np.empty_like(v)
-    innovation, sd = np.empty_like(v), np.empty_like(v)
-    for i in range(n_rows):
-        sd[:, i] = np.sqrt(S[:, i, i])
-        innovation[:, i] = v[:, i] / sd[:, i]
-        wider = sd[:, i] * np.maximum(np.abs(innovation[:, i]) / bound, 1.0)
-        column = S[:, i:, i] / wider[:, None]
-        column[:, 0] = wider
-        e[:, i] = v[:, i] / wider
-        factor[:, i:, i] = column
-        v[:, i + 1 :] -= column[:, 1:] * e[:, i, None]
-        S[:, i + 1 :, i + 1 :] -= column[:, 1:, None] * column[:, None, 1:]
-    return factor, e, innovation, sd
+    S, innovation, sd = S.copy(), np.empty_like(v), np.empty_like(v)
+    enlarged = np.zeros(v.shape, dtype=bool)
+    while True:
+        inverse, e, deviation = _white(S, v)
+        innovation, sd = np.where(enlarged, innovation, e), np.where(enlarged, sd, deviation)
+        beyond = (np.abs(e) > bound) & ~enlarged
+        (which,) = np.nonzero(beyond.any(axis=1))
+        if not which.size:
+            return inverse, e, innovation, sd
+        row = beyond[which].argmax(axis=1)  # those before it stay as they are
+        enlarged[which, row] = True
+        S[which, row, row] += sd[which, row] ** 2 * ((innovation[which, row] / bound) ** 2 - 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -255,34 +272,51 @@ def variance_scores(stack: Stack, transition: Transition, run: StackRun) -> Vari
 
     Where innovations are beyond the bound, the score is that of the record with their variances enlarged.
     """
-    n_samples, n_h, n_rows = run.innovation.shape
-    n_x = transition.decay.size
-    F = transition.matrix
-    known = np.isfinite(stack.y)
-    Z = stack.Z if stack.extra is None else _joined(stack)
-    r, N = np.zeros((n_h, n_x)), np.zeros((n_h, n_x, n_x))
-    R, R_information = np.zeros((n_samples, n_h, n_rows)), np.zeros((n_samples, n_h, n_rows))
-    Q, Q_information = np.zeros((n_samples, n_h, n_x)), np.zeros((n_samples, n_h, n_x))
-    rows, states = np.arange(n_rows), np.arange(n_x)
+    assert run.gains is not None
+    gains, F, known = run.gains, transition.matrix, np.isfinite(stack.y)
+    Z = np.where(known[..., None], stack.Z if stack.extra is None else _joined(stack), 0.0)
+    r, N = _backward(Z, gains, transition)
+    spread = np.diagonal(N[1:], axis1=-2, axis2=-1)
+    Q, Q_information = 0.5 * (r[1:] ** 2 - spread), 0.5 * spread**2
+    inverse = gains.inverse.swapaxes(-1, -2)
+    K = inverse @ gains.W @ F.T  # transposed, (n_samples, n_h, n_rows, n_x)
+    u = ((inverse @ gains.e[..., None]) - K @ r[1:, ..., None])[..., 0]
+    spread = np.sum(inverse**2, axis=-1) + np.einsum("...ij,...ij->...i", K @ N[1:], K)
+    return VarianceScores(
+        R=np.where(known, 0.5 * (u**2 - spread), 0.0),
+        R_information=np.where(known, 0.5 * spread**2, 0.0),
+        Q=Q,
+        Q_information=Q_information,
+    )
+
+
+def _backward(
+    Z: FloatArray, gains: Gains, transition: Transition, after: JumpScores | None = None
+) -> tuple[FloatArray, FloatArray]:
+    """Return the derivative of the log-likelihood by the state before each sample, and its covariance (de Jong 1989).
+
+    Parameters
+    ----------
+    Z : (n_samples, n_h, n_rows, n_x) loadings, 0 where nothing is measured; an axis of 1 in place of n_h is shared.
+    after : of the record that follows; None where none does.
+
+    Returns
+    -------
+    r, N : (n_samples + 1, n_h, n_x) and with another axis of n_x; the last are of what follows.
+    """
+    loaded = gains.inverse @ Z
+    F, (n_samples, n_h, _, n_x) = transition.matrix, loaded.shape
+    moves = F @ gains.W.swapaxes(-1, -2)
+    r, N = np.empty((n_samples + 1, n_h, n_x, 1)), np.empty((n_samples + 1, n_h, n_x, n_x))
+    np.matmul(loaded.swapaxes(-1, -2), gains.e[..., None], out=r[:-1])
+    np.matmul(loaded.swapaxes(-1, -2), loaded, out=N[:-1])
+    r[-1, :, :, 0], N[-1] = (0.0, 0.0) if after is None else (after.r[0], after.N[0])
     for k in range(n_samples - 1, -1, -1):
-        inverse, e, W = run.gains[k]
-        Q[k] = 0.5 * (r**2 - N[:, states, states])
-        Q_information[k] = 0.5 * N[:, states, states] ** 2
-        Zk = np.where(known[k][..., None], Z[k], 0.0)
-        r, N = r @ F, F.T @ N @ F
-        K = np.matmul(inverse.swapaxes(-1, -2), W)  # transposed, (n_h, n_rows, n_x)
-        S_inverse = np.matmul(inverse.swapaxes(-1, -2), inverse)
-        u = np.matmul(e[:, None, :], inverse)[:, 0] - np.matmul(K, r[..., None])[..., 0]
-        M = S_inverse + np.matmul(np.matmul(K, N), K.swapaxes(-1, -2))
-        spread = M[:, rows, rows]
-        R[k] = np.where(known[k], 0.5 * (u**2 - spread), 0.0)
-        R_information[k] = np.where(known[k], 0.5 * spread**2, 0.0)
-        r = r + np.matmul(u[:, None, :], Zk)[:, 0]
-        left = np.eye(n_x) - np.matmul(K.swapaxes(-1, -2), Zk)
-        N = np.matmul(np.matmul(Zk.swapaxes(-1, -2), S_inverse), Zk) + np.matmul(
-            np.matmul(left.swapaxes(-1, -2), N), left
-        )
-    return VarianceScores(R=R, R_information=R_information, Q=Q, Q_information=Q_information)
+        L = F - moves[k] @ loaded[k]
+        transposed = L.swapaxes(-1, -2)
+        r[k] += transposed @ r[k + 1]
+        N[k] += transposed @ (N[k + 1] @ L)
+    return r[..., 0], N
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -307,32 +341,17 @@ class JumpScores:
         return np.asarray(0.5 * np.sum(r * solved, axis=1) - 0.5 * np.linalg.slogdet(S)[1])
 
 
-def jump_scores(
-    Z: FloatArray,
-    gains: Sequence[tuple[FloatArray, FloatArray, FloatArray]],
-    transition: Transition,
-    after: JumpScores | None = None,
-) -> JumpScores:
+def jump_scores(Z: FloatArray, gains: Gains, transition: Transition, after: JumpScores | None = None) -> JumpScores:
     """Return what a record says of jumps of the state, from one backward pass (de Jong and Penzer 1998).
 
     Parameters
     ----------
     Z : (n_samples, n_rows, n_x) loadings, 0 where nothing is measured.
-    gains : of one hypothesis of a filter's run, without the axis of the stack.
+    gains : of one hypothesis of a filter's run.
     after : of the record that follows; None where none does.
     """
-    n_samples, n_x = Z.shape[0], Z.shape[2]
-    F = transition.matrix
-    r, N = np.zeros((n_samples + 1, n_x)), np.zeros((n_samples + 1, n_x, n_x))
-    if after is not None:
-        r[-1], N[-1] = after.r[0], after.N[0]
-    for k in range(n_samples - 1, -1, -1):
-        inverse, e, W = gains[k]
-        loaded = inverse @ Z[k]
-        L = F - F @ W.T @ loaded
-        r[k] = L.T @ r[k + 1] + loaded.T @ e
-        N[k] = L.T @ N[k + 1] @ L + loaded.T @ loaded
-    return JumpScores(r=r[:-1], N=N[:-1])
+    r, N = _backward(Z[:, None], gains, transition, after)
+    return JumpScores(r=r[:-1, 0], N=N[:-1, 0])
 
 
 def _joined(stack: Stack) -> FloatArray:

@@ -140,8 +140,9 @@ def test_a_gross_error_costs_its_size_and_no_more() -> None:
 
 def _jump_scores(stack: Stack, run: StackRun, part: slice = slice(None), after: JumpScores | None = None) -> JumpScores:
     Z = np.where(np.isfinite(stack.y[:, 0])[..., None], stack.Z[:, 0], 0.0)
-    gains = [(inverse[0], e[0], W[0]) for inverse, e, W in run.gains]
-    return jump_scores(Z[part], gains[part], TRANSITION, after)
+    assert run.gains is not None
+    first, end, _ = part.indices(N_SAMPLES)
+    return jump_scores(Z[part], run.gains.between(first, end, 0), TRANSITION, after)
 
 
 def test_a_jump_is_worth_what_its_variance_gains() -> None:

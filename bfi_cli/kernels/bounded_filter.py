@@ -223,7 +223,7 @@ def _loaded(P: FloatArray, Z: FloatArray) -> FloatArray:
 
 def _white(S: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the inverses of the Cholesky factors of covariances, and innovations over their sds, with these."""
-    factor = np.linalg.cholesky(S)
+    factor: FloatArray = np.asarray(np.linalg.cholesky(S), dtype=np.float64)
     inverse: FloatArray = np.asarray(np.linalg.inv(factor), dtype=np.float64)
     return inverse, np.matmul(inverse, v[..., None])[..., 0], _diagonal(factor)
 

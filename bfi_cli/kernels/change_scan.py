@@ -82,35 +82,43 @@ def scan_changes(
         raise ValueError(f"floor: the least noise is greater than 0, got {floor:g}")
     if n <= nuisances.shape[1] + 1:
         raise ValueError(f"y: a scan needs more samples than its {nuisances.shape[1]} nuisances, got {n}")
+    before = _carried(time_s)
     white, log_det = whitened(np.column_stack([y, candidates, nuisances]), time_s)
-    courses = slice(1, 1 + candidates.shape[1])
+    courses = white[:, :, 1 : 1 + candidates.shape[1]]
     prior_sd = np.full(nuisances.shape[1], np.inf) if sizes is None else sizes / floor
-    left = regressions(white[:, :, 0], white[:, :, courses], white[:, :, courses.stop :], prior_sd)
-    known = left.power > LEAST_LEFT * np.sum(white[:, :, courses] ** 2, axis=1)
-    power, squares = np.where(known, left.power, 0.0), left.squares[:, None]
+    left = regressions(white[:, :, 0], white[:, :, 1 + candidates.shape[1] :], prior_sd)
+    basis = left.basis[:, :n]
+    shown, along = (left.y[:, None, :n] @ courses)[:, 0], basis.transpose(0, 2, 1) @ courses
+    length = np.einsum("kij,kij->kj", courses, courses)
+    power = length - np.einsum("kij,kij->kj", along, along)
+    known = power > LEAST_LEFT * length
+    power, squares = np.where(known, power, 0.0), left.squares[:, None]
     # Amplitudes of every correlation and candidate; the likeliest correlation is taken.
-    amplitude = np.divide(left.shown, power, out=np.zeros(power.shape), where=known)
-    with_change = np.maximum(squares - amplitude * left.shown, 0.0)
+    amplitude = np.divide(shown, power, out=np.zeros(power.shape), where=known)
+    with_change = np.maximum(squares - amplitude * shown, 0.0)
     likelihood = np.where(known, _log_likelihood(with_change, n, floor) - 0.5 * log_det, -np.inf)
     spread = np.sqrt(np.maximum(with_change / n, floor**2))
     sd = np.divide(spread, np.sqrt(power), out=np.full(power.shape, np.inf), where=known)
-    # The size is linear in y: the sum of its coefficients, each at its worst.
-    total = np.abs(_transposed(left.courses[:, :n], time_s)).sum(axis=1)
-    leverage = np.divide(total, power, out=np.full(power.shape, np.inf), where=known)
     likeliest = (likelihood.argmax(axis=0), np.arange(power.shape[1]))
+    # The size is linear in y: the sum of its coefficients, each at its worst.
+    total = np.zeros(power.shape[1])
+    for i in np.unique(likeliest[0]):
+        at = likeliest[0] == i
+        total[at] = np.abs(_transposed(courses[i][:, at] - basis[i] @ along[i][:, at], before[i])).sum(axis=0)
+    leverage = np.divide(total, power[likeliest], out=np.full(total.shape, np.inf), where=known[likeliest])
     without = (_log_likelihood(squares, n, floor) - 0.5 * log_det)[:, 0]
     k = int(without.argmax())
     # A change of size x that is added is explained by its candidate as well as what was there, so that the likelihood
     # with it stays the same, while the squares without it become S + 2 g x + p x^2, at every correlation.
     least = likelihood[likeliest] - 0.5 * declared_at
     more = np.where(known, _squares_of(least + 0.5 * log_det, n, floor) - squares, 0.0)
-    root = np.sqrt(np.maximum(left.shown**2 + power * more, 0.0))
-    hidden = np.divide(np.abs(left.shown) + root, power, out=np.full(power.shape, np.inf), where=known)
+    root = np.sqrt(np.maximum(shown**2 + power * more, 0.0))
+    hidden = np.divide(np.abs(shown) + root, power, out=np.full(power.shape, np.inf), where=known)
     return ChangeScan(
         statistic=2.0 * np.maximum(likelihood[likeliest] - without[k], 0.0),
         amplitude=amplitude[likeliest],
         sd=sd[likeliest],
-        leverage=leverage[likeliest],
+        leverage=leverage,
         hidden=hidden.max(axis=0, initial=0.0),
         noise_sd=max(floor, float(np.sqrt(left.squares[k] / n))),
     )
@@ -121,19 +129,23 @@ def whitened(x: FloatArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]
 
     And (n_correlations, 1) the logarithms of the determinants of its covariances.
     """
-    before = np.power(np.array(CORRELATIONS)[:, None, None], np.diff(time_s)[:, None])
+    before = _carried(time_s)
     share = 1.0 - before**2
     innovation = (x[1:] - before * x[:-1]) / np.sqrt(share)
     first = np.broadcast_to(x[:1], (len(before), *x[:1].shape))
     return np.concatenate([first, innovation], axis=1), np.log(share).sum(axis=1)
 
 
-def _transposed(x: FloatArray, time_s: FloatArray) -> FloatArray:
-    """Return the transposes of the matrices that make noise white, times x (n_correlations, n, ...)."""
-    before = np.power(np.array(CORRELATIONS)[:, None, None], np.diff(time_s)[:, None])
+def _carried(time_s: FloatArray) -> FloatArray:
+    """Return (n_correlations, n - 1, 1) what of the noise of a sample is in that of the next."""
+    return np.power(np.array(CORRELATIONS)[:, None, None], np.diff(time_s)[:, None])
+
+
+def _transposed(x: FloatArray, before: FloatArray) -> FloatArray:
+    """Return the transpose of the matrix that makes noise of one correlation white, times x (n, ...)."""
     turned = x.copy()
-    turned[:, 1:] /= np.sqrt(1.0 - before**2)
-    turned[:, :-1] -= before * turned[:, 1:]
+    turned[1:] /= np.sqrt(1.0 - before**2)
+    turned[:-1] -= before * turned[1:]
     return turned
 
 

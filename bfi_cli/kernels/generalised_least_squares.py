@@ -20,31 +20,26 @@ RANK_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Regressions:
-    """Data and courses off the nuisances, under each of n_noises covariances.
+    """Data off the nuisances, under each of n_noises covariances.
 
     Attributes
     ----------
-    y : (n_noises, n + n_priors) whitened; courses : (n_noises, n + n_priors, n_courses).
+    y : (n_noises, n + n_priors) whitened.
     basis : (n_noises, n + n_priors, n_nuisances) orthonormal, the priors below, 0 for what depends on others.
     squares : (n_noises,) of y.
-    shown, power : (n_noises, n_courses) inner products of the courses with y, and with themselves.
     """
 
     y: FloatArray
-    courses: FloatArray
     basis: FloatArray
     squares: FloatArray
-    shown: FloatArray
-    power: FloatArray
 
 
-def regressions(y: FloatArray, courses: FloatArray, nuisances: FloatArray, prior_sd: FloatArray) -> Regressions:
-    """Return what nuisances leave of data and of courses.
+def regressions(y: FloatArray, nuisances: FloatArray, prior_sd: FloatArray) -> Regressions:
+    """Return what nuisances leave of data.
 
     Parameters
     ----------
-    y : (n_noises, n) whitened; courses : (n_noises, n, n_courses); nuisances : (n_noises, n, n_nuisances) of any scale
-        and rank.
+    y : (n_noises, n) whitened; nuisances : (n_noises, n, n_nuisances) of any scale and rank.
     prior_sd : (n_nuisances,) of their amounts, infinite for free ones.
     """
     # A prior is a row more, in which an amount of its size is measured to be 0.
@@ -53,18 +48,9 @@ def regressions(y: FloatArray, courses: FloatArray, nuisances: FloatArray, prior
     scale = np.linalg.norm(columns, axis=1, keepdims=True)
     basis, singular, _ = np.linalg.svd(columns / np.where(scale > 0.0, scale, 1.0), full_matrices=False)
     basis *= (singular > RANK_TOLERANCE * singular[:, :1])[:, None, :]
-    rows = np.concatenate([y[:, :, None], courses], axis=2)
-    rows = np.concatenate([rows, np.zeros((len(y), len(priors), rows.shape[2]))], axis=1)
-    rows -= basis @ (basis.transpose(0, 2, 1) @ rows)
-    y, courses = rows[:, :, 0], rows[:, :, 1:]
-    return Regressions(
-        y=y,
-        courses=courses,
-        basis=basis,
-        squares=np.einsum("ki,ki->k", y, y),
-        shown=np.einsum("kij,ki->kj", courses, y),
-        power=np.einsum("kij,kij->kj", courses, courses),
-    )
+    y = np.concatenate([y, np.zeros((len(y), len(priors)))], axis=1)
+    y -= (basis @ (basis.transpose(0, 2, 1) @ y[:, :, None]))[:, :, 0]
+    return Regressions(y=y, basis=basis, squares=np.einsum("ki,ki->k", y, y))
 
 
 def least_squares(columns: FloatArray, y: FloatArray, rows: BoolArray) -> FloatArray:

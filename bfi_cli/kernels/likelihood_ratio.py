@@ -70,16 +70,22 @@ class Residual:
         nuisances : (n, m), added to the residual in unknown amounts; prior_sd : (m,) of these, inf for none.
         signatures : (n, n_signatures) that a fault may have in this residual, in any amount.
         """
-        weights = 1.0 / np.sqrt(noise.variances)[:, :, None]
-        y, courses, columns = (weights * (noise.modes @ x) for x in (values[:, None], signatures, nuisances))
-        left = regressions(y[:, :, 0], courses, columns, prior_sd)
-        least = RANK_TOLERANCE * np.maximum(left.power.max(axis=1, initial=0.0), np.finfo(float).tiny)[:, None]
-        gain = np.divide(left.shown**2, left.power, out=np.zeros_like(left.power), where=left.power > least)
+        weights, n = 1.0 / np.sqrt(noise.variances), len(values)
+        y, columns = weights * (noise.modes @ values), weights[:, :, None] * (noise.modes @ nuisances)
+        left = regressions(y, columns, prior_sd)
+        courses, basis = noise.modes @ signatures, left.basis[:, :n].transpose(0, 2, 1) * weights[:, None, :]
+        shown, along = (
+            (weights * left.y[:, :n]) @ courses,
+            (basis.reshape(-1, n) @ courses).reshape(*basis.shape[:2], -1),
+        )
+        power = weights**2 @ courses**2 - np.sum(along**2, axis=1)
+        least = RANK_TOLERANCE * np.maximum(power.max(axis=1, initial=0.0), np.finfo(float).tiny)[:, None]
+        gain = np.divide(shown**2, power, out=np.zeros_like(power), where=power > least)
         without = -noise.log_det - left.squares
         k = int(np.argmax(without + gain.max(axis=1, initial=0.0)))
         return cls(
             values=left.y[k].copy(),  # those of the other levels are not kept
-            whitening=noise.modes * weights[k],
+            whitening=noise.modes * weights[k][:, None],
             nuisances=left.basis[k][:, left.basis[k].any(axis=0)],
             cost=float(without[k] - without.max()),
             level=float(noise.levels[k]),

@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import eigh
 
-from . import FloatArray
+from . import FloatArray, IntArray
 from .generalised_least_squares import RANK_TOLERANCE, regressions
 
 FAST_S = 1.0  # correlation time of the fast part: gusts and vibration that outlast one sample
@@ -93,9 +93,10 @@ class Residual:
 
     def whitened(self, signatures: FloatArray) -> FloatArray:
         """Return (n + n_prior, ...) signatures, (n, ...) in the residual's unit, whitened and off the nuisances."""
-        white = self.whitening @ signatures
-        rows = np.concatenate([white, np.zeros((len(self.nuisances) - len(white), *white.shape[1:]))])
-        return np.asarray(rows - self.nuisances @ (self.nuisances.T @ rows))
+        white, n = self.whitening @ signatures, len(signatures)
+        rows: FloatArray = self.nuisances @ -(self.nuisances[:n].T @ white)
+        rows[:n] += white
+        return rows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)  # without slots, so that it keeps its ratio
@@ -163,21 +164,24 @@ def likelihood_ratio(residuals: Sequence[Residual], signatures: Sequence[FloatAr
     ----------
     signatures : of every residual (n, n_onsets), what the fault of magnitude 1 makes of it.
     """
-    return likelihood_ratios(residuals, [signatures])[0]
+    every = np.zeros(1, dtype=np.intp)
+    return likelihood_ratios(residuals, [(every, signature[:, None]) for signature in signatures], 1)[0]
 
 
 def likelihood_ratios(
-    residuals: Sequence[Residual], signatures: Sequence[Sequence[FloatArray]]
+    residuals: Sequence[Residual], signatures: Sequence[tuple[IntArray, FloatArray]], n_faults: int
 ) -> list[LikelihoodRatio]:
-    """Return what residuals say of each of several faults, see `likelihood_ratio`; all have as many onsets."""
-    if not signatures:
-        return []
-    shown, power = np.zeros((2, len(signatures), len(residuals), signatures[0][0].shape[1]))
-    for j, residual in enumerate(residuals):
-        acting = [i for i, by_residual in enumerate(signatures) if by_residual[j].any()]
-        if acting:
-            columns = residual.whitened(np.hstack([signatures[i][j] for i in acting]))
-            shown[acting, j] = (residual.values @ columns).reshape(len(acting), -1)
-            power[acting, j] = np.einsum("ij,ij->j", columns, columns).reshape(len(acting), -1)
+    """Return what residuals say of each of several faults, see `likelihood_ratio`.
+
+    Parameters
+    ----------
+    signatures : of every residual the indices of the faults that act on it, and what these make of it,
+        (n, n_acting, n_onsets).
+    """
+    shown, power = np.zeros((2, n_faults, len(residuals), signatures[0][1].shape[2]))
+    for j, (residual, (acting, by_fault)) in enumerate(zip(residuals, signatures, strict=True)):
+        columns = residual.whitened(by_fault.reshape(len(by_fault), -1))
+        shown[acting, j] = (residual.values @ columns).reshape(len(acting), -1)
+        power[acting, j] = np.einsum("ij,ij->j", columns, columns).reshape(len(acting), -1)
     costs = np.array([residual.cost for residual in residuals])
-    return [LikelihoodRatio(shown=shown[i], power=power[i], costs=costs) for i in range(len(signatures))]
+    return [LikelihoodRatio(shown=shown[i], power=power[i], costs=costs) for i in range(n_faults)]

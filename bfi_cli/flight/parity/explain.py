@@ -200,7 +200,7 @@ def _linear_looks(
     """Return by course the largest ratio of a small fault over the onsets of the scan, and where it is."""
     since_s = record.time_s[:, None] - scan.onsets_s[None, :]
     every = np.hstack([_course(*course)(since_s) for course in courses])
-    small = likelihood_ratio(scan.residuals, fault_signatures(scan, record, hypothesis, every))
+    small = likelihood_ratio(scan.residuals, _signatures(scan, record, hypothesis, every))
     ratios = (scan.weights @ small.parts(small.magnitude)).reshape(len(courses), -1)
     best = np.argmax(ratios, axis=1)
     return [(float(ratios[k, best[k]]), float(scan.onsets_s[best[k]]), course) for k, course in enumerate(courses)]
@@ -276,7 +276,7 @@ def fit_course(
         left_over = 1.0 + amount if hypothesis.fault == "q_impact" else np.ones(len(amount))
         try:
             clean = without_fault(record, hypothesis.fault, amount) if step else record
-            signatures = fault_signatures(scan, clean, hypothesis, courses / left_over[:, None])
+            signatures = _signatures(scan, clean, hypothesis, courses / left_over[:, None])
             cleaned = [residual_values(clean, record, scan.constants, kind) for kind in scan.kinds]
         except ValueError:
             # Without such a fault the record would leave the air that the equations hold for: it is no candidate.
@@ -308,6 +308,12 @@ def fit_course(
         sds=sds,
         parts={kind.name: float(part) for kind, part in zip(scan.kinds, parts[:, k], strict=True)},
     )
+
+
+def _signatures(scan: WindowScan, record: Record, hypothesis: Hypothesis, courses: FloatArray) -> list[FloatArray]:
+    """Return by residual (n, n_courses) what a fault makes of it, 0 of one that it leaves alone."""
+    every = fault_signatures(scan, record, [hypothesis], courses)
+    return [values.sum(axis=1) for _, values in every]
 
 
 def _bounded(hypothesis: Hypothesis, magnitude: float, course: FloatArray) -> float:

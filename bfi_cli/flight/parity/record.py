@@ -96,8 +96,8 @@ class Record:
         return np.asarray(channels["altitude_rate"] * (self.air.sat / isa_temperature(channels["altitude"])))
 
     @cached_property
-    def slopes(self) -> dict[tuple[str, Hypothesis, float], Any]:
-        """What small faults make of its residuals, by residual, fault and angle of zero lift (`scan.Slope`)."""
+    def slopes(self) -> dict[tuple[str, float], Any]:
+        """What small faults make of its residuals, by residual and angle of zero lift (`scan.Slopes`)."""
         return {}
 
     @cached_property

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
-from ...kernels import BoolArray, FloatArray
+from ...kernels import BoolArray, FloatArray, IntArray
 from ...kernels.change_scan import steps_and_ramps
 from ...kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratios, noise_model
 from ...kernels.runs import bridged
@@ -140,11 +140,9 @@ def scan_window(
         constants=constants,
         lacking=lacking,
     )
-    signatures = {
-        hypothesis.fault: fault_signatures(scan, record, hypothesis, ramps, whole) for hypothesis in hypotheses(record)
-    }
-    signatures = {fault: by_kind for fault, by_kind in signatures.items() if any(some.any() for some in by_kind)}
-    ratios = dict(zip(signatures, likelihood_ratios(residuals, list(signatures.values())), strict=True))
+    possible = hypotheses(record)
+    every = likelihood_ratios(residuals, fault_signatures(scan, record, possible, ramps, whole), len(possible))
+    ratios = {hypothesis.fault: ratio for hypothesis, ratio in zip(possible, every, strict=True) if ratio.power.any()}
     return replace(scan, ratios=ratios) if ratios else None
 
 
@@ -208,88 +206,103 @@ def without_lasting(record: Record, fault: str, amount: FloatArray) -> Record:
 def _integral(rates: FloatArray) -> FloatArray:
     """Return the integral, by the trapezoidal rule as the acceleration itself is integrated, at the seconds.
 
-    What is not known of rates, (n,), is bridged; those of several courses, (n, n_courses), are all known.
+    What is not known of rates, (n,), is bridged; those of several courses, (n, ..., n_courses), are all known.
     """
     known = np.nan_to_num(bridged(rates)) if rates.ndim == 1 else rates
     return np.asarray(STEP_S * (np.cumsum(known, axis=0) - 0.5 * known))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Slope:
-    """What a small constant fault makes of a residual, over its size.
+class Slopes:
+    """What small constant faults make of a residual, over their sizes.
 
     Attributes
     ----------
-    values : (n,) of what is not integrated; rate : (n,) of what is, None where nothing is.
-    climb : (n,) by the rate of the fault: a static pressure that changes shows as a climb; None where none does.
+    acting : (n_acting,) indices of the faults that move what it reads.
+    values : (n, n_acting) of what is not integrated; rate : (n, n_acting) of what is, None where nothing is.
+    climb : (n, n_acting) by the rate of the faults: a static pressure that changes shows as a climb; None where none
+        does.
     """
 
+    acting: IntArray
     values: FloatArray
     rate: FloatArray | None
     climb: FloatArray | None
 
-    def taken(self, rows: slice, scale: float) -> Slope:
-        """Return some of its samples, times a scale."""
+    def taken(self, rows: slice, scale: float) -> Slopes:
+        """Return some of their samples, times a scale."""
         rate, climb = (None if x is None else scale * x[rows] for x in (self.rate, self.climb))
-        return Slope(values=scale * self.values[rows], rate=rate, climb=climb)
+        return replace(self, values=scale * self.values[rows], rate=rate, climb=climb)
 
-    def signature(self, courses: FloatArray) -> FloatArray:
-        """Return (n, n_courses) what a fault of these courses, (n, n_courses), makes of the residual, 0 if unknown."""
+    def signatures(self, courses: FloatArray) -> FloatArray:
+        """Return (n, n_acting, n_courses) what faults of these courses, (n, n_courses), make of it, 0 if unknown."""
         is_known = np.isfinite(self.values if self.climb is None else self.values + self.climb)
-        signature = np.where(is_known, self.values, 0.0)[:, None] * courses
+        signatures: FloatArray = np.where(is_known, self.values, 0.0)[:, :, None] * courses[:, None]
         if self.rate is not None:
-            signature = signature - _integral(np.nan_to_num(bridged(self.rate))[:, None] * courses)
+            rates = np.empty(self.rate.shape)
+            for i, rate in enumerate(self.rate.T):
+                rates[:, i] = np.nan_to_num(bridged(rate))
+            signatures -= _integral(rates[:, :, None] * courses[:, None])
         if self.climb is not None:
-            climb = np.where(is_known, self.climb, 0.0)
-            signature = signature + climb[:, None] * np.gradient(courses, STEP_S, axis=0)
-        return np.asarray(signature)
+            climb, changes = np.where(is_known, self.climb, 0.0), np.gradient(courses, STEP_S, axis=0)
+            for i in np.flatnonzero(climb.any(axis=0)):
+                signatures[:, i] += climb[:, i, None] * changes
+        return signatures
 
 
-def slope_of(kind: ResidualKind, record: Record, hypothesis: Hypothesis, constants: Constants) -> Slope | None:
-    """Return the slope of a residual at a record, None where it reads nothing that the fault moves."""
-    other, moved = record.with_small(hypothesis)
-    if moved.isdisjoint(kind.reads):
-        return None
-    healthy, rate, climb = kind.values(record, constants), None, None
+def slopes_of(kind: ResidualKind, record: Record, faults: Sequence[Hypothesis], constants: Constants) -> Slopes:
+    """Return the slopes of a residual at a record, of those faults that move what it reads."""
+    small = [record.with_small(hypothesis) for hypothesis in faults]
+    acting = [i for i, (_, moved) in enumerate(small) if not moved.isdisjoint(kind.reads)]
+    healthy, sizes = kind.values(record, constants), np.array([faults[i].size for i in acting])
+    values, rate, climb = np.empty((len(healthy), len(acting))), None, None
+    for k, i in enumerate(acting):
+        values[:, k] = kind.values(small[i][0], constants) - healthy
     if kind.rate is not None:
-        rate = (kind.rate(other) - kind.rate(record)) / hypothesis.size
-    if hypothesis.fault == STATIC_LEAK and "altitude_rate" in kind.reads:
-        climb = (kind.values(climbing(record, hypothesis.size), constants) - healthy) / hypothesis.size
-    return Slope(values=(kind.values(other, constants) - healthy) / hypothesis.size, rate=rate, climb=climb)
+        rate, healthy_rate = np.empty(values.shape), kind.rate(record)
+        for k, i in enumerate(acting):
+            rate[:, k] = kind.rate(small[i][0]) - healthy_rate
+        rate /= sizes
+    if "altitude_rate" in kind.reads and STATIC_LEAK in (leaking := [faults[i].fault for i in acting]):
+        climb, k = np.zeros(values.shape), leaking.index(STATIC_LEAK)
+        climb[:, k] = (kind.values(climbing(record, sizes[k]), constants) - healthy) / sizes[k]
+    return Slopes(acting=np.array(acting, dtype=np.intp), values=values / sizes, rate=rate, climb=climb)
 
 
 def fault_signatures(
-    scan: WindowScan, record: Record, hypothesis: Hypothesis, courses: FloatArray, whole: Record | None = None
-) -> list[FloatArray]:
-    """Return what a fault of these courses, (n, n_courses), makes of every residual; 0 of one that it leaves alone.
+    scan: WindowScan, record: Record, faults: Sequence[Hypothesis], courses: FloatArray, whole: Record | None = None
+) -> list[tuple[IntArray, FloatArray]]:
+    """Return by residual which faults act on it, and what they make of it, (n, n_acting, n_courses), by course.
 
     Parameters
     ----------
     record : where it is linearised; whole : see `scan_window`.
+    courses : (n, n_courses).
     """
-    signatures: list[FloatArray] = []
+    signatures = []
     for kind, known in zip(scan.kinds, scan.known, strict=True):
-        slope = _slope_in(whole, kind, record, hypothesis, scan.constants)
-        if slope is None:
-            signatures.append(np.zeros((np.count_nonzero(known), courses.shape[1])))
-        else:
-            signature = slope.signature(courses)
-            signatures.append(signature if known.all() else signature[known])
+        slopes = _slopes_in(whole, kind, record, faults, scan.constants)
+        by_fault = slopes.signatures(courses)
+        signatures.append((slopes.acting, by_fault if known.all() else by_fault[known]))
     return signatures
 
 
-def _slope_in(
-    whole: Record | None, kind: ResidualKind, record: Record, hypothesis: Hypothesis, constants: Constants
-) -> Slope | None:
-    """Return `slope_of` a window: some samples of that of the whole record, unless the wind of the window counts."""
-    if whole is None or hypothesis.fault == "ground_speed":
-        return slope_of(kind, record, hypothesis, constants)
-    key = kind.name, hypothesis, constants.zero_lift
+def _slopes_in(
+    whole: Record | None, kind: ResidualKind, record: Record, faults: Sequence[Hypothesis], constants: Constants
+) -> Slopes:
+    """Return `slopes_of` a window: some samples of those of the whole record, but for the wind of the window."""
+    if whole is None:
+        return slopes_of(kind, record, faults, constants)
+    key = kind.name, constants.zero_lift
     if key not in whole.slopes:
-        whole.slopes[key] = slope_of(kind, whole, hypothesis, replace(constants, speed=1.0, wind=(0.0, 0.0)))
-    slope, edges_s = whole.slopes[key], record.time_s[[0, -1]] + np.array([-0.5, 0.5]) * STEP_S
+        whole.slopes[key] = slopes_of(kind, whole, faults, replace(constants, speed=1.0, wind=(0.0, 0.0)))
+    edges_s = record.time_s[[0, -1]] + np.array([-0.5, 0.5]) * STEP_S
     rows = slice(*np.searchsorted(whole.time_s, edges_s).tolist())
-    return None if slope is None else slope.taken(rows, constants.speed if kind.by_speed else 1.0)
+    slopes: Slopes = whole.slopes[key].taken(rows, constants.speed if kind.by_speed else 1.0)
+    for k, i in enumerate(slopes.acting):
+        if faults[i].fault == "ground_speed":
+            slopes.values[:, [k]] = slopes_of(kind, record, [faults[i]], constants).values
+    return slopes
 
 
 def _lasting_columns(
@@ -297,8 +310,8 @@ def _lasting_columns(
 ) -> FloatArray:
     """Return (n, n_courses + 1) what a fault of any size makes of a residual: each course, and the constant squared."""
     sizes = (hypothesis, replace(hypothesis, size=LARGE * hypothesis.size))
-    small, large = (slope_of(kind, record, size, constants) for size in sizes)
-    if small is None or large is None:
+    small, large = (slopes_of(kind, record, [size], constants) for size in sizes)
+    if not small.acting.size or not large.acting.size:
         return np.zeros((len(courses), courses.shape[1] + 1))
-    first = small.signature(courses)
-    return np.column_stack([first, large.signature(courses[:, :1]) - first[:, :1]])
+    first = small.signatures(courses)[:, 0]
+    return np.column_stack([first, large.signatures(courses[:, :1])[:, 0] - first[:, :1]])

@@ -229,8 +229,12 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
     for name, track in tracks.items():
         # Errors of other channels at the same time count against an error; the second largest does.
         others = np.sort([values for other, values in loudness.items() if other != name] or [np.ones(1)], axis=0)
-        alike = np.maximum(1.0, MOST_ALIKE * _at_seconds(others[max(0, len(others) - 2)], track, log))
-        flaws[name] = _excursions(track, alike, width_s, reach_s, is_positive=name in POSITIVE)
+        alike = np.maximum(1.0, MOST_ALIKE * others[max(0, len(others) - 2)])
+        is_positive = name in POSITIVE
+        if _may_stand_out(track, loudness[name], alike, is_positive=is_positive):
+            flaws[name] = _excursions(track, _at_seconds(alike, track, log), width_s, reach_s, is_positive=is_positive)
+        else:
+            flaws[name] = []
     calm = {name: _at_seconds(loudness[name], track, log) <= LEAST for name, track in tracks.items()}
     if (rate := tracks.get("altitude_rate")) is not None:
         tracks = {**tracks, "+altitude_rate": replace(rate, values=rate.step_s * np.cumsum(rate.values))}
@@ -374,6 +378,18 @@ def _at_seconds(seconds: FloatArray, track: _Track, log: FlightLog) -> FloatArra
     return np.asarray(seconds[np.minimum(at, len(seconds) - 1)])
 
 
+def _may_stand_out(track: _Track, loudness: FloatArray, others: FloatArray, *, is_positive: bool) -> bool:
+    """Return whether a channel may have excursions, by its ratios in every second and by what it loses at once.
+
+    Parameters
+    ----------
+    loudness, others : by second of the log, see `_loudness` and `_excursions`.
+    """
+    if (loudness / others).max() > LEAST:
+        return True
+    return is_positive and bool(loudness.max() > LEAST or (_lost_at_once(track, _usual_size(track)) >= 1.0).any())
+
+
 def _excursions(
     track: _Track,
     others: FloatArray,
@@ -401,7 +417,7 @@ def _excursions(
                 largest = (ratio / others)[: n_blocks * block].reshape(n_blocks, block).max(axis=1)
                 middle, high = np.quantile(largest, (0.5, 0.75))
                 level[half] = max(LEAST, float(high * min(high / max(middle, TINY), STEEPEST) ** BEYOND))
-        usual = running_median(np.abs(track.values), track.size(1.0), 61)
+        usual = _usual_size(track)
         lost = np.abs(track.values) < ZERO * usual
         at_once = _lost_at_once(track, usual) if is_positive else np.zeros(len(lost))
         stands_out = {
@@ -430,6 +446,11 @@ def _excursions(
     return flaws
 
 
+def _usual_size(track: _Track) -> FloatArray:
+    """Return (n,) the usual size of the reading in the minute about each tick."""
+    return running_median(np.abs(track.values), track.size(1.0), 61)
+
+
 def _lost_at_once(track: _Track, usual: FloatArray) -> FloatArray:
     """Return (n,) at the middle of each reading of 0 by how much of what is usual it falls or comes back at once.
 
@@ -437,7 +458,7 @@ def _lost_at_once(track: _Track, usual: FloatArray) -> FloatArray:
 
     Parameters
     ----------
-    usual : (n,) size of the reading in the minute about it.
+    usual : see `_usual_size`.
     """
     reach = round(AT_ONCE_S / track.step_s)
     size, shares = np.abs(track.values), np.zeros(len(track.values))
@@ -584,7 +605,9 @@ def _rests(
             should[shift:-shift] = np.minimum(here[: -2 * shift], here[2 * shift :])
             needed = STILLER * np.maximum(here, floor)
             # Wings are level between turns: a sensor shows its noise there, one that stays still shows nothing.
-            marked = (should > needed) & (here <= floor) & ~_often_still(track, size, here, floor)
+            marked = (should > needed) & (here <= floor)
+            if marked.any():
+                marked &= ~_often_still(track, size, here, floor)
         while (marked := marked & _all_of(~taken, size)).any():
             k = int(np.argmax(np.where(marked, should, 0.0)))
             # The samples about the middle of the stretch that stay at its level, and those beside it that do as well.
@@ -721,7 +744,8 @@ def _expected(
         factors = least_squares(columns, values, is_row)
         error = np.abs(values - _combined(columns, factors))
         usual = is_row & (error <= np.maximum(OUTLYING * _medians(error, is_row), track.quantum)[:, None])
-        factors = least_squares(columns, values, usual)
+        (rough,) = np.nonzero((usual != is_row).any(axis=1))
+        factors[rough] = least_squares(columns[rough], values[rough], usual[rough])
         most = MOST_SLOPE * _slope(track, other, _medians(values, is_row), level)
         bounded = np.clip(factors[:, 2], np.minimum(most, 0.0), np.maximum(most, 0.0))
         (steep,) = np.nonzero(bounded != factors[:, 2])  # an error of the channel is taken for motion of the other

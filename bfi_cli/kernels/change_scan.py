@@ -138,7 +138,7 @@ def whitened(x: FloatArray, time_s: FloatArray) -> tuple[FloatArray, FloatArray]
 
 def _carried(time_s: FloatArray) -> FloatArray:
     """Return (n_correlations, n - 1, 1) what of the noise of a sample is in that of the next."""
-    return np.power(np.array(CORRELATIONS)[:, None, None], np.diff(time_s)[:, None])
+    return np.asarray(np.power(np.array(CORRELATIONS)[:, None, None], np.diff(time_s)[:, None]))
 
 
 def _transposed(x: FloatArray, before: FloatArray) -> FloatArray:

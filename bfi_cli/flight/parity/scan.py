@@ -245,7 +245,7 @@ class Slopes:
             signatures -= _integral(rates[:, :, None] * courses[:, None])
         if self.climb is not None:
             climb, changes = np.where(is_known, self.climb, 0.0), np.gradient(courses, STEP_S, axis=0)
-            for i in np.flatnonzero(climb.any(axis=0)):
+            for i in np.flatnonzero(climb.any(axis=0)).tolist():
                 signatures[:, i] += climb[:, i, None] * changes
         return signatures
 
@@ -299,7 +299,7 @@ def _slopes_in(
     edges_s = record.time_s[[0, -1]] + np.array([-0.5, 0.5]) * STEP_S
     rows = slice(*np.searchsorted(whole.time_s, edges_s).tolist())
     slopes: Slopes = whole.slopes[key].taken(rows, constants.speed if kind.by_speed else 1.0)
-    for k, i in enumerate(slopes.acting):
+    for k, i in enumerate(slopes.acting.tolist()):
         if faults[i].fault == "ground_speed":
             slopes.values[:, [k]] = slopes_of(kind, record, [faults[i]], constants).values
     return slopes

@@ -13,11 +13,11 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from datetime import UTC, datetime
 from functools import cache
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Literal, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
+import scipy
 
 from . import __version__
 from .errors import ConfigError, reason_of
@@ -62,8 +62,8 @@ def provenance(
         config_sha256=config_sha256,
         dictionary_sha256=dictionary_sha256,
         seed=seed,
-        numpy=version("numpy"),
-        scipy=version("scipy"),
+        numpy=np.__version__,
+        scipy=scipy.__version__,
         command=shlex.join(["bfi", *sys.argv[1:]]),
         date=datetime.now(UTC).isoformat(timespec="seconds"),
     )

@@ -8,7 +8,6 @@ import errno
 import gc
 import importlib
 import io
-import logging
 import os
 import re
 import signal
@@ -127,7 +126,6 @@ def main(argv: list[str] | None = None) -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     gc.set_threshold(*COLLECTED)
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # a home that cannot be written, fonts read anew
     _open_streams()
     code = run_command(argv)
     if code == INTERRUPTED:

@@ -165,9 +165,12 @@ def write(
     """
     if options["out"] is None:
         return
+    import logging
+
     from ..files import replace_files
     from ..report.files import content_files
 
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)  # a home that cannot be written, fonts read anew
     with stages(wanted=options.get("progress")) as progress:
         files = content_files(content, document, origin, partial(progress, "figures"), plain=plain, stored=stored)
     replace_files(files, options["out"], inputs=inputs, force=options["force"])

@@ -207,6 +207,8 @@ def kinds_of_entries(entries: Sequence[Fault], outputs: Sequence[str], duration_
     )
 
 
+# A shape is scanned, weighed against others and sized in one record.
+@lru_cache(maxsize=64)
 def waveform(form: ShapeHypothesis, sampling: Sampling, phase: int = 0) -> Waveform:
     """Return the shape of unit magnitude, conditioned; it starts `sampling.lead` samples before its onset.
 

@@ -88,6 +88,23 @@ class Layout:
         """Return the record with other weights (n_samples,) of its rows."""
         return replace(self, weights=weights, segments=self.segments and replace(self.segments, weights=weights))
 
+    def at_order(self, order: int) -> Layout:
+        """Return the record for the same rows at a lower order, whose lags are fewer.
+
+        It is itself where its signals are in stretches, or where other records are factorised already.
+        """
+        if self.theta.in_stretches or self.earlier is not None:
+            return self
+        rows = slice(self.first - order, None)
+        return replace(
+            self,
+            u=self.u[rows],
+            y=self.y[rows],
+            theta=AtomSignals.sampled(np.asarray(self.theta)[rows]),
+            first=order,
+            weights=None if self.weights is None else self.weights[rows],
+        )
+
     def factor(self, report: Report = silent) -> Compressed:
         """Return the triangular factor at lag `first`, of the earlier records too."""
         data = compress(

@@ -20,7 +20,6 @@ from ..config import Config
 from ..kernels import FloatArray
 from ..kernels.atom_signals import AtomSignals
 from ..kernels.covariance import Adding, FitRows, adding_to
-from ..kernels.lagged import restrict
 from ..kernels.model_selection import OrderSearch, Penalty, Proposal, ScoredFit, least_criterion
 from ..kernels.progress import Report, parts, silent
 from ..kernels.risro_varx import VarxSolution, risro_varx, sparse_varx
@@ -328,9 +327,11 @@ def _best_move(
     prices = {n: searched(penalty, entry_shifts.size).evidence - penalty.evidence for n, entry_shifts in shifts.items()}
     supports: dict[tuple[int, ...], Adding] = {}
     moves: dict[tuple[int, ...], list[tuple[float, int, FloatArray]]] = {}
+    kept: dict[int, AtomSignals] = {}  # signals of the last group's moves: those of all are too many numbers
     for together in _groups(shifts, len(now.regression.signals.time_s)):
         signals = _signals(now.regression, window, {n: shifts[n] for n in together})
         owners = np.repeat(together, [shifts[n].size for n in together])
+        kept = {}
         for base, entries in _bases(best.fit.atoms, together).items():
             if (support := supports.get(base)) is None:
                 support = supports[base] = _support(now.regression, best.fit, base)
@@ -340,6 +341,7 @@ def _best_move(
             for n, entry_gains in zip(entries, np.split(gains, ends[:-1]), strict=True):
                 gain = float(entry_gains.max(initial=0.0)) * penalty.n_effective / penalty.n_rows
                 if gain >= HOPEFUL * (penalty.per_fault + prices[n]):
+                    kept[n] = signals.of(np.flatnonzero(owners == n).tolist())
                     moves.setdefault(base, []).append((prices[n] - gain, n, entry_gains))
     promising = [
         (base, n, gains)
@@ -347,7 +349,7 @@ def _best_move(
         for _, n, gains in sorted(base_moves, key=lambda move: move[0])[:MOST_MOVES]
     ]
     for base, n, gains in promising:
-        theta = _signals(now.regression, window, {n: shifts[n]})
+        theta = kept[n] if n in kept else _signals(now.regression, window, {n: shifts[n]})
         for k, fit in _fits(now.regression, supports[base], theta, gains):
             if (criterion := penalty.criterion(fit) + prices[n]) < lowest:
                 lowest, chosen = criterion, (n, float(shifts[n][k]), prices[n])
@@ -412,10 +414,7 @@ def _fits(regression: RegressionData, support: Adding, theta: AtomSignals, gains
     without = support.fit
 
     def fit_of(k: int) -> Fit:
-        layout = support.with_signals(theta.of([k]))
-        data = layout.factor()
-        if without.order < layout.first:
-            data = restrict(data, order=without.order)
+        data = support.with_signals(theta.of([k])).at_order(without.order).factor()
         problem = project_inputs(data, without.order, floor=regression.floor)
         return fit_magnitudes(problem, range(len(without.atoms) + 1), np.append(without.z, 0.0))
 

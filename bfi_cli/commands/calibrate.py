@@ -34,12 +34,13 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
     Where the logs have air data, FILE also holds the aircraft's angle of zero lift and the tables of bfi diagnose.
     """
     from ..config import merge
-    from ..decision.calibration import join_tables, load_tables, save_tables, summary, table_notes
+    from ..decision.calibration import join_tables, load_tables, save_tables
     from ..errors import LogError
     from ..files import aside, check_files
     from ..flight.parity.calibration import calibrate_air_data
     from ..model.onset import calibration_windows, table_of_windows
     from ..model.preprocessing.defaults import default_inputs
+    from ..report.calibration import table_lines, table_notes
     from ..serialization import provenance
 
     config = config_of(config_path, options)
@@ -72,7 +73,7 @@ def command(logs: tuple[str, ...], out: Path, config_path: str | None, **options
         (new / out.name).write_text(text + "\n", encoding="utf-8")
     for sentence in (f"wrote {out}", *(remark.text for remark in notes)):
         note(sentence)
-    lines = [*([] if table is None else summary(table)), *([] if air_data is None else air_data.lines())]
+    lines = [*([] if table is None else table_lines(table)), *([] if air_data is None else air_data.lines())]
     show_lines(json.loads(text), lines, as_json=options["as_json"])
 
 

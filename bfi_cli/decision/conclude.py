@@ -10,7 +10,6 @@ the decision is the worst of the kinds that are required (docs/theory.md, 8).
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
@@ -18,15 +17,13 @@ from typing import TYPE_CHECKING
 from ..faults import Decision, FaultEstimate, build_up_s
 from ..faults.shapes import LINE_SHAPES, SHAPES, Kind
 from ..notes import Note
-from ..quantities.text import SI, Units, instant, quantity
+from ..quantities.text import instant, quantity
 from .candidate import KINDS, Candidate, State, shown_limit, with_limit
 from .evidence import Evidence, Manoeuvre
 
 if TYPE_CHECKING:  # its package needs the configuration, which needs this one
     from .implausible import Implausible
 
-# The note of a scan on the frequencies, and on the onsets where a dictionary narrows them, that its claim covers.
-BAND = re.compile(r"(of \S+ to \S+ Hz)?( ?that begins from \S+ to \S+ s)?")
 NOUNS: Mapping[Kind, tuple[str, str]] = {
     "abrupt": ("step", "a step"),
     "oscillating": ("oscillation", "an oscillation"),
@@ -53,17 +50,15 @@ def decide(verdicts: Mapping[Kind, Decision], required: Sequence[Kind]) -> Decis
     return "inconclusive" if any(verdicts[kind] == "inconclusive" for kind in required) else "no_fault"
 
 
-def summarise(verdicts: Mapping[Kind, Decision], candidates: Sequence[Candidate], units: Units = SI) -> str:
+def summarise(verdicts: Mapping[Kind, Decision], candidates: Sequence[Candidate]) -> str:
     """Return what the log says of the kinds of which no fault is declared, in one line.
 
     "no step above 0.4 m/s; no oscillation of 0.05 to 0.4 Hz above 0.2 m/s; a slow fault could reach 9 m/s unseen".
     """
-    return "; ".join(
-        _kind_summary(kind, verdicts[kind], candidates, units) for kind in KINDS if verdicts[kind] != "fault"
-    )
+    return "; ".join(_kind_summary(kind, verdicts[kind], candidates) for kind in KINDS if verdicts[kind] != "fault")
 
 
-def _kind_summary(kind: Kind, verdict: Decision, candidates: Sequence[Candidate], units: Units) -> str:
+def _kind_summary(kind: Kind, verdict: Decision, candidates: Sequence[Candidate]) -> str:
     noun, one_noun = NOUNS[kind]
     alike = [
         candidate for candidate in candidates if candidate.kind == kind and candidate.state not in (None, "declared")
@@ -75,18 +70,12 @@ def _kind_summary(kind: Kind, verdict: Decision, candidates: Sequence[Candidate]
     ]
     worst = max(alike, key=_share)
     on = f" on {worst.channel}" if len({candidate.channel for candidate in alike}) > 1 else ""
-    limit = shown_limit(worst, units)
+    limit = shown_limit(worst)
     if verdict == "no_fault":
-        # The claim of a scan ends with the frequencies that it looked at; those of a dictionary are in its table.
-        band = next(
-            (
-                f" {candidate.note}"
-                for candidate in alike
-                if candidate.onset_s is None and candidate.note and BAND.fullmatch(candidate.note)
-            ),
-            "",
-        )
-        return f"no {noun}{band} above {limit}{on}"
+        # The claim of a scan ends with the frequencies and onsets that it looked at, not with how slow a lag may be.
+        scanned = [candidate for candidate in alike if candidate.onsets_checked and candidate.note]
+        covers = next((f" {candidate.note}" for candidate in scanned if not SHAPES[candidate.shape].claimed_s), "")
+        return f"no {noun}{covers} above {limit}{on}"
     if suspects:
         return f"{one_noun} is suspected ({', '.join(suspects[:3])}{', ...' if len(suspects) > 3 else ''})"
     if limit is None:

@@ -91,7 +91,11 @@ def test_the_first_line_names_every_kind_without_a_fault():
     assert summarise(verdicts_of(candidates), candidates) == (
         "no step above 0.41 m/s; no oscillation above 0.2 m/s; a slow fault could reach 9.3 m/s unseen"
     )
-    scanned = [replace(candidate("oscillating", "excluded", effect=0.2), note="of 0.05 to 0.4 Hz")]
+    scanned = [
+        replace(
+            candidate("oscillating", "excluded", effect=0.2), note="of 0.05 to 0.4 Hz", onsets_checked=((3.0, 50.0),)
+        )
+    ]
     assert "no oscillation of 0.05 to 0.4 Hz above 0.2 m/s" in summarise(verdicts_of(scanned), scanned)
     declared = [candidate("abrupt", "declared"), candidate("slow", "not_seen")]
     assert summarise(verdicts_of(declared), declared) == (

@@ -283,11 +283,10 @@ def _bounded(
             for most in (lambda at: glances[at].hidden(), lambda at: glances[at].beyond)
             for claimed in sorted(glances, key=most)[-FULL:]
         }
-        looks = [
-            replace(limits, **_weighed(record, scan, claimed, _covered(record, scan, claimed), tolerance))
-            for claimed, limits in glances.items()
-            if claimed in worst
-        ]
+        looks = []
+        for claimed in [claimed for claimed in glances if claimed in worst]:
+            wave, onsets = _wave(record, scan, claimed), _covered(record, scan, claimed)
+            looks.append(replace(glances[claimed], **_weighed(record, scan, wave, onsets, tolerance)))
     likeliest = max(looks, key=lambda limits: (limits.beyond, float(limits.profile.statistic.max())))
     covers, named = _in_words(shape, [claimed.parameter or 0.0 for claimed in forms], likeliest.parameter)
     candidate = replace(_with_magnitude(record, candidate, form, likeliest.profile), note=covers)
@@ -500,12 +499,11 @@ def _limits(
     every : of so many onsets one is looked at.
     is_suspected : whether a fault is suspected too where the record is likelier with it.
     """
-    onsets = _covered(record, scan, form)[::every]
+    wave, onsets, (threshold, suspicion) = _wave(record, scan, form), _covered(record, scan, form)[::every], statistics
     if onsets.size == 0:
         return None
-    wave, (threshold, suspicion) = _wave(record, scan, form), statistics
     if form.shape in WEIGHED:
-        shown, least = _weighed(record, scan, form, onsets, tolerance), tolerance
+        shown, least = _weighed(record, scan, wave, onsets, tolerance), tolerance
         profile: Profile = shown["profile"]
         sized = profile.take(np.linspace(0, len(onsets) - 1, min(SIZED, len(onsets))).astype(np.intp))
         if is_suspected:
@@ -517,11 +515,8 @@ def _limits(
     return Limits(parameter=form.parameter or 0.0, tolerance=tolerance, **shown, **sizes)
 
 
-def _weighed(
-    record: ScanRecord, scan: Scan, form: ShapeHypothesis, onsets: IntArray, tolerance: float
-) -> dict[str, Any]:
-    """Return what `Limits` has of a hypothesis over (n_onsets,) onsets that a claim covers, with likelihood ratios."""
-    wave = _wave(record, scan, form)
+def _weighed(record: ScanRecord, scan: Scan, wave: Waveform, onsets: IntArray, tolerance: float) -> dict[str, Any]:
+    """Return what `Limits` has of a waveform over (n_onsets,) onsets that a claim covers, with likelihood ratios."""
     magnitudes = tolerance * ERRORS[:, None] / wave.largest(scan.n_samples - onsets)
     profile, both_signs = profile_with_deviances(scan, wave, onsets, magnitudes)
     ratios = likelihood_ratios(both_signs, dispersion=profile.dispersion)

@@ -345,7 +345,8 @@ def _rival(bench: Bench, event: Event, weight: Weight, judgement: Judgement) -> 
 def _without_rival(event: Event, weight: Weight) -> Event | Note:
     """Return an event that is neither confirmed nor ordinary: refuted, suspected, or beyond what the model can tell."""
     against = _against(weight)
-    if not (_could_tell(event, weight) or set(event.stages) <= SEES_NO_MORE or weight.margin < -DECLARED):
+    sees_no_more = "holds" in event.stages or set(event.stages) <= SEES_NO_MORE
+    if not (_could_tell(event, weight) or sees_no_more or weight.margin < -DECLARED):
         return replace(event, margin=weight.margin)
     # What a finder declares is taken back by as much as what it suspects needs to be declared.
     least = -SURE * DECLARED if event.state == "declared" else 0.0

@@ -34,7 +34,7 @@ from ..airdata import (
 from ..errors import LogError
 from ..kernels import MAD
 from ..kernels.quantisation import find_quantum
-from ..kernels.runs import BoolArray
+from ..kernels.runs import BoolArray, runs
 from ..notes import Note
 from ..quantities.channels import STANDARD, quantity_of
 from ..quantities.text import instant
@@ -48,8 +48,11 @@ SETTINGS = (50_000.0, 108_000.0)
 TOGETHER_S, CLIMB_S, FEWEST_BESIDE = 5.0, 8.0, 4
 # Lengths of the fit on either side of a change in which others are made without one, and the fewest of these.
 NEAR, FEWEST_PLACES = 8, 10
-# APART: share of a change that records of altitude and setting differ by, some tenths of a second apart.
-APART = 0.15
+# APART: share of a change that records of altitude and setting differ by; so long, s, one of them is behind the other:
+# a recorder of 1 Hz reads them up to a sample apart.
+APART, BEHIND_S = 0.15, 1.0
+# Share of a change beyond which the reading is that of neither setting.
+BETWEEN = 0.25
 # Log-likelihood ratio, in nats, of an altitude that follows the setting over one that does not, from which it does: 1
 # in 150. A change speaks for no more than `MOST_NATS`, so that one jump of another cause does not decide alone against
 # many.
@@ -65,7 +68,7 @@ class DirectDerivation:
     Attributes
     ----------
     name : the channel; needs : what it follows from.
-    make : from (n_samples,) by name to the channel, (n_samples,).
+    make : from (n_samples,) by name, and "time_s", to the channel, (n_samples,).
     words : the sentence about it, after "'altitude' is "; stands_in : whether it is another quantity in its place.
     """
 
@@ -129,9 +132,33 @@ def follows_setting(time_s: FloatArray, altitude: FloatArray, setting: FloatArra
         if len(quiet) < FEWEST_PLACES:
             continue
         sd = float(np.hypot(MAD * np.median(np.abs(quiet @ weights)), APART))
-        part = float(altitude[first:last] @ weights)
+        behind = max(1, round(BEHIND_S / step_s))
+        near = altitude[max(0, first - behind) : last + behind]
+        part = float(np.max(np.lib.stride_tricks.sliding_window_view(near, last - first) @ weights))
         evidence += float(np.clip((part - 0.5) / sd**2, -MOST_NATS, MOST_NATS))
     return evidence >= FOLLOWS
+
+
+def set_altitude(time_s: FloatArray, baro_altitude: FloatArray, setting: FloatArray) -> FloatArray:
+    """Return the pressure altitude, m, NaN beside a change of the setting where the reading is of another setting.
+
+    Parameters
+    ----------
+    time_s, baro_altitude, setting : (n,) s, m and Pa.
+    """
+    altitude = pressure_altitude(baro_altitude, setting)
+    changed = np.abs(np.diff(altitude - baro_altitude, prepend=np.nan))
+    clicks = np.flatnonzero(changed > LEAST_CHANGE_M)
+    beside = np.zeros(time_s.size, dtype=bool)
+    for at_s in 0.5 * (time_s[clicks - 1] + time_s[clicks]):
+        beside |= np.abs(time_s - at_s) < BEHIND_S
+    values = altitude.copy()
+    for first, end in runs(beside):
+        if first > 0 and end < time_s.size:
+            course = np.interp(time_s[first:end], time_s[[first - 1, end]], altitude[[first - 1, end]])
+            off = np.abs(altitude[first:end] - course) > max(BETWEEN * np.nanmax(changed[first:end]), LEAST_CHANGE_M)
+            values[first:end][off] = np.nan
+    return values
 
 
 def _magnetic(values: Values) -> FloatArray:
@@ -147,7 +174,7 @@ DIRECT = (
     DirectDerivation(
         name="altitude",
         needs=("baro_altitude", "baro_setting"),
-        make=lambda values: pressure_altitude(values["baro_altitude"], values["baro_setting"]),
+        make=lambda values: set_altitude(values["time_s"], values["baro_altitude"], values["baro_setting"]),
         words="the pressure altitude of {0} at the setting {1}",
     ),
     DirectDerivation(
@@ -233,7 +260,7 @@ def with_quantities(log: FlightLog, typed: Collection[str]) -> FlightLog:
                 continue
             if row.stands_in and any(quantity_of(other) == row.name for other in channels):
                 continue
-            recorded = {need: channels[here].values for need, here in needs.items()}
+            recorded = {"time_s": log.time_s} | {need: channels[here].values for need, here in needs.items()}
             values = frozen_array(row.make(recorded))
             if not np.isfinite(values).any():
                 continue

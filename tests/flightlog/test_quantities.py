@@ -73,6 +73,17 @@ def test_an_altitude_follows_the_setting_or_it_does_not(clicks, climb: float, st
         assert follows_setting(TIME, shown, setting)
 
 
+@pytest.mark.parametrize("behind", [-1, 1])
+def test_an_altitude_a_sample_before_or_behind_its_setting_follows_it_and_has_no_spike(behind: int):
+    height, setting, shown = flight(clicks=CLICKS["one of 3 hPa"])
+    shown += altitude_of(setting) - altitude_of(np.roll(setting, behind))
+    log = with_quantities(recorded(altitude=shown, baro_setting=setting), ())
+    altitude = log.channels["altitude"].values
+    known = np.isfinite(altitude)
+    assert np.flatnonzero(~known).tolist() == [600 if behind > 0 else 599]
+    np.testing.assert_allclose(altitude[known][1:-1], height[known][1:-1], atol=0.31)
+
+
 def test_a_setting_that_never_changes_says_nothing():
     _, setting, shown = flight(clicks=())
     assert not follows_setting(TIME, shown, setting)

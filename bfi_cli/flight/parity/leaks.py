@@ -59,8 +59,9 @@ LARGEST_SHARE_OF_TOTAL, COMPARED = 0.5, 2.0
 BEFORE_LEAK_S = 5.0
 # Twice the logarithm of ten to one, by which ice must explain the loss better; s, in which no ice takes all of it.
 AS_GOOD, FASTEST_ICE_S = 4.6, 30.0
-# m; an aircraft that has landed does not climb or descend by this in the minute after.
-FLYING_M, AFTER_S = 15.0, 60.0
+# m; an aircraft that has landed does not climb or descend by this in the minute after, and came down by more within the
+# last minute: 15 m are 5 s of a glide of 3 degrees at 60 m/s.
+FLYING_M, AFTER_S, DESCENT_S = 15.0, 60.0, 60.0
 
 
 def begins_within(finding: Finding, leak: Finding) -> bool:
@@ -181,7 +182,8 @@ def pitot_leaks(
         p_static = static.values[after]
         metres = METRES * np.ptp(p_static) / np.mean(p_static)
         slows = brakes(log, onset_s, float(t[first]), level, float(np.mean(p_static)))
-        if slows or (slows is None and not (level > NO_ROLL * typical or metres > FLYING_M)):
+        rolls = level <= NO_ROLL * typical or _came_down_for_good(t, static.values, onset_s, first, last)
+        if slows or (slows is None and rolls and metres <= FLYING_M):
             landings.append((onset_s, float(t[last]), LANDING))
             continue
         if _grows_evenly(t, q, onset_s, first):
@@ -205,6 +207,20 @@ def pitot_leaks(
         )
         leaks.append((finding, float(t[first])))
     return leaks, landings
+
+
+def _came_down_for_good(t: FloatArray, p_static: FloatArray, onset_s: float, first: int, last: int) -> bool:
+    """Say whether an aircraft descended to where it loses its airspeed, and stays there until that returns.
+
+    It may have landed: one that flies on without an airspeed descends before the log ends.
+
+    Parameters
+    ----------
+    first, last : blocks between which nearly none is left.
+    """
+    above = METRES * (1.0 - p_static / float(p_static[first]))
+    before = above[(t >= onset_s - DESCENT_S) & (t <= onset_s)]
+    return bool(np.nanmax(before, initial=0.0) > FLYING_M and np.nanmax(np.abs(above[first : last + 1])) <= FLYING_M)
 
 
 def _share_gained(t: FloatArray, q: FloatArray, p_static: FloatArray, onset_s: float, first: int) -> float:

@@ -225,11 +225,13 @@ def test_a_climb_that_stops_at_once_is_a_blocked_port():
     assert found.fault == "static_blocked"
 
 
-def test_a_landing_is_neither_leak_nor_hold():
+@pytest.mark.parametrize("faster", [35.0, 10.0], ids=["a transport", "a glider"])
+def test_a_landing_is_neither_leak_nor_hold(faster: float):
+    """A glider touches down at nearly the airspeed that it flies at."""
     time_s = np.arange(8000) / 10.0
     left = np.maximum(600.0 - time_s, 0.0)
     altitude = 150.0 + 4.0 * left + 3.0 * np.sin(time_s / 4.0) * (left > 0.0)
-    speed = 55.0 + 35.0 * np.clip(left / 200.0, 0.0, 1.0) + 1.5 * np.sin(time_s / 7.0) * (left > 0.0)
+    speed = 55.0 + faster * np.clip(left / 200.0, 0.0, 1.0) + 1.5 * np.sin(time_s / 7.0) * (left > 0.0)
     cas = np.where(left > 0.0, speed, np.maximum(55.0 - 3.0 * (time_s - 600.0), 0.0))
     log = made_log(time_s, {"altitude": "m"}, altitude=altitude, cas=cas)
     answer = find_holds(log, 0.0, 800.0)
@@ -239,6 +241,17 @@ def test_a_landing_is_neither_leak_nor_hold():
     ground = made_log(time_s, {"altitude": "m"}, altitude=altitude, cas=cas, ground_speed=np.full(8000, 90.0))
     (found,) = [one for one in find_holds(ground, 0.0, 800.0).findings if one.fault == "pitot_leak"]
     assert found.onset_s == pytest.approx(603.0, abs=5.0)
+
+
+@pytest.mark.parametrize("climbs", [0.0, 1.0])
+def test_an_airspeed_that_is_lost_after_a_descent_is_a_leak_where_the_flight_goes_on(climbs: float):
+    time_s = np.arange(8000) / 10.0
+    altitude = 900.0 + 4.0 * np.maximum(500.0 - time_s, 0.0) + climbs * np.maximum(time_s - 700.0, 0.0)
+    altitude += 3.0 * np.sin(time_s / 4.0)
+    cas = (70.0 + 1.5 * np.sin(time_s / 7.0)) * np.exp(-np.maximum(time_s - 520.0, 0.0) / 12.0)
+    log = made_log(time_s, {"altitude": "m"}, altitude=altitude, cas=cas)
+    found = [finding.fault for finding in find_holds(log, 0.0, 800.0).findings]
+    assert found == (["pitot_leak"] if climbs else [])
 
 
 def test_a_log_with_tas_alone_finds_a_blocked_tube_and_says_what_it_costs():

@@ -1,0 +1,37 @@
+"""What a finder proposes is declared no more surely than all that is recorded."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from made_journeys import made_journey
+from test_surprises import event_of
+
+from bfi_cli.config import Config
+from bfi_cli.flight.flight import flight_of
+from bfi_cli.flight.weighing import DECLARED, weigh_events
+from bfi_cli.flightlog.record import frozen_array
+
+CHANNELS = ("cas", "altitude", "pitch")
+FROM_S, TO_S, STEP_M = 200.0, 230.0, 10.0
+
+
+def test_a_line_that_seems_to_rest_between_coarse_steps_is_not_declared_against_the_record() -> None:
+    log = made_journey(rate_hz=1.0)
+    channels = {name: log.channels[name] for name in CHANNELS}
+    coarse = np.round(channels["altitude"].values / STEP_M) * STEP_M
+    channels["altitude"] = replace(channels["altitude"], values=frozen_array(coarse))
+    hold = replace(
+        event_of("static_blocked", FROM_S, "declared"),
+        channels=("altitude", "cas"),
+        stages=("holds",),
+        shape="static_blocked",
+        offset_s=TO_S,
+        window_s=(FROM_S, TO_S),
+    )
+    flight = flight_of(replace(log, channels=channels), Config())
+    (answer,) = weigh_events(flight, [hold], Config().diagnose).events
+    assert answer.margin is not None
+    assert -DECLARED < answer.margin < 0.0
+    assert answer.state == "suspected"

@@ -112,6 +112,7 @@ class Cause:
     ----------
     jumps : by state the standard deviation of a jump; {} of one that is told by what is recorded alone.
     needs : rows of which one is recorded, () for any; unless : a channel that would show it, "" for none.
+    noisy : channels of which the first that is recorded is noisier while it lasts, and no other is; () for none.
     text : what happened, as a report says it.
     is_sought : whether it is looked for where no finder proposes a fault: what happens at once, and now and then.
     """
@@ -121,6 +122,7 @@ class Cause:
     unit: str = ""
     needs: tuple[str, ...] = ()
     unless: str = ""
+    noisy: tuple[str, ...] = ()
     is_sought: bool = False
 
 
@@ -393,5 +395,6 @@ ORDINARY: Mapping[str, Cause] = {
         unless="baro_setting",
         is_sought=True,
     ),
+    "wake": Cause(jumps={}, text="eddies disturb the airspeed alone", noisy=("tas", "cas", "ias")),
     ON_GROUND: Cause(jumps={}, text="the aircraft is on the ground"),
 }

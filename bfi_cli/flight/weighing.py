@@ -21,6 +21,7 @@ from .gross import FEWEST_S, Gross, gross_errors, swings_of
 from .judge import ALIKE, FROZEN, SET_WITHIN_S, Judgement, explains, is_on_ground, is_set, judge, rows_of
 from .model import flight_model
 from .naming import channels_of, repeat_advice
+from .noise import noisy_events
 from .parity.finding import Stage
 from .parity.sensors import AT_ONCE_EVIDENCE, PITCH_EVIDENCE
 from .parity.windows import flight_stretches
@@ -139,6 +140,7 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     stand = (*swinging_events, *(answer for answer in answers if isinstance(answer, Event)))
     ordinary = [answer for answer in answers if isinstance(answer, OrdinaryEvent)]
     ordinary += [event for event in surprising_events(bench, flight.phases, stand) if not _is_told(event, ordinary)]
+    ordinary += noisy_events(flight.log, flight.phases, stand)
     return Weighing(
         events=stand,
         ordinary=tuple(ordinary),

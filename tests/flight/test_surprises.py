@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_events import event_of
 from made_journeys import made_journey
 
-from bfi_cli.decision import State
 from bfi_cli.flight.bench import Bench, bench_of
 from bfi_cli.flight.model import flight_model
-from bfi_cli.flight.result import Event, OrdinaryEvent
+from bfi_cli.flight.result import OrdinaryEvent
 from bfi_cli.flight.seconds import seconds_of
 from bfi_cli.flight.surprises import TOLD, jump_gains, surprising_events
 from bfi_cli.flightlog.phases import Phase
@@ -45,30 +45,6 @@ def with_flaps() -> Bench:
 @pytest.fixture(scope="module")
 def with_knob() -> Bench:
     return bench_with(KNOB)
-
-
-def event_of(channel: str, at_s: float, state: State = "suspected") -> Event:
-    """Return what a finder says of a channel."""
-    nothing = dict.fromkeys(("constant_s", "frequency_hz", "magnitude", "sd", "ci95", "p_value", "offset_s"))
-    return Event(
-        **nothing,
-        **dict.fromkeys(("unit", "note", "repeat"), ""),
-        **dict.fromkeys(("statistic", "threshold"), 1.0),
-        effect={},
-        evidence={},
-        fault=channel,
-        among=(channel,),
-        channels=(channel,),
-        state=state,
-        kind="abrupt",
-        stages=("parity",),
-        shape="bias",
-        beyond_tolerance=True,
-        onset_s=at_s,
-        onset_ci95=(at_s, at_s),
-        seen_until_s=at_s,
-        window_s=(at_s, at_s),
-    )
 
 
 def test_nothing_surprises_in_a_healthy_flight() -> None:

@@ -62,5 +62,6 @@ def test_an_ordinary_cause_moves_a_row_and_has_its_words(name: str, coefficients
     assert all(sd > 0.0 for sd in cause.jumps.values())
     assert set(cause.needs) <= ROWS.keys()
     assert cause.unless in ("", *STANDARD)
+    assert set(cause.noisy) <= STANDARD.keys()
     assert not cause.jumps.keys() & MANOEUVRE.keys()  # what a pilot does at any time explains nothing by itself
     assert not cause.jumps or any(set(cause.jumps) & row.loads(coefficients).keys() for row in ROWS.values())

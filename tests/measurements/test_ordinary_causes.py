@@ -39,6 +39,7 @@ SHORT_CAUSES = (
     CauseTrial(aircraft="737", cause="wind", seed=0),
     CauseTrial(aircraft="737", cause="attitude_settles", seed=0),
     CauseTrial(aircraft="f16", cause="altimeter_set", seed=0),
+    CauseTrial(aircraft="c172p", cause="wake", seed=0),
 )
 SHORT_FAULTS = (
     FaultTrial(aircraft="citation_20180312_f1.h5", kind="altitude step", seed=0),

@@ -390,7 +390,7 @@ def _strips(scanned: Sequence[Scanned], static: StaticWindows) -> tuple[Strip, .
                 Strip(
                     name=f"parity {length_s:g} s",
                     time_s=np.array([0.5 * (scan.from_s + scan.to_s) for scan in scans]),
-                    share=np.array([scan.statistic / scan.threshold.level for scan in scans]),
+                    share=np.array([scan.statistic / scan.threshold for scan in scans]),
                 )
             )
     names = dict.fromkeys(relation.name for _, answer in static for relation in answer.relations)

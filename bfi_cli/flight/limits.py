@@ -137,7 +137,7 @@ def bounds_of(
         for name in [name for name in magnitudes if name not in scan.lasting]:
             kind, scale = _drift_of(flight, name, window)
             # The statistic, which a rougher flight raises, goes with the square of a slope.
-            spreads = EXCEEDED_BY * np.sqrt(scan.threshold.scale) * scan.sd[name]
+            spreads = EXCEEDED_BY * np.sqrt(scan.rule.scale) * scan.sd[name]
             sizes = np.abs(scan.magnitude[name]) + spreads
             declared = scan.declared[name] if _is_weighed(name) else np.full_like(sizes, np.inf)
             offer(kind, window, scan.onsets_s, sizes, spreads, declared, scale)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache, partial
 
 import numpy as np
@@ -44,31 +44,26 @@ FEWEST_FOR_WORKERS = 120  # a worker takes as long to start as 60 windows to sca
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Scanned:
-    """One window scanned, and the threshold that it is held against.
+class Scanned(Look):
+    """A window of the parity scan, with what events and limits are made of beside what is reported.
 
     Attributes
     ----------
-    statistic, fault, onset_s : the largest ratio, and where it is.
+    lacking : by residual that was not used, what the log lacks for it.
     magnitude, sd : by fault, (n_onsets,) of ramps, with what healthy flight shows beyond the noise models.
     declared : by fault, (n_onsets,) the ramps that would be declared with 90 % power, infinite where none would.
     onsets_s : (n_onsets,) of these.
     lasting : faults that began before it, which its statistic leaves out.
+    rule : what its statistic is held against.
     """
 
-    from_s: float
-    to_s: float
-    residuals: tuple[str, ...]
     lacking: Mapping[str, str]
-    statistic: float
-    fault: str
-    onset_s: float
     onsets_s: FloatArray
     magnitude: Mapping[str, FloatArray]
     sd: Mapping[str, FloatArray]
     declared: Mapping[str, FloatArray]
     lasting: tuple[str, ...]
-    threshold: Threshold
+    rule: Threshold
 
     @property
     def window(self) -> Window:
@@ -77,16 +72,7 @@ class Scanned:
     @property
     def look(self) -> Look:
         """What is reported of it."""
-        return Look(
-            from_s=self.from_s,
-            to_s=self.to_s,
-            residuals=self.residuals,
-            statistic=self.statistic,
-            threshold=self.threshold.level,
-            p_value=self.threshold.p_value(self.statistic),
-            fault=self.fault,
-            onset_s=self.onset_s,
-        )
+        return Look(**{field.name: getattr(self, field.name) for field in fields(Look)})
 
 
 def rate_of(false_alarm: float, n_windows: int) -> float:
@@ -167,6 +153,8 @@ def scan_flight(
                 residuals=tuple(kind.name for kind in scan.kinds),
                 lacking=scan.lacking,
                 statistic=scan.statistic,
+                threshold=level.level,
+                p_value=level.p_value(scan.statistic),
                 fault=best,
                 onset_s=float(scan.onsets_s[int(np.argmax(scan.ratios[best].ratio))]),
                 onsets_s=scan.onsets_s,
@@ -177,7 +165,7 @@ def scan_flight(
                     for fault, ratio in scan.ratios.items()
                 },
                 lasting=lasting,
-                threshold=level,
+                rule=level,
             )
         )
     return scans

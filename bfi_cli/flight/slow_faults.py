@@ -113,7 +113,7 @@ def _runs_that_stand_out(
     flagged = [
         scan
         for scan in scanned
-        if scan.statistic > scan.threshold.suspected
+        if scan.statistic > scan.rule.suspected
         and not overlaps(scan.window, held)
         and not any(scan.from_s < last_s and first_s < scan.to_s for first_s, last_s in onsets)
     ]
@@ -222,7 +222,7 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
     last_s = draft.window[1] + length_s if finding.shape == "drift" else stretch[1]
     explained = 0
     for look in scanned.scanned:
-        window, threshold = look.window, look.threshold
+        window, threshold = look.window, look.rule
         if (
             round(window[1] - window[0]) != RETURN_S
             or window[1] <= finding.onset_s + NEAR_START_S
@@ -305,7 +305,7 @@ def _described(flight: Flight, run: Sequence[Scanned], static: StaticWindows) ->
     early = [scan for scan in run if scan.from_s <= first_s + max(LENGTHS_S)]
     inside = [scan for scan in early if _well_inside(scan.onset_s, scan.window)]
     clearest = max(inside or early, key=lambda scan: scan.statistic)
-    return _name_fault(flight, clearest.window, clearest.onset_s, clearest.threshold, static, until_s=until_s)
+    return _name_fault(flight, clearest.window, clearest.onset_s, clearest.rule, static, until_s=until_s)
 
 
 def _name_fault(

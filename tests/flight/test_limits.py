@@ -197,7 +197,7 @@ def test_what_hides_is_the_estimate_and_what_its_noise_allows(flight: Flight):
     one = made_scan(from_s=380.0, to_s=500.0, magnitude=np.array([-0.2, 0.01]), sd=np.array([0.05, 0.02]))
     one = replace(one, onsets_s=np.array([390.0, 400.0]))
     for scale, noise in ((1.0, 1.0), (4.0, 2.0)):
-        held = replace(one, threshold=thresholds_of(shipped_tables(), RATES, RATES, scale)(KEY))
+        held = replace(one, rule=thresholds_of(shipped_tables(), RATES, RATES, scale)(KEY))
         (kind,) = (one for one in bounds_of(flight, [held], (), ()) if one.fault == "tas")
         np.testing.assert_allclose(kind.windows[0].spreads, EXCEEDED_BY * noise * one.sd["tas"])
         np.testing.assert_allclose(kind.windows[0].sizes - kind.windows[0].spreads, [0.2, 0.01])
@@ -231,7 +231,9 @@ def made_scan(**changes: Any) -> Scanned:
         "sd": {"tas": np.ones(1)},
         "declared": {"tas": np.full(len(changes.get("onsets_s", [30.0])), 9.0)},
         "lasting": (),
-        "threshold": thresholds_of(shipped_tables(), RATES, RATES, 1.0)(KEY),
+        "threshold": 9.0,
+        "p_value": None,
+        "rule": thresholds_of(shipped_tables(), RATES, RATES, 1.0)(KEY),
         **changes,
     }
     return Scanned(**values)

@@ -7,10 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from bfi_cli.decision.calibration import null_from
 from bfi_cli.flight.looks import Scanned, scan_flight
 from bfi_cli.flight.parity import ScanKey, Threshold
 
-AT = Threshold(level=9.0, suspected=6.0, null=None)  # type: ignore[arg-type]
+AT = Threshold(level=9.0, suspected=6.0, null=null_from({"largest": np.arange(1.0, 100.0)}))
 WINDOW = (0.0, 60.0)
 
 

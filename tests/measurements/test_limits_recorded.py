@@ -91,7 +91,7 @@ def hidden_in(flight: Flight, window: tuple[float, float], fault: str) -> tuple[
     rates = dict.fromkeys(LENGTHS_S, 0.01)
     scanned = scan_flight(flight, [window], thresholds_of(flight.tables, rates, rates, 1.0))
     found = [one.windows[0] for one in bounds_of(flight, scanned, (), ()) if one.fault == fault]
-    return (found[0] if found else None), any(one.statistic > one.threshold.level for one in scanned)
+    return (found[0] if found else None), any(one.statistic > one.threshold for one in scanned)
 
 
 @pytest.mark.slow

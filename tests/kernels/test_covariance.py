@@ -63,6 +63,22 @@ def test_rows_and_factor_are_the_same_fit(n_y, first, feedthrough):
     np.testing.assert_allclose(white, fit.information, rtol=1e-8)
 
 
+@pytest.mark.parametrize("weighted", [False, True])
+@pytest.mark.parametrize("n_y", [1, 2])
+def test_a_record_at_a_lower_order_has_the_same_rows(n_y, weighted):
+    u, y, theta = record(0, (1.0, -2.0, 0.5), n_y=n_y)
+    weights = np.linspace(0.5, 2.0, len(y)) if weighted else None
+    layout, _ = fitted(u, y, theta, (0, 2), first=6)
+    layout = layout.with_weights(weights)
+    there, by_restriction = (
+        fit_magnitudes(project_inputs(data, ORDER, floor=FLOOR), (0, 2))
+        for data in (layout.at_order(ORDER).factor(), layout.factor())
+    )
+    assert there.log_det == pytest.approx(by_restriction.log_det, abs=1e-10)
+    np.testing.assert_allclose(there.z, by_restriction.z, rtol=1e-9)
+    np.testing.assert_allclose(there.information, by_restriction.information, rtol=1e-8)
+
+
 def test_classical_covariance_is_the_inverse_information_with_the_degrees_of_freedom():
     """Scores without serial correlation and of the nominal size: a lower bound that white noise nearly reaches."""
     u, y, theta = record(1, (1.0, -2.0, 0.5), n=5000)

@@ -394,6 +394,17 @@ def test_fits_made_together_are_those_made_one_by_one(n_y, scaling, atoms, toget
             assert made_together[atom, column] == pytest.approx(alone.log_det, abs=1e-5)
 
 
+@pytest.mark.parametrize("n_y", [1, 2])
+@pytest.mark.parametrize("atoms", [(), (0,), (1, 4)])
+def test_fits_on_the_few_rows_that_hold_them_are_those_on_all_rows(n_y, atoms, monkeypatch: pytest.MonkeyPatch):
+    u, y, theta, _ = faulty(11, n_y=n_y, n_atoms=40, z=(1.0, *[0.0] * 39), noise_sd=0.1)
+    problem, sizes = problem_of(u, y, theta), np.linspace(-2.0, 5.0, 40)
+    fit = fit_magnitudes(problem, atoms)
+    on_few = log_dets_beside(problem, range(40), sizes, fit)
+    monkeypatch.setattr(module, "COMPRESSED", np.inf)
+    np.testing.assert_allclose(on_few, log_dets_beside(problem, range(40), sizes, fit), rtol=0, atol=1e-10)
+
+
 def test_fits_of_dependent_signals_are_made_one_by_one():
     u, y, theta, _ = faulty(12, noise_sd=0.1)
     problem = problem_of(u, y, np.concatenate([theta, theta[:, :, :1]], axis=2))

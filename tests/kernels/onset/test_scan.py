@@ -139,6 +139,15 @@ def test_all_onsets_at_once_are_the_onsets_one_by_one(name):
     assert (whole.statistic >= 0.0).all()
 
 
+def test_a_profile_is_made_once_for_each_shape_and_onsets():
+    scan, (first, second) = prepare_scan(*record(N), order=4), [waveforms(N)[name] for name in ("bias", "drift")]
+    made = scan_shape(scan, first), scan_shape(scan, second), scan_shape(scan, first, np.arange(100, 200))
+    assert len({id(profile) for profile in made}) == 3
+    assert scan_shape(scan, first) is made[0]
+    fresh = scan_shape(prepare_scan(*record(N), order=4), second)
+    np.testing.assert_array_equal(made[1].statistic, fresh.statistic)
+
+
 @pytest.mark.parametrize("name", SHAPES)
 @pytest.mark.parametrize("carried", [0.0, 5.0])
 def test_a_screen_shows_no_more_than_the_scan_and_most_of_a_clear_fault(name, carried):

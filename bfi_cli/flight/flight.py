@@ -221,8 +221,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     log.window(from_s, to_s)  # refuses one without samples
     _check_channels(log, config)
     _check_causes(log, config.diagnose)
-    parts = find_phases(whole)
-    phases = parts.phases
+    phases, disagreements = find_phases(whole)
     if not flight_stretches(phases):
         raise LogError(
             f"{log.path}: no part of the log is in flight between take-off and landing; give a log of a flight, or "
@@ -231,7 +230,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     resting = frozen_sensors(log, record_of(log), phases)
     log = without_frozen(log, resting)
     # What one airspeed says against all others is no sign of a pressure line.
-    overruled = {disagreement.channel for disagreement in parts.disagreements if disagreement.alone}
+    overruled = {disagreement.channel for disagreement in disagreements if disagreement.alone}
     held = find_holds(without(log, *overruled), start_s, stop_s, phases=phases)
     held = replace(held, findings=_doubted_in_stalls(_until_free(held.findings, phases, stop_s), phases))
     coarse = coarse_positions(log)
@@ -249,7 +248,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         record=record,
         phases=phases,
         counted=phases,
-        disagreements=parts.disagreements,
+        disagreements=disagreements,
         from_s=from_s,
         to_s=to_s,
         is_part=(from_s, to_s) != (start_s, stop_s),

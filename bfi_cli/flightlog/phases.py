@@ -180,14 +180,6 @@ class _Flight:
         return [(phase.from_s, phase.to_s) for phase in (self.phase("ground", run) for run in parts)]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightPhases:
-    """The phases of a flight, and the airspeeds that contradict them."""
-
-    phases: tuple[Phase, ...]
-    disagreements: tuple[Disagreement, ...]
-
-
 def spans_of(phases: Sequence[Phase], kinds: Collection[str]) -> list[tuple[float, float]]:
     """Return (from_s, to_s) of the phases of some kinds, in their order."""
     return [(phase.from_s, phase.to_s) for phase in phases if phase.phase in kinds]
@@ -211,11 +203,15 @@ def note_on_rotors(phases: Sequence[Phase]) -> tuple[Note, ...]:
 
 def phases_of(log: FlightLog, *, suspects: Collection[str] = ()) -> tuple[Phase, ...]:
     """Return the phases of a flight in order of time, see `find_phases`."""
-    return find_phases(log, suspects=suspects).phases
+    return find_phases(log, suspects=suspects)[0]
 
 
-def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhases:
-    """Return the phases of a flight in order of time, each part before the manoeuvres that begin with it.
+def find_phases(
+    log: FlightLog, *, suspects: Collection[str] = ()
+) -> tuple[tuple[Phase, ...], tuple[Disagreement, ...]]:
+    """Return the phases of a flight in order of time, and the airspeeds that contradict them.
+
+    Each part comes before the manoeuvres that begin with it.
 
     An airspeed (or a ground speed) is needed to set the scale; a log without one has no phases. Whether the aircraft
     flies is decided by the majority of independent signs (`bfi_cli.flightlog.signs`), never by one airspeed alone. The
@@ -228,9 +224,8 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     ----------
     suspects : channels that may be faulty, which are not used; an airspeed is, if there is no other.
     """
-    nothing = FlightPhases(phases=(), disagreements=())
     if log.n_samples < 2 or log.time_s[-1] - log.time_s[0] > LONGEST_S:
-        return nothing
+        return (), ()
     sensors = _sensors(log, suspects)
     log = replace(log, channels={**log.channels, **{name: log.channels[sensor] for name, sensor in sensors.items()}})
     suspects = {*suspects, *(name for name, sensor in sensors.items() if sensor in suspects)}
@@ -241,7 +236,7 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
         trusted, over_ground = {"ground_speed": over_ground}, None
     speeds = trusted or dict(list(speeds.items())[:1])
     if not speeds:
-        return nothing
+        return (), ()
     hovering = _hovering(log)
     rotors = within(log.time_s, spans_of(hovering, (HOVER, TRANSITION)))
     speeds = {name: np.where(rotors, np.nan, smoothed_speed(values, log.rate_hz)) for name, values in speeds.items()}
@@ -251,7 +246,7 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     if first is None:
         end_s = round(float(log.time_s[-1]) + 1.0 / log.rate_hz, 3)
         ground = Phase(phase="ground", from_s=round(float(log.time_s[0]), 3), to_s=end_s)
-        return FlightPhases(phases=tuple(_around((ground,), hovering, (), 0.0)), disagreements=())
+        return tuple(_around((ground,), hovering, (), 0.0)), ()
     ordered = {first: speeds.pop(first), **speeds}
     if over_ground is not None:
         over_ground = np.where(rotors, np.nan, smoothed_speed(over_ground, log.rate_hz))
@@ -269,7 +264,7 @@ def find_phases(log: FlightLog, *, suspects: Collection[str] = ()) -> FlightPhas
     if hovering:
         phases = tuple(_around(phases, hovering, flight.low_stretches(), flight.step_s))
     disagreements = (replace(run, channel=sensors.get(run.channel, run.channel)) for run in flight.disagreements)
-    return FlightPhases(phases=phases, disagreements=tuple(disagreements))
+    return phases, tuple(disagreements)
 
 
 def _hovering(log: FlightLog) -> tuple[Phase, ...]:

@@ -22,18 +22,21 @@ from .candidate import (
     with_limit_of_scan,
 )
 from .conclude import WITHHELD, Conclusion, conclude, decide, summarise, verdicts_of
-from .evidence import Evidence, Manoeuvre, at_entries
+from .evidence import MOSTLY, STEPS, Evidence, Manoeuvre, OnsetBound, at_entries
 
 __all__ = [
     "BUILD_UP_S",
     "KINDS",
+    "MOSTLY",
     "NOT_EXACT",
+    "STEPS",
     "UNTESTED",
     "WITHHELD",
     "Candidate",
     "Conclusion",
     "Evidence",
     "Manoeuvre",
+    "OnsetBound",
     "Proof",
     "State",
 ]

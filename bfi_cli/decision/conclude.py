@@ -19,7 +19,7 @@ from ..faults.shapes import LINE_SHAPES, SHAPES, Kind
 from ..notes import Note
 from ..quantities.text import instant, quantity
 from .candidate import KINDS, Candidate, State, shown_limit, with_limit
-from .evidence import Evidence, Manoeuvre
+from .evidence import STEPS, Evidence, Manoeuvre
 
 if TYPE_CHECKING:  # its package needs the configuration, which needs this one
     from .implausible import Implausible
@@ -146,7 +146,7 @@ def conclude(
        declare of one channel at one time is one fault, named by the one with more evidence: a reading that is held to
        the last bit has most, and a line of pressure that is blocked or leaks; whatever seems to begin on its channel
        since is that.
-    2. What bounds a slow error of a channel in one source bounds it in all: the smallest limit counts.
+    2. What bounds a slow error, or a step, of a channel in one source bounds it in all: the smallest limit counts.
     3. A sensor that is frozen tells of no other fault of its channel.
     4. The verdicts on the kinds, and the sentence that says them.
     5. What is wrong with channels throughout the flight is told beside that. Where it is larger than an installation
@@ -383,9 +383,11 @@ def _while_it_read(candidate: Candidate, faults: Sequence[FaultEstimate]) -> Can
 
 
 def _with_least_limit(candidate: Candidate, evidence: Sequence[Evidence]) -> Candidate:
-    """Return a candidate of a slow fault with the smallest error that any source leaves on its channel."""
-    if candidate.kind != "slow" or candidate.state not in ("excluded", "not_seen"):
+    """Return a candidate with the smallest error that any source leaves of a slow fault or a step of its channel."""
+    if candidate.state not in ("excluded", "not_seen"):
         return candidate
+    if candidate.kind != "slow":
+        return _with_least_step(candidate, evidence)
     bounds = [
         (other.effect, other.seen_above)
         for source in evidence
@@ -395,10 +397,28 @@ def _with_least_limit(candidate: Candidate, evidence: Sequence[Evidence]) -> Can
         and other.state in ("excluded", "not_seen")
         and other.effect is not None
     ]
-    least = min((effect for effect, _ in bounds), default=None)
+    least = min((effect for effect, _ in bounds), default=math.inf)
     seen_above = min((seen for _, seen in bounds if seen is not None), default=None)
-    if least is None or (candidate.effect is not None and candidate.effect <= least):
-        return replace(candidate, seen_above=seen_above)
+    return _with_error(replace(candidate, seen_above=seen_above), least)
+
+
+def _with_least_step(candidate: Candidate, evidence: Sequence[Evidence]) -> Candidate:
+    """Return a candidate with the smallest error that a source leaves of a step at its onsets, or at most of them."""
+    spans_s = candidate.onsets_checked or ()
+    if candidate.onset_s is not None:
+        spans_s = ((candidate.onset_s, candidate.onset_s),)
+    bounds = [bound for source in evidence for bound in source.bounds if bound.channel == candidate.channel]
+    if candidate.kind != "abrupt" or candidate.shape not in STEPS or not (spans_s and bounds):
+        return candidate
+    least, held_s = min((bound.over(spans_s, candidate.tolerance) for bound in bounds), key=lambda bound: bound[0])
+    bounded = _with_error(candidate, least)
+    return bounded if bounded is candidate or held_s == spans_s else replace(bounded, onsets_checked=held_s)
+
+
+def _with_error(candidate: Candidate, least: float) -> Candidate:
+    """Return a candidate with an error that bounds it, itself where that is no less than its own."""
+    if math.isinf(least) or (candidate.effect is not None and candidate.effect <= least):
+        return candidate
     scale = None if candidate.effect in (None, 0.0) else least / candidate.effect
     above = None if scale is None or candidate.excluded_above is None else scale * candidate.excluded_above
-    return with_limit(candidate, least, above, seen_above)
+    return with_limit(candidate, least, above, candidate.seen_above)

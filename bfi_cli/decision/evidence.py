@@ -5,12 +5,17 @@ What another source finds at an entry of a dictionary is that entry.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from ..faults import Fault, FaultEstimate
-from ..faults.shapes import SHAPES
+from ..faults.shapes import SHAPES, Shape
+from ..kernels import FloatArray
+from ..kernels.runs import runs
 from ..notes import Note
 from .candidate import Candidate, with_limit
 
@@ -39,6 +44,54 @@ class Manoeuvre:
         return self.from_s - self.beside_s, self.to_s + self.beside_s
 
 
+Spans = tuple[tuple[float, float], ...]
+
+# Share of the onsets, frequencies or time constants at which what an answer says of a fault holds.
+MOSTLY = 0.95
+# Shapes that a claim about steps is about: they build up within `BUILD_UP_S`, and last.
+STEPS: tuple[Shape, ...] = tuple(
+    name for name, shape in SHAPES.items() if shape.kind == "abrupt" and shape.course is not None
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OnsetBound:
+    """How large an error by a step, a lag or a ramp may be unseen, by its onset.
+
+    Attributes
+    ----------
+    channel : that errs.
+    onsets_s : (n,) ascending, on the log's axis; errors : (n,) at each the largest, infinite where any may be.
+    """
+
+    channel: str
+    onsets_s: FloatArray
+    errors: FloatArray
+
+    def over(self, spans_s: Spans, tolerance: float | None) -> tuple[float, Spans]:
+        """Return the largest error at the onsets of some spans, and the spans: infinite where some are not bounded.
+
+        Where it is beyond the tolerance, but within that at most of the onsets, it is that of these, and so are the
+        spans.
+        """
+        inside, held = list[FloatArray](), list[tuple[float, float]]()
+        for from_s, to_s in spans_s:
+            first = int(np.searchsorted(self.onsets_s, from_s, side="right")) - 1
+            last = int(np.searchsorted(self.onsets_s, to_s, side="left"))
+            if first < 0 or last >= len(self.onsets_s):
+                return math.inf, spans_s
+            errors, onsets_s = self.errors[first : last + 1], self.onsets_s[first : last + 1]
+            inside.append(errors)
+            if tolerance is not None:
+                ends_s = [(onsets_s[start], onsets_s[end - 1]) for start, end in runs(errors <= tolerance)]
+                held += [(max(from_s, float(low)), min(to_s, float(high))) for low, high in ends_s]
+        every = np.concatenate(inside)
+        largest = float(every.max())
+        if tolerance is None or largest <= tolerance or np.mean(every <= tolerance) < MOSTLY:
+            return largest, spans_s
+        return float(every[every <= tolerance].max()), tuple((low, high) for low, high in held if low < high)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Evidence:
     """The evidence of one source, each at its share of the level (see `bfi_cli.decision.conclude`).
@@ -50,6 +103,7 @@ class Evidence:
         throughout), "detector" and "flight" (`bfi detect`, `bfi diagnose`).
     faults : that it declares.
     candidates : what it looked for, declared, suspected, excluded or not seen; its limits hold at its share.
+    bounds : of steps of a channel by their onset, at its share too.
     notes : what limits the source, in sentences.
     manoeuvres : in which what a model of the window declares may be the aircraft's own motion.
     findings : on channels that are wrong throughout the flight.
@@ -58,6 +112,7 @@ class Evidence:
     source: str
     faults: tuple[FaultEstimate, ...] = ()
     candidates: tuple[Candidate, ...] = ()
+    bounds: tuple[OnsetBound, ...] = ()
     notes: tuple[Note, ...] = ()
     manoeuvres: tuple[Manoeuvre, ...] = ()
     findings: tuple[Implausible, ...] = ()

@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ..airdata import DEPENDS_ON, SENSORS, isa_temperature
 from ..config import Config, merge
 from ..decision import Candidate, Evidence, estimate_of, finite, state_of
 from ..errors import LogError
@@ -30,12 +29,12 @@ from ..threads import one_thread
 from .diagnose import events_of, lasting_faults
 from .events import growth
 from .flight import Flight, flight_of
-from .limits import BIN_S, MOSTLY, PITOT_LINE, Bounds, bounds_of, hidden_slopes
-from .parity import RESIDUALS, Record, available, configuration_changes
+from .limits import BIN_S, MOSTLY, Bounds, bounds_of, hidden_slopes
+from .parity import RESIDUALS, available, configuration_changes
 from .parity.explain import course_for
-from .parity.record import STATIC_LEAK, climbing, hypotheses
 from .parity.windows import LENGTHS_S, clean_up_time
 from .result import Event
+from .step_bounds import error_by_any_sensor, step_bounds
 
 FloatArray = NDArray[np.float64]
 
@@ -45,20 +44,17 @@ SOURCE = "physics"
 BESIDE_S = 600.0
 # SHARE: physics' share of a window's rate of false alarms; the other half is that of the window's own model.
 SHARE = 0.5
-# K, and K per m of altitude, by which air departs from the standard atmosphere within minutes: a front of 3 K, and an
-# inversion of 3.5 K in 1000 m where that cools by 6.5. A probe that drifts by more shows it.
-FRONT, INVERSION = 3.0, 0.01
 # What each residual reads, and what it is called.
 _READS = {kind.name: kind.reads.union(*kind.needs) for kind in RESIDUALS}
 WORDS = {"lift": "lift", "climb": "the climb angle", "kinematics": "inertia", "ground_speed": "the ground speed"}
 
 
 def physics_evidence(log: FlightLog, config: Config, progress: Progress = unseen) -> Evidence:
-    """Return the slow faults of the outputs that physics declares in a window, and how large others could be.
+    """Return the slow faults of the outputs that physics declares in a window, and how large others and steps could be.
 
     1. The flight about the window: its phases, defects, held lines, and angle of zero lift.
     2. Faults that sensors, lines, static relations, lift and inertia show, and the errors that they make on outputs.
-    3. By output the largest slow error that may hide, whichever of its sensors makes it.
+    3. By output the largest slow error that may hide, and the largest step, whichever of its sensors makes it.
 
     Parameters
     ----------
@@ -91,7 +87,8 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
         flight = slow.flight
         events = events_of(flight, drafts)
         bounds = bounds_of(flight, slow.scanned, static, events)
-    outputs = [name for name in config.outputs if name in flight.recorded and name in STANDARD]
+        outputs = [name for name in config.outputs if name in flight.recorded and name in STANDARD]
+        steps = step_bounds(flight, slow.scanned, static, events, outputs)
     tolerances = {name: flight.tolerance(name, (flight.from_s, flight.to_s)) or np.inf for name in outputs}
     faults: list[FaultEstimate] = []
     notes: list[Note] = []
@@ -113,7 +110,7 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
     else:
         notes += dict.fromkeys(_what_would_help(flight, name, unbounded) for name in unbounded)
     candidates = [candidate for candidate in candidates_of.values() if candidate is not None]
-    return Evidence(source=SOURCE, faults=tuple(faults), candidates=tuple(candidates), notes=tuple(notes))
+    return Evidence(source=SOURCE, faults=tuple(faults), candidates=tuple(candidates), bounds=steps, notes=tuple(notes))
 
 
 def _silent(why: str) -> Evidence:
@@ -268,9 +265,9 @@ def _hidden_errors(
 
     The second is that from which on a fault that begins there would be declared.
 
-    A fault of the channel alone is bounded by what bounds its error, or by its relations to others: these say nothing
-    of the sensors that they share with it, of which the lines of pressure have bounds of their own, and the temperature
-    probe that of the air.
+    Parameters
+    ----------
+    starts : (n_starts,) of the stretches.
     """
     part = flight.record.between(flight.from_s, flight.to_s)
     slopes = {
@@ -279,46 +276,17 @@ def _hidden_errors(
         if bound.shape == "drift"
     }
     nothing = np.full((2, len(starts)), np.inf)
-    since_s = flight.to_s - starts
-    related = slopes.get((channel, "disagreement"), nothing) * since_s
-    if "temperature probe" in SENSORS.get(channel, frozenset()):
-        related = np.maximum(related, error_of_probe(part, channel))
-    errors = np.minimum(slopes.get((channel, "error"), nothing) * since_s, related)
-    for line, name in (("q_impact", PITOT_LINE), (STATIC_LEAK, STATIC_LEAK)):
-        grown, at_once = _reach(part, line, channel)
-        if grown or at_once:
-            errors = np.maximum(errors, slopes.get((name, "error"), nothing) * (grown * since_s + at_once))
-    hidden, declared = errors
-    return hidden, declared
 
+    def errors(k: int) -> FloatArray:
+        return error_by_any_sensor(
+            part,
+            channel,
+            lambda fault, what: np.asarray(slopes.get((fault, what), nothing)[k]),
+            flight.to_s - starts,
+            is_sudden=False,
+        )
 
-def error_of_probe(part: Record, channel: str) -> float:
-    """Return the largest error of the true airspeed by a temperature probe that drifts within a window."""
-    if channel != "tas" or not ("altitude" in part.channels and {"tat", "sat"} & part.channels.keys()):
-        return np.inf
-    height = part.channels["altitude"]
-    sat = part.air.sat
-    warmth, speed = sat - isa_temperature(height), part.channels["tas"] / sat
-    if not (np.isfinite(warmth).any() and np.isfinite(speed).any()):
-        return np.inf
-    change = (
-        float(np.nanmax(warmth) - np.nanmin(warmth)) + FRONT + INVERSION * float(np.nanmax(height) - np.nanmin(height))
-    )
-    return 0.5 * float(np.nanmax(speed)) * change
-
-
-def _reach(part: Record, fault: str, channel: str) -> tuple[float, float]:
-    """Return the largest error of a channel by a fault of a line of size 1, and by one that grows by 1 a second."""
-    hypothesis = next((hypothesis for hypothesis in hypotheses(part) if hypothesis.fault == fault), None)
-    if hypothesis is None or channel not in DEPENDS_ON or channel not in part.channels:
-        return 0.0, 0.0
-    turning = climbing(part, hypothesis.size) if fault == STATIC_LEAK and channel == "altitude_rate" else part
-
-    def moved(other: Record) -> float:
-        change = np.abs(other.channels[channel] - part.channels[channel])
-        return float(np.nanmax(change)) / hypothesis.size if np.isfinite(change).any() else 0.0
-
-    return moved(part.with_small(hypothesis)[0]), moved(turning)
+    return errors(0), errors(1)
 
 
 def _what_would_help(flight: Flight, channel: str, unbounded: Sequence[str]) -> Note:

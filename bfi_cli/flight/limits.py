@@ -96,11 +96,7 @@ def bounds_of(
     Windows with a declared fault are left out: they exclude no other of its size. What may last excludes nothing of its
     own after it. A limit of the scan holds at 95 % for a fault of any onset.
     """
-    left_out = [
-        (event.onset_s, event.seen_until_s if event.offset_s is None else event.offset_s)
-        for event in events
-        if event.state == "declared" and event.stages[0] != "sensors"
-    ]
+    left_out = declared_stretches(events)
     bounds: dict[tuple[str, str, Bound], tuple[Bounds, list[Hidden]]] = {}
     largest = cache(partial(_largest_error, flight))
 
@@ -152,6 +148,15 @@ def bounds_of(
             sizes = np.array(limit.sizes)
             offer(kind, window, np.array(limit.onsets_s), sizes, sizes, sizes)
     return tuple(replace(kind, windows=tuple(windows)) for kind, windows in bounds.values())
+
+
+def declared_stretches(events: Sequence[Event]) -> list[Window]:
+    """Return where a fault is declared, beside which no other of its size is excluded."""
+    return [
+        (event.onset_s, event.seen_until_s if event.offset_s is None else event.offset_s)
+        for event in events
+        if event.state == "declared" and event.stages[0] != "sensors"
+    ]
 
 
 def _is_weighed(fault: str) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal, Protocol
 
 from ..decision import KINDS, UNTESTED, Candidate, Proof, shown_limit
@@ -213,7 +214,9 @@ def candidate_lines(candidates: Sequence[Candidate], units: Units) -> dict[Label
     ]
     if spans:
         first_s, last_s = max(span[0][0] for span in spans), min(span[-1][1] for span in spans)
-        unchecked.append(f"faults that start before {instant(first_s)} s or after {instant(last_s)} s")
+        within = {(a[1], b[0]) for span in spans for a, b in pairwise(span)}
+        between = "".join(f", from {instant(from_s)} to {instant(to_s)} s" for from_s, to_s in sorted(within))
+        unchecked.append(f"faults that start before {instant(first_s)} s{between} or after {instant(last_s)} s")
     near_an_end = [candidate.name for candidate in candidates if candidate.state is None and candidate.note == UNTESTED]
     if near_an_end:
         start = f"'{near_an_end[0]}' starts" if len(near_an_end) == 1 else f"{len(near_an_end)} entries start"

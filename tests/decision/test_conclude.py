@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 from noted import texts
 
@@ -14,6 +16,7 @@ from bfi_cli.decision import (
     Candidate,
     Evidence,
     Manoeuvre,
+    OnsetBound,
     at_entries,
     beyond_tolerance,
     candidate_of,
@@ -390,3 +393,57 @@ def test_a_method_that_fails_or_fires_decides():
         "no solution",
     )
     assert conclude([replace(declared, faults=())], KINDS, fires=True).decision == "fault"
+
+
+def bound(*errors: float, channel: str = "tas") -> OnsetBound:
+    """Return a bound of steps that begin at 0, 1, 2 ... s."""
+    return OnsetBound(channel=channel, onsets_s=np.arange(len(errors), dtype=float), errors=np.array(errors))
+
+
+def test_a_bound_holds_between_its_onsets_and_not_beyond_them():
+    steps = bound(5.0, 1.0, 2.0, 3.0, 9.0)
+    assert steps.over(((1.0, 3.0),), None) == (3.0, ((1.0, 3.0),))
+    assert steps.over(((1.5, 1.6),), None)[0] == 2.0  # the worse of both neighbours
+    assert steps.over(((0.5, 1.0), (2.0, 3.0)), None)[0] == 5.0
+    assert steps.over(((1.0, 4.5),), None)[0] == math.inf
+    assert steps.over(((-0.5, 1.0),), None)[0] == math.inf
+
+
+def test_a_bound_within_the_tolerance_at_most_onsets_is_that_of_these():
+    errors = [1.0] * 60
+    errors[30], errors[40] = 4.0, 1.9
+    spans_s = ((1.0, 58.0),)
+    assert bound(*errors).over(spans_s, 2.0) == (1.9, ((1.0, 29.0), (31.0, 58.0)))
+    assert bound(*errors).over(spans_s, 5.0) == (4.0, spans_s)
+    errors[10:13] = [4.0] * 3  # with that more than a twentieth
+    assert bound(*errors).over(spans_s, 2.0) == (4.0, spans_s)
+
+
+@pytest.mark.parametrize(
+    ("changes", "state", "effect"),
+    [
+        ({"onsets_checked": ((2.0, 7.0),)}, "excluded", 1.5),
+        ({"onset_s": 5.0}, "excluded", 1.5),
+        ({"onsets_checked": ((2.0, 70.0),)}, "not_seen", 3.0),
+        ({"channel": "cas", "onset_s": 5.0}, "not_seen", 3.0),
+        ({"shape": "decaying_bias", "onset_s": 5.0}, "not_seen", 3.0),
+        ({"state": "suspected", "onset_s": 5.0}, "suspected", 3.0),
+        ({}, "not_seen", 3.0),
+    ],
+)
+def test_a_step_is_excluded_by_a_bound_of_another_source_at_its_onsets(changes, state, effect):
+    step = replace(candidate("abrupt", 3.0, excluded_above=3.0, seen_above=4.0), **changes)
+    sources = [Evidence(source="scan", candidates=(step,)), Evidence(source="physics", bounds=(bound(*[1.5] * 10),))]
+    (said,) = conclude(sources, KINDS).candidates
+    assert (said.state, said.effect, said.excluded_above, said.seen_above) == (state, effect, effect, 4.0)
+
+
+def test_a_step_that_a_bound_excludes_at_most_onsets_is_checked_at_these():
+    errors = [1.5] * 40
+    errors[20] = 2.5
+    step = candidate("abrupt", 3.0, onsets_checked=((1.0, 38.0),))
+    sources = [Evidence(source="scan", candidates=(step,)), Evidence(source="physics", bounds=(bound(*errors),))]
+    (said,) = conclude(sources, KINDS).candidates
+    assert (said.state, said.onsets_checked) == ("excluded", ((1.0, 19.0), (21.0, 38.0)))
+    (smaller,) = conclude([replace(sources[0], candidates=(replace(step, effect=1.0),)), sources[1]], KINDS).candidates
+    assert (smaller.effect, smaller.onsets_checked) == (1.0, step.onsets_checked)

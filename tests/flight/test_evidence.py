@@ -16,8 +16,9 @@ from bfi_cli.decision import Evidence, conclude
 from bfi_cli.errors import ConfigError
 from bfi_cli.faults import Fault
 from bfi_cli.flight import flight as room
-from bfi_cli.flight.evidence import BESIDE_S, FRONT, INVERSION, error_of_probe, physics_evidence
+from bfi_cli.flight.evidence import BESIDE_S, physics_evidence
 from bfi_cli.flight.parity import record_of
+from bfi_cli.flight.step_bounds import FRONT, INVERSION, error_of_probe
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.injection import inject
 

@@ -562,6 +562,34 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
     )
 
 
+def hidden_sizes(
+    series: Series, channel: str, window: tuple[float, float], courses: Callable[[FloatArray], FloatArray]
+) -> dict[Bound, FloatArray]:
+    """Return by what a relation bounds (n_courses,) the largest errors of a channel that none would have told.
+
+    Parameters
+    ----------
+    courses : from times (n,), (n, n_courses) an error of size 1 at these.
+    """
+    hidden: dict[Bound, FloatArray] = {}
+    for whole in series[0]:
+        part, relation = whole.between(*window), whole.relation
+        effect = float(np.nanmedian(part.effects[channel])) if channel in part.effects and len(part.time_s) else 0.0
+        if not (relation.declares and effect and len(part.time_s) >= FEWEST_BLOCKS):
+            continue
+        candidates = courses(part.time_s)
+        scanned = _Scanned(
+            series=part,
+            scan=part.scan(candidates, declared_at=THRESHOLD),
+            effects={channel: effect},
+            reach=np.ones(candidates.shape[1]),
+            stuck=(),
+        )
+        bounds, sizes = relation.bounds(channel), scanned.hidden / abs(effect)
+        hidden[bounds] = np.minimum(hidden.get(bounds, sizes), sizes)
+    return hidden
+
+
 def _stuck_courses(part: RelationSeries, during: BoolArray) -> Iterator[tuple[str, str, FloatArray]]:
     """Yield channel, shape and (n, n_stretches) what each of two sensors adds to their difference while it is stuck.
 

@@ -18,7 +18,18 @@ from typing import Any
 
 import numpy as np
 
-from ...decision import KINDS, NOT_EXACT, UNTESTED, Candidate, candidate_of, finite, kind_of, untested, with_limit
+from ...decision import (
+    KINDS,
+    MOSTLY,
+    NOT_EXACT,
+    UNTESTED,
+    Candidate,
+    candidate_of,
+    finite,
+    kind_of,
+    untested,
+    with_limit,
+)
 from ...faults import Fault
 from ...faults.shapes import ADDITIVE, SHAPES, Kind, Shape, scanned_shape
 from ...kernels import ONE_SIDED_90, ONE_SIDED_95, BoolArray, FloatArray, IntArray
@@ -73,9 +84,6 @@ EXCLUDED, SUSPECTED = 0.5 * math.exp(-0.5 * ONE_SIDED_95**2), 1.0
 # Errors at which the likelihood is asked, in tolerances: limits from a thousandth to a hundred of them.
 PER_DECADE = 6
 ERRORS = np.geomspace(0.001, 100.0, 5 * PER_DECADE + 1)
-# Share of the onsets, and of the frequencies or time constants, at which a fault of the size that an answer says it
-# would see is seen.
-MOSTLY = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,0 +1,72 @@
+"""What physics leaves of steps, lags and ramps: by onset, of whichever sensor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bfi_cli.config import Config
+from bfi_cli.decision import STEPS, Evidence
+from bfi_cli.faults import Fault
+from bfi_cli.faults.shapes import SHAPES
+from bfi_cli.flight.evidence import physics_evidence
+from bfi_cli.flightlog import FlightLog
+from bfi_cli.flightlog.injection import inject
+from bfi_cli.flightlog.record import frozen_array
+
+WINDOW, ONSET_S = (400.0, 520.0), 440.0
+# From three seconds after the window's start to three before its end.
+SPANS = ((403.0, 517.0),)
+AIRSPEEDS = ("tas", "cas", "mach")
+
+
+def evidence(log: FlightLog, *outputs: str) -> Evidence:
+    values = {"window": {"from_s": WINDOW[0], "to_s": WINDOW[1]}, "outputs": outputs or ("tas",)}
+    return physics_evidence(log, Config.model_validate(values))
+
+
+@pytest.fixture(scope="module")
+def cruise(journey: FlightLog) -> FlightLog:
+    return journey.window(320.0, 640.0)
+
+
+@pytest.fixture(scope="module")
+def healthy(cruise: FlightLog) -> Evidence:
+    return evidence(cruise, "tas", "cas", "altitude_rate")
+
+
+def test_steps_of_a_healthy_airspeed_are_bounded_at_every_onset(healthy: Evidence):
+    bounds = {bound.channel: bound for bound in healthy.bounds}
+    for channel in ("tas", "cas"):
+        largest, spans_s = bounds[channel].over(SPANS, None)
+        assert 0.0 < largest < 3.0
+        assert spans_s == SPANS
+        assert np.all(np.diff(bounds[channel].onsets_s) > 0.0)
+    # A static pressure that jumps is a climb of any rate for a moment.
+    assert "altitude_rate" not in bounds
+
+
+@pytest.mark.parametrize("shape", STEPS)
+def test_a_step_of_the_line_that_is_there_is_not_excluded(cruise: FlightLog, healthy: Evidence, shape: str):
+    """All airspeeds follow it, so that only lift, climb and inertia tell; what they hide is what it leaves unseen."""
+    bound = healthy.bounds[0]
+    error = 0.9 * bound.over(((ONSET_S, ONSET_S),), None)[0]
+    course, seconds = SHAPES[shape].course, max(SHAPES[shape].claimed_s, default=0.0)
+    share = error * course(cruise.time_s - ONSET_S, seconds) / cruise.channel("tas").values
+    channels = {name: cruise.channel(name) for name in AIRSPEEDS}
+    moved = {name: replace(one, values=frozen_array(one.values * (1.0 + share))) for name, one in channels.items()}
+    found = evidence(replace(cruise, channels={**cruise.channels, **moved}))
+    assert found.bounds[0].over(((ONSET_S, ONSET_S),), None)[0] > error
+
+
+def test_a_step_of_one_airspeed_alone_is_declared_and_nothing_is_excluded_beside_it(cruise: FlightLog):
+    found = evidence(inject(cruise, [Fault(shape="bias", channel="tas", magnitude=4.0, onset_s=ONSET_S)]))
+    assert [estimate.fault.channel for estimate in found.faults] == ["tas"]
+    assert found.bounds == ()
+
+
+def test_a_log_whose_sensors_say_nothing_of_each_other_has_no_bound(cruise: FlightLog):
+    names = ("tas", "altitude", "pitch", "elevator")
+    assert evidence(replace(cruise, channels={name: cruise.channels[name] for name in names})).bounds == ()

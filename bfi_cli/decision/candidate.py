@@ -50,7 +50,8 @@ class Candidate:
         95 % of the onsets, frequencies and time constants covered; None where it is not known.
     onset_s : of an entry of a dictionary, on the log's axis; None where all onsets were looked at.
     note : why it is left out, suspected or not seen.
-    onsets_checked : (from, to), s, of the onsets that were searched; None for an entry with a stated onset.
+    onsets_checked : (from, to), s, of the onsets that were searched and at which the limit holds; None for an entry
+        with a stated onset.
     """
 
     name: str

@@ -386,8 +386,14 @@ def _with_least_limit(candidate: Candidate, evidence: Sequence[Evidence]) -> Can
     """Return a candidate with the smallest error that any source leaves of a slow fault or a step of its channel."""
     if candidate.state not in ("excluded", "not_seen"):
         return candidate
-    if candidate.kind != "slow":
+    if candidate.kind == "abrupt":
         return _with_least_step(candidate, evidence)
+    if candidate.kind == "oscillating":
+        shown = (
+            source.since_start[candidate.channel] for source in evidence if candidate.channel in source.since_start
+        )
+        why = next(shown, None)
+        return candidate if why is None else with_limit(candidate, None, None, state="suspected", note=why)
     bounds = [
         (other.effect, other.seen_above)
         for source in evidence
@@ -408,7 +414,7 @@ def _with_least_step(candidate: Candidate, evidence: Sequence[Evidence]) -> Cand
     if candidate.onset_s is not None:
         spans_s = ((candidate.onset_s, candidate.onset_s),)
     bounds = [bound for source in evidence for bound in source.bounds if bound.channel == candidate.channel]
-    if candidate.kind != "abrupt" or candidate.shape not in STEPS or not (spans_s and bounds):
+    if candidate.shape not in STEPS or not (spans_s and bounds):
         return candidate
     least, held_s = min((bound.over(spans_s, candidate.tolerance) for bound in bounds), key=lambda bound: bound[0])
     bounded = _with_error(candidate, least)

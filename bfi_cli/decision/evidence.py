@@ -6,8 +6,8 @@ What another source finds at an entry of a dictionary is that entry.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -104,6 +104,7 @@ class Evidence:
     faults : that it declares.
     candidates : what it looked for, declared, suspected, excluded or not seen; its limits hold at its share.
     bounds : of steps of a channel by their onset, at its share too.
+    since_start : by channel that oscillates from the window's start on, maybe beyond its tolerance, what shows it.
     notes : what limits the source, in sentences.
     manoeuvres : in which what a model of the window declares may be the aircraft's own motion.
     findings : on channels that are wrong throughout the flight.
@@ -113,6 +114,7 @@ class Evidence:
     faults: tuple[FaultEstimate, ...] = ()
     candidates: tuple[Candidate, ...] = ()
     bounds: tuple[OnsetBound, ...] = ()
+    since_start: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
     manoeuvres: tuple[Manoeuvre, ...] = ()
     findings: tuple[Implausible, ...] = ()

@@ -55,7 +55,7 @@ from .parity import LENGTHS_S, Finding
 from .parity.leaks import begins_within
 from .parity.record import STATIC_LEAK, record_of
 from .parity.sampled import unit_of
-from .parity.static_relations import RelationAnswer, relation_series
+from .parity.static_relations import RelationAnswer, Series, relation_series
 from .parity.windows import Window, flight_stretches, overlaps, windows_in
 from .plausibility import Implausible, without_constant_errors
 from .relations import StaticWindows, drafts_of_disagreements, drafts_of_relations, find_relations, intact_channels
@@ -114,7 +114,7 @@ def diagnose_flight(
 
     # 2. and 3. What lasts: holds, relations and the parity scan.
     with one_thread():
-        drafts, static, slow = lasting_faults(flight, progress)
+        drafts, static, slow = lasting_faults(flight, relation_series(flight.log, flight.phases), progress)
     flight = slow.flight
 
     # 4. Steps and oscillations.
@@ -204,7 +204,7 @@ def _notes(slow: SlowFaults) -> tuple[Note, ...]:
     return tuple(notes)
 
 
-def lasting_faults(flight: Flight, progress: Progress) -> tuple[list[Draft], StaticWindows, SlowFaults]:
+def lasting_faults(flight: Flight, series: Series, progress: Progress) -> tuple[list[Draft], StaticWindows, SlowFaults]:
     """Return what sensors, pressure lines, static relations, lift and inertia show, the relations, and the scan."""
     part = (flight.from_s, flight.to_s)
     drafts = [
@@ -228,7 +228,6 @@ def lasting_faults(flight: Flight, progress: Progress) -> tuple[list[Draft], Sta
             window = flight.around(hold.onset_s, until_s, AROUND_HOLD_S)
             held.append(Draft(finding=hold, window=window, until_s=until_s + AFTER_HOLD_S))
     drafts += [*held, *drafts_of_disagreements(flight, held)]
-    series = relation_series(flight.log, flight.phases)
     static = find_relations(flight, series, report=partial(progress, "static relations"))
     drafts += drafts_of_relations(flight, series, static)
     slow = find_slow_faults(flight, drafts, static, report=partial(progress, "lift and inertia"))

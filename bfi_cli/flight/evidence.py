@@ -6,7 +6,7 @@ the diagnosis of a window, without the scan for steps and oscillations, which th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,7 +20,9 @@ from ..faults.shapes import CONSTANTS, SHAPES
 from ..flightlog import FlightLog
 from ..flightlog.defects import is_told_by_physics
 from ..flightlog.phases import phases_of
+from ..kernels import TWO_SIDED_95
 from ..kernels.progress import Progress, unseen
+from ..model.onset.claims import CLAIMED_CYCLES
 from ..notes import Note
 from ..quantities.channels import STANDARD
 from ..quantities.text import instant, quantity
@@ -32,7 +34,9 @@ from .flight import Flight, flight_of
 from .limits import BIN_S, MOSTLY, Bounds, bounds_of, hidden_slopes
 from .parity import RESIDUALS, available, configuration_changes
 from .parity.explain import course_for
+from .parity.static_relations import Series, find_oscillation, relation_series
 from .parity.windows import LENGTHS_S, clean_up_time
+from .relations import StaticWindows, drafts_at_start
 from .result import Event
 from .step_bounds import error_by_any_sensor, step_bounds
 
@@ -44,6 +48,8 @@ SOURCE = "physics"
 BESIDE_S = 600.0
 # SHARE: physics' share of a window's rate of false alarms; the other half is that of the window's own model.
 SHARE = 0.5
+# FASTEST_SHOWN_HZ: means of a second show no faster oscillation well: of this one 0.7.
+FASTEST_SHOWN_HZ = 0.45
 # What each residual reads, and what it is called.
 _READS = {kind.name: kind.reads.union(*kind.needs) for kind in RESIDUALS}
 WORDS = {"lift": "lift", "climb": "the climb angle", "kinematics": "inertia", "ground_speed": "the ground speed"}
@@ -83,13 +89,15 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
     if too_short and not (flight.held.findings or flight.resting):
         return _silent(why)
     with one_thread():
-        drafts, static, slow = lasting_faults(flight, unseen)
+        series = relation_series(flight.log, flight.phases)
+        drafts, static, slow = lasting_faults(flight, series, unseen)
         flight = slow.flight
-        events = events_of(flight, drafts)
+        events = events_of(flight, [*drafts, *drafts_at_start(flight, series, static)])
         bounds = bounds_of(flight, slow.scanned, static, events)
         outputs = [name for name in config.outputs if name in flight.recorded and name in STANDARD]
-        steps = step_bounds(flight, slow.scanned, static, events, outputs)
-    tolerances = {name: flight.tolerance(name, (flight.from_s, flight.to_s)) or np.inf for name in outputs}
+        tolerances = {name: flight.tolerance(name, (flight.from_s, flight.to_s)) or np.inf for name in outputs}
+        steps = step_bounds(flight, slow.scanned, static, events, series, outputs)
+        since_start = _oscillations(series, static, tolerances)
     faults: list[FaultEstimate] = []
     notes: list[Note] = []
     for event in events:
@@ -110,7 +118,30 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
     else:
         notes += dict.fromkeys(_what_would_help(flight, name, unbounded) for name in unbounded)
     candidates = [candidate for candidate in candidates_of.values() if candidate is not None]
-    return Evidence(source=SOURCE, faults=tuple(faults), candidates=tuple(candidates), bounds=steps, notes=tuple(notes))
+    return Evidence(
+        source=SOURCE,
+        faults=tuple(faults),
+        candidates=tuple(candidates),
+        bounds=steps,
+        since_start=since_start,
+        notes=tuple(notes),
+    )
+
+
+def _oscillations(series: Series, static: StaticWindows, tolerances: Mapping[str, float]) -> Mapping[str, str]:
+    """Return, by output that a relation shows to oscillate since the start, maybe beyond its tolerance, what shows it.
+
+    A model of the window takes an oscillation that is older than its first onset for one of the aircraft.
+    """
+    shown = dict[str, str]()
+    for (from_s, to_s), _ in static[:1]:
+        frequencies_hz = np.arange(CLAIMED_CYCLES / (to_s - from_s), FASTEST_SHOWN_HZ, 0.5 / (to_s - from_s))
+        for channel, tolerance in tolerances.items():
+            best = find_oscillation(series, channel, (from_s, to_s), frequencies_hz, least=tolerance)
+            if best is not None and best.size + TWO_SIDED_95 * best.sd > tolerance:
+                size = quantity(best.size, STANDARD[channel].unit)
+                shown[channel] = f"{best.words} oscillates by {size} at {best.frequency_hz:.2g} Hz since the start"
+    return shown
 
 
 def _silent(why: str) -> Evidence:

@@ -17,7 +17,7 @@ from .parity import Finding
 from .parity.relation_course import with_course
 from .parity.sampled import unit_of
 from .parity.sensors import altitude_step_within
-from .parity.static_relations import Series, StaticRelations, find_static
+from .parity.static_relations import MARGIN_S, Series, StaticRelations, find_static
 from .parity.windows import Window, flight_stretches, overlaps
 
 StaticWindows = Sequence[tuple[Window, StaticRelations]]
@@ -25,6 +25,8 @@ StaticWindows = Sequence[tuple[Window, StaticRelations]]
 # Windows of two minutes in a row in which a drift is described: a longer one tells a slow onset better, and holds more
 # of what a healthy relation follows.
 LONGEST = 4
+# Seconds of a part of a flight that tell what begins at its start: those of a short window without its margin.
+STARTING_S = 52.0
 # Seconds to both sides of the onset of an airspeed that is overruled: their smoothing.
 ONSET_S = 5.0
 # Seconds beside it that are shown.
@@ -58,6 +60,19 @@ def drafts_of_relations(flight: Flight, series: Series, answers: StaticWindows) 
             joined = _from_the_start(flight, series, joined, members[0])
         drafts.append(_less_refuted(flight, _with_course(flight, series, joined)))
     return drafts
+
+
+def drafts_at_start(flight: Flight, series: Series, answers: StaticWindows) -> list[Draft]:
+    """Return what begins too near the start of a part of a flight for its windows, by what is recorded before it too.
+
+    A change needs both sides.
+    """
+    window = (flight.from_s - MARGIN_S, flight.from_s + STARTING_S)
+    known = any(answer.findings for beside, answer in answers if overlaps(window, [beside]))
+    if known or not flight.is_part:
+        return []
+    drafts = drafts_of_relations(flight, series, [(window, find_static(flight.log, *window, series=series))])
+    return [draft for draft in drafts if 0.0 <= draft.finding.onset_s - flight.from_s < MARGIN_S]
 
 
 def _less_refuted(flight: Flight, draft: Draft) -> Draft:

@@ -22,7 +22,7 @@ from .looks import Scanned
 from .parity import Bound, Record
 from .parity.record import STATIC_LEAK, STEP_S, climbing, hypotheses
 from .parity.scan import WindowScan, fault_signatures
-from .parity.static_relations import Series, hidden_sizes, relation_series
+from .parity.static_relations import Series, hidden_sizes
 from .parity.windows import Window, overlaps
 from .relations import StaticWindows
 from .result import Event
@@ -63,7 +63,12 @@ class _WindowSizes:
 
 
 def step_bounds(
-    flight: Flight, scanned: Sequence[Scanned], static: StaticWindows, events: Sequence[Event], channels: Sequence[str]
+    flight: Flight,
+    scanned: Sequence[Scanned],
+    static: StaticWindows,
+    events: Sequence[Event],
+    series: Series,
+    channels: Sequence[str],
 ) -> tuple[OnsetBound, ...]:
     """Return how large a step, a lag or a ramp of each channel may be unseen, by onset; none where nothing bounds it.
 
@@ -72,10 +77,10 @@ def step_bounds(
 
     Parameters
     ----------
-    scanned, static, events : of the flight, see `limits.bounds_of`.
+    scanned, static, events : of the flight, see `limits.bounds_of`; series : of its relations.
     """
-    left_out, scales = declared_stretches(events), {look.window: look.threshold.scale for look in scanned}
-    series, by_window = relation_series(flight.log, flight.phases), list[_WindowSizes]()
+    left_out, scales = declared_stretches(events), {look.window: look.rule.scale for look in scanned}
+    by_window = list[_WindowSizes]()
     for window, answer in static:
         scan = None if flight.lasting_in(window) or overlaps(window, left_out) else flight.scan(window)
         if scan is not None and window in scales and not answer.findings:
@@ -127,9 +132,9 @@ def _sizes_of(
         return np.asarray(sizes.reshape(len(COURSES), len(onsets_s)).max(axis=0))
 
     faults, columns = hypotheses(record), courses(record.time_s)
-    signatures = [fault_signatures(scan, record, fault, columns, flight.record) for fault in faults]
+    signatures = fault_signatures(scan, record, faults, columns, flight.record)
     by_fault = {}
-    for fault, ratio in zip(faults, likelihood_ratios(scan.residuals, signatures), strict=True):
+    for fault, ratio in zip(faults, likelihood_ratios(scan.residuals, signatures, len(faults)), strict=True):
         magnitude, sd = ratio.weighted(scan.weights)
         # The statistic, which a rougher flight raises, goes with the square of a size.
         by_fault[fault.fault] = worst(np.abs(magnitude) + EXCEEDED_BY * np.sqrt(scale) * sd)

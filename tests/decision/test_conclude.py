@@ -447,3 +447,18 @@ def test_a_step_that_a_bound_excludes_at_most_onsets_is_checked_at_these():
     assert (said.state, said.onsets_checked) == ("excluded", ((1.0, 19.0), (21.0, 38.0)))
     (smaller,) = conclude([replace(sources[0], candidates=(replace(step, effect=1.0),)), sources[1]], KINDS).candidates
     assert (smaller.effect, smaller.onsets_checked) == (1.0, step.onsets_checked)
+
+
+def test_an_oscillation_since_the_start_is_suspected_where_a_model_excludes_later_ones():
+    scan = Evidence(source="scan", candidates=QUIET)
+    physics = Evidence(source="physics", since_start={"tas": "tas against mach oscillates"})
+    said = conclude([scan, physics], KINDS)
+    assert (said.decision, said.verdicts["abrupt"], said.verdicts["oscillating"]) == (
+        "inconclusive",
+        "no_fault",
+        "inconclusive",
+    )
+    (suspect,) = (one for one in said.candidates if one.state == "suspected")
+    assert (suspect.kind, suspect.note) == ("oscillating", "tas against mach oscillates")
+    other = replace(physics, since_start={"cas": "cas against mach oscillates"})
+    assert conclude([scan, other], KINDS).decision == "no_fault"

@@ -70,3 +70,25 @@ def test_a_step_of_one_airspeed_alone_is_declared_and_nothing_is_excluded_beside
 def test_a_log_whose_sensors_say_nothing_of_each_other_has_no_bound(cruise: FlightLog):
     names = ("tas", "altitude", "pitch", "elevator")
     assert evidence(replace(cruise, channels={name: cruise.channels[name] for name in names})).bounds == ()
+
+
+def test_a_step_near_the_start_of_the_window_is_told_by_what_is_recorded_before_it(cruise: FlightLog):
+    onset_s = WINDOW[0] + 3.0
+    stepped = inject(cruise, [Fault(shape="bias", channel="tas", magnitude=4.0, onset_s=onset_s)])
+    (fault,) = evidence(stepped).faults
+    assert (fault.fault.shape, fault.fault.channel) == ("bias", "tas")
+    assert fault.fault.onset_s == pytest.approx(onset_s, abs=0.5)
+    # A log that is the window shows one side of it alone.
+    assert evidence(stepped.window(*WINDOW)).faults == ()
+
+
+@pytest.mark.parametrize(("size", "is_shown"), [(4.0, True), (0.5, False)])
+def test_an_oscillation_that_is_older_than_the_window_is_shown_by_a_relation(
+    cruise: FlightLog, healthy: Evidence, size: float, is_shown: bool
+):
+    assert healthy.since_start == {}
+    fault = Fault(shape="sine", channel="tas", magnitude=size, onset_s=402.0, frequency_hz=0.21)
+    since_start = evidence(inject(cruise, [fault]), "tas", "cas").since_start
+    assert [*since_start] == (["tas"] if is_shown else [])
+    if is_shown:
+        assert "at 0.21 Hz since the start" in since_start["tas"]

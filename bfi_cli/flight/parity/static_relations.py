@@ -590,6 +590,50 @@ def hidden_sizes(
     return hidden
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RelationOscillation:
+    """An oscillation that a relation shows throughout a window: its frequency, Hz, and size on a channel."""
+
+    words: str
+    frequency_hz: float
+    size: float
+    sd: float
+
+
+def find_oscillation(
+    series: Series, channel: str, window: tuple[float, float], frequencies_hz: FloatArray, *, least: float
+) -> RelationOscillation | None:
+    """Return the oscillation of a channel that its relations show best in a window, None where none stands out.
+
+    Parameters
+    ----------
+    least : size of the smallest that is wanted, in the channel's unit; a relation that varies by less is not searched.
+    """
+    best, statistic = None, THRESHOLD
+    for whole in series[0]:
+        part, relation = whole.between(*window), whole.relation
+        effect = float(np.nanmedian(part.effects[channel])) if channel in part.effects and len(part.time_s) else 0.0
+        if not (relation.declares and effect and len(part.time_s) >= FEWEST_BLOCKS):
+            continue
+        # A mean over a block flattens it.
+        flattened = np.sinc(BLOCK_S * frequencies_hz)
+        if np.std(part.values) < 0.5 * least * abs(effect) * float(flattened.min()):
+            continue
+        phases = 2.0 * np.pi * frequencies_hz * part.time_s[:, None]
+        scan = part.scan(np.hstack([flattened * np.sin(phases), flattened * np.cos(phases)]))
+        both, amplitudes, sds = (x.reshape(2, -1) for x in (scan.statistic, scan.amplitude, scan.sd))
+        k = int(np.argmax(both.max(axis=0)))
+        if both[:, k].max() > statistic:
+            statistic = float(both[:, k].max())
+            best = RelationOscillation(
+                words=relation.words,
+                frequency_hz=float(frequencies_hz[k]),
+                size=float(np.hypot(*amplitudes[:, k]) / abs(effect)),
+                sd=float(sds[:, k].max() / abs(effect)),
+            )
+    return best
+
+
 def _stuck_courses(part: RelationSeries, during: BoolArray) -> Iterator[tuple[str, str, FloatArray]]:
     """Yield channel, shape and (n, n_stretches) what each of two sensors adds to their difference while it is stuck.
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..kernels import FloatArray
+from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.bounded_filter import StackRun
 from .bench import FAULT_STATES, SHOWN_S, Bench, Place, jump, jump_seconds, place_of, run_place
 from .lines import line_weights
@@ -44,6 +44,7 @@ WIDE: Mapping[str, float] = {
 # Seconds within which an error grows before it stays; infinite of one that grows on.
 GROWTHS_S = (0.0, 60.0, 200.0, np.inf)
 SLOW_S = 200.0  # in which a growing error reaches its width
+GONE = "nothing of it is left at its end"  # of an error without one: for some seconds it only set a channel aside
 AT_END_S = 6  # after the end, when an error is over
 
 
@@ -126,6 +127,13 @@ def ordinary_of(place: Place) -> Ordinary:
     run = run_place(place, shocks=shocks)
     best = int(np.argmax(run.log_likelihood))
     cause, gain = options[best][0], float(run.log_likelihood[best] - run.log_likelihood[:2].max())
+    if cause:
+        # A manoeuvre goes with a cause as with any fault: where flaps move the pilot answers.
+        freed = np.maximum(shocks[:, [best]], shocks[:, [1]])
+        answered = run_place(place, shocks=freed)
+        more = float(answered.log_likelihood[0] - run.log_likelihood[best])
+        if more > 0.0:
+            gain, run, shocks, best = gain + more, answered, freed, 0
     if place.offset is not None and place.offset < place.n:
         at_end = np.stack([jump(place, place.offset, jumps) for _, jumps in options], axis=1) + shocks[:, [best]]
         ended = run_place(place, shocks=at_end)
@@ -243,14 +251,18 @@ def _weight_of_channel(place: Place, ordinary: Ordinary, run: StackRun, h: int, 
     end = min(place.n, place.n if place.offset is None else place.offset) - 1
     # What grows on is beyond any instrument in the end: it is asked what it is after a minute.
     early = min(end, place.onset + SHOWN_S) if growth_s == np.inf else end
+    sd = float(np.sqrt(max(run.final_covariance[h, -FAULT_STATES, -FAULT_STATES], 0.0)))
+    refused = _refused(name, loads, float(run.mean[early, h, -FAULT_STATES]))
+    if place.offset is None and abs(run.mean[end, h, -FAULT_STATES]) < TWO_SIDED_95 * sd:
+        refused = GONE
     return Weight(
         fault=name,
         margin=margin,
         shares=shares,
         size=float(run.mean[end, h, -FAULT_STATES]),
-        sd=float(np.sqrt(max(run.final_covariance[h, -FAULT_STATES, -FAULT_STATES], 0.0))),
+        sd=sd,
         growth_s=growth_s,
-        refused=_refused(name, loads, float(run.mean[early, h, -FAULT_STATES])),
+        refused=refused,
         dispersion=dispersion(place, run.innovation[:, h], list(loads)),
     )
 

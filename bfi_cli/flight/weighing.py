@@ -241,7 +241,7 @@ def _weighed(
     if _knows_more(bench, event) or (_rests_by_itself(flight, event) and weight.margin > -DECLARED):
         return replace(event, margin=weight.margin)
     rival = _rival(bench, event, weight, judgement)
-    if rival and weight.margin > -DECLARED:
+    if rival and weight.margin > -DECLARED and not weight.refused:
         named = event if weight.fault == event.fault else _renamed(bench, event, weight, (weight.fault,), until_s)
         return replace(
             named,

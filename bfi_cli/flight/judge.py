@@ -127,6 +127,7 @@ def ordinary_of(place: Place) -> Ordinary:
     run = run_place(place, shocks=shocks)
     best = int(np.argmax(run.log_likelihood))
     cause, gain = options[best][0], float(run.log_likelihood[best] - run.log_likelihood[:2].max())
+    lead = float(run.log_likelihood[best] - np.delete(run.log_likelihood, [0, 1, best]).max(initial=-np.inf))
     if cause:
         # A manoeuvre goes with a cause as with any fault: where flaps move the pilot answers.
         freed = np.maximum(shocks[:, [best]], shocks[:, [1]])
@@ -150,6 +151,7 @@ def ordinary_of(place: Place) -> Ordinary:
         shocks=shocks[:, best],
         cause=cause,
         gain=gain,
+        lead=lead,
     )
 
 

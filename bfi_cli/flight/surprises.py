@@ -133,7 +133,9 @@ def _weighed(bench: Bench, at_s: float) -> Surprise | None:
 
 
 def _margin_of_faults(place: Place, ordinary: Ordinary, state: str) -> float:
-    """Return the margin of the best fault over a cause: in its place, and not beside it."""
+    """Return the margin of the best fault over a cause: in its place, and not beside it; 0 where any is as good."""
+    if ordinary.lead < PROPOSED:
+        return 0.0  # another cause is as good: it may be no jump of this one's states at all
     model = place.bench.model
     moved = [name for name in model.rows if np.any(model.Z[place.part, model.row(name), model.state(state)])]
     if len(moved) == 1 and moved[0] not in rows_of(place.bench, REFERENCES):

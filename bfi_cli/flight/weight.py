@@ -48,7 +48,7 @@ class Ordinary:
     log_density, innovation, sd : (n, n_rows), of the rows given what came before.
     mean : (n, n_states).
     shocks : (n, n_states) variances of the jumps that it asks for.
-    cause : an ordinary cause, "" for none; gain : log density that it is worth.
+    cause : an ordinary cause, "" for none; gain : log density that it is worth, lead : over any other cause.
     """
 
     log_density: FloatArray
@@ -58,6 +58,7 @@ class Ordinary:
     shocks: FloatArray
     cause: str
     gain: float
+    lead: float
 
 
 def beside(place: Place, ordinary: Ordinary, rows: Collection[str]) -> FloatArray:

@@ -103,19 +103,7 @@ def test_kinds_of_faults_that_are_there_are_not_excluded(command: str) -> None:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-@pytest.mark.parametrize(
-    "kind",
-    [
-        pytest.param(
-            "abrupt",
-            marks=pytest.mark.xfail(
-                strict=True,
-                reason="38 of 74: steps alone in 71, but lags and ramps over up to 13 s are bounded by 3 to 9 m/s",
-            ),
-        ),
-        "oscillating",
-    ],
-)
+@pytest.mark.parametrize("kind", ["abrupt", "oscillating"])
 def test_kinds_of_faults_are_excluded_in_healthy_windows(command: str, kind: str) -> None:
     healthy = [row for row in stored_windows().values() if row["kind"] == "healthy"]
     excluded = sum(row[command]["verdicts"][kind] == "no_fault" for row in healthy)

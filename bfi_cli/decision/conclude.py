@@ -181,12 +181,8 @@ def conclude(
         declared = [candidate for candidate in candidates if candidate.state == "declared"]
         names = [named.name for named in faults or declared]
         notes += [Note.limit(f"what would be declared is {WITHHELD}: {', '.join(names)}")] if names else []
-        decision, verdicts, summary, faults = (
-            "inconclusive",
-            dict.fromkeys(KINDS, "inconclusive"),
-            in_words(to_state),
-            [],
-        )
+        decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
+        summary, faults = in_words(to_state), []
         candidates = tuple(
             replace(candidate, state="suspected", note=WITHHELD) if candidate.state == "declared" else candidate
             for candidate in candidates

@@ -285,12 +285,13 @@ def _glances(
     """Return what the scan for steps and oscillations found, why it did not look, and the windows in which it did."""
     inputs = inputs_for(flight.log)
     output = next((name for name in ("tas", "cas", "ias") if name in flight.recorded), None)
-    if "elevator" not in inputs or output is None:
-        lacking = "elevator" if output is not None else "airspeed"
-        return [], [f"no {lacking}: steps and oscillations of the airspeed were not looked for"], []
+    if output is None:
+        return [], ["no airspeed: steps and oscillations of the airspeed were not looked for"], []
     windows = flight.windows(GLANCE_S, STEP_S)
     if not windows:
         return _searched(flight, config, static, output, report)
+    if "elevator" not in inputs:
+        return [], [f"no elevator: windows of {GLANCE_S:g} s were not scanned for steps and oscillations"], []
     rate = rate_of(flight.false_alarm, len(windows_in(flight.phases, GLANCE_S, step_s=STEP_S)))
     used = merge(config, {"inputs": inputs, "outputs": (output,), "start_time": {"false_alarm": rate}})
     answers = glance_at_flight(flight.log, windows, used, workers=workers, report=report)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,9 +22,10 @@ from .judge import ALIKE, FROZEN, SET_WITHIN_S, Judgement, explains, is_on_groun
 from .model import flight_model
 from .naming import channels_of, repeat_advice
 from .noise import noisy_events
+from .oscillations import is_same_oscillation, oscillating_events
 from .parity.finding import Stage
 from .parity.sensors import AT_ONCE_EVIDENCE, PITCH_EVIDENCE
-from .parity.windows import flight_stretches
+from .parity.windows import flight_stretches, overlaps
 from .result import Event, OrdinaryEvent
 from .seconds import seconds_of
 from .surprises import surprising_events
@@ -91,15 +92,12 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     bench = _bench(flight, weighed, causes)
     if bench is None:
         return Weighing(events=tuple(events))
-    answers: list[Event | OrdinaryEvent | Note] = list(events)
-    known: list[Event] = []
-    for gross in gross_errors(bench):
-        if not any(_is_of(event, gross) and event.state == "declared" and _has_course(event) for event in events):
-            swinging = _event_of_gross(flight, bench, gross)
-            known += [] if swinging is None else [swinging]
-    swinging_events = tuple(known)
+    swinging = tuple(_swinging_events(flight, bench, events))
+    events = [event for event in events if not any(is_same_oscillation(event, other) for other in swinging)]
+    known = list(swinging)
     for event in known:
         bench = _with_known(bench, event)
+    answers: list[Event | OrdinaryEvent | Note] = list(events)
     # What is certain is in the model before the rest is weighed.
     order = [k for k, event in enumerate(events) if _can_be_weighed(event)]
     order.sort(key=lambda k: (events[k].state != "declared", events[k].onset_s))
@@ -121,7 +119,7 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
                 continue
             event = _from_its_onset(bench, event, begun)
         others = [other.onset_s for other in rest if not line or _line(other) != line]
-        others += [other.onset_s for other in swinging_events]
+        others += [other.onset_s for other in swinging]
         beside = [other.onset_s for other in (*known, *(events[j] for j in order if j != k))]
         later_s = min((at_s for at_s in beside if at_s > event.onset_s + APART_S), default=np.inf)
         alone = all(not event.onset_s - APART_S < at_s < event.onset_s + AFTER_S for at_s in others)
@@ -137,7 +135,7 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
                     answers[j] = _after(later, answer)
             known.append(answer)
             bench = _with_known(bench, answer)
-    stand = (*swinging_events, *(answer for answer in answers if isinstance(answer, Event)))
+    stand = (*swinging, *(answer for answer in answers if isinstance(answer, Event)))
     ordinary = [answer for answer in answers if isinstance(answer, OrdinaryEvent)]
     ordinary += [event for event in surprising_events(bench, flight.phases, stand) if not _is_told(event, ordinary)]
     ordinary += noisy_events(flight.log, flight.phases, stand)
@@ -146,6 +144,16 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
         ordinary=tuple(ordinary),
         notes=tuple(answer for answer in answers if isinstance(answer, Note)),
     )
+
+
+def _swinging_events(flight: Flight, bench: Bench, events: Sequence[Event]) -> Iterator[Event]:
+    """Yield what comes and goes: gross errors of a line that no event is of, and oscillations."""
+    for gross in gross_errors(bench):
+        if not any(_is_of(event, gross) and event.state == "declared" and _has_course(event) for event in events):
+            swinging = _event_of_gross(flight, bench, gross)
+            if swinging is not None:
+                yield swinging
+    yield from oscillating_events(flight, bench, DECLARED)
 
 
 def _is_told(event: OrdinaryEvent, others: Iterable[OrdinaryEvent]) -> bool:
@@ -203,11 +211,14 @@ def _follows(bench: Bench, event: Event, known: Event) -> bool:
     made of an airspeed as well: a static temperature.
     """
     rows = rows_of(bench, event.channels)
+    measured = bool(rows) and set(rows) <= set(rows_of(bench, known.channels))
     until_s = np.inf if known.offset_s is None else known.offset_s
+    if known.frequency_hz is not None:
+        # A window that swings shows whatever slow course the phases of its ends make.
+        return measured and overlaps(event.window_s, [(known.onset_s, until_s)])
     if known.stages == (MODEL,):
         return known.onset_s - BESIDE_S < event.onset_s < until_s + BESIDE_S
-    inside = known.onset_ci95[0] - BEFORE_NEXT_S <= event.onset_s < until_s
-    return inside and bool(rows) and set(rows) <= set(rows_of(bench, known.channels))
+    return measured and known.onset_ci95[0] - BEFORE_NEXT_S <= event.onset_s < until_s
 
 
 def _weighed(

@@ -55,6 +55,10 @@ class Response:
         """Whether the output is the input."""
         return len(self.taps) == 1
 
+    def gain(self, cycles: float) -> float:
+        """Return the amplitude of the output of a sine of amplitude 1, of so many cycles a sample."""
+        return float(np.abs(self.taps @ np.exp(-2j * np.pi * cycles * np.arange(len(self.taps)))))
+
     def then(self, other: Response) -> Response:
         """Return the response of this filter followed by another at the same rate."""
         return Response(taps=np.convolve(self.taps, other.taps), before=self.before + other.before)

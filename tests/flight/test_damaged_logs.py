@@ -34,7 +34,7 @@ COSTS = {
     "longitudinal_acc": "no longitudinal_acc: the inertial acceleration does not bound the airspeed",
     "velocity_north": "no velocity_north: the ground speed does not bound the airspeed",
     "velocity_east": "no velocity_east: the ground speed does not bound the airspeed",
-    "elevator": "no elevator: steps and oscillations of the airspeed were not looked for",
+    "elevator": "no elevator: windows of 120 s were not scanned for steps and oscillations",
 }
 # These have others that stand for them.
 REPLACED = ("altitude_rate", "tat", "sat")

@@ -20,6 +20,7 @@ from flight_faults import (
     impact_pressure,
     leak,
     static_pressure,
+    swinging,
 )
 from jsbsim_trials import tour
 from threadpoolctl import threadpool_limits
@@ -72,6 +73,12 @@ KINDS: Mapping[str, Maker] = {
     "pitch step": course("pitch", "bias", (0.05, 0.12)),
     "normal_acc step": course("normal_acc", "bias", (1.0, 3.0)),
     "tat step": course("tat", "bias", (5.0, 10.0)),
+}
+# Of the frequencies that the seconds of a flight show; from 1.5 times the tolerance of an airspeed on.
+OSCILLATIONS: Mapping[str, Maker] = {
+    "pitot_water": swinging("", (4.0, 10.0), (0.055, 0.42)),
+    "tas sine": swinging("tas", (4.0, 10.0), (0.055, 0.42)),
+    "cas sine": swinging("cas", (4.0, 10.0), (0.055, 0.42)),
 }
 
 
@@ -152,9 +159,9 @@ def faulty(trial: Trial, folder: Path, kinds: Mapping[str, Maker] = KINDS) -> tu
     return replace(log, channels=channels), replace(truth, fault=fault), worst
 
 
-def answer_of(trial: Trial, *, folder: Path) -> Answer | None:
+def answer_of(trial: Trial, *, folder: Path, kinds: Mapping[str, Maker] = KINDS) -> Answer | None:
     """Diagnose one trial, None where its fault makes no error or the aircraft lacks its sensor."""
-    made = faulty(trial, folder)
+    made = faulty(trial, folder, kinds)
     if made is None or made[2] < 1.0:
         return None
     log, truth, worst = made

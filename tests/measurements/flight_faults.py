@@ -241,6 +241,38 @@ def course(channel: str, shape: str, size: tuple[float, float]) -> Maker:
     return make
 
 
+def swinging(channel: str, amplitude: tuple[float, float], frequency_hz: tuple[float, float]) -> Maker:
+    """Return the maker of an airspeed that swings, of the impact pressure for "", by amplitudes of TAS in m/s."""
+
+    def make(
+        channels: Channels, time_s: FloatArray, free: NDArray[np.bool_], rng: np.random.Generator, low: Low
+    ) -> tuple[Channels, Truth]:
+        onset_s = drawn_onset(time_s, free, rng)
+        offset_s = _span(onset_s, time_s, rng, (250.0, 500.0))
+        size, hertz = float(rng.uniform(*amplitude)), float(rng.uniform(*frequency_hz))
+        phase = float(rng.uniform(0.0, 2.0 * np.pi))
+        on = _on(time_s, onset_s, offset_s)
+        wave = size * np.sin(2.0 * np.pi * hertz * (time_s - onset_s) + phase) * on
+        if channel:
+            changed = {channel: channels[channel] + low(wave)}
+        else:
+            cas = channels["cas"] + wave * channels["cas"] / np.maximum(channels["tas"], 1.0)
+            p_static = static_pressure(channels["altitude"])
+            sharp = _air(channels, time_s, p_static, impact_pressure(cas), channels["tat"], np.asarray)
+            size *= float(np.nanstd((sharp["tas"] - channels["tas"])[on]) / np.std(wave[on]))
+            changed = _air(channels, time_s, p_static, impact_pressure(cas), channels["tat"], low)
+        return changed, Truth(
+            fault=channel or "pitot_water",
+            shape="sine",
+            onset_s=onset_s,
+            offset_s=offset_s,
+            magnitude=size,
+            about=f"{size:.3g} at {hertz:.3g} Hz",
+        )
+
+    return make
+
+
 def frozen(channel: str, lasts_s: tuple[float, float]) -> Maker:
     """Return the maker of a channel that keeps its value for a while."""
 

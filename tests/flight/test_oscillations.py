@@ -1,0 +1,120 @@
+"""Oscillations of airspeeds in a whole flight: frequency, size, onset and end, and whose they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_journeys import made_journey
+
+from bfi_cli.config import Config
+from bfi_cli.flight.bench import Bench, bench_of
+from bfi_cli.flight.diagnose import diagnose_flight
+from bfi_cli.flight.model import flight_model
+from bfi_cli.flight.oscillations import HIGHEST_HZ, WINDOW_S, oscillation_of, spectral_lines
+from bfi_cli.flight.seconds import seconds_of
+from bfi_cli.flightlog import FlightLog
+from bfi_cli.flightlog.record import frozen_array
+
+ALL = ("tas", "cas", "mach")
+SOUND_M_S = 330.0
+
+
+def swinging(
+    channels: tuple[str, ...],
+    *,
+    size: float = 3.0,
+    frequency_hz: float = 0.1,
+    from_s: float = 300.0,
+    to_s: float = np.inf,
+    rate_hz: float = 1.0,
+) -> FlightLog:
+    """Return a flight in which some channels swing between two times, a second is `rate_hz` samples."""
+    log = made_journey(rate_hz=rate_hz)
+    t = log.time_s
+    error = size * np.sin(2.0 * np.pi * frequency_hz * (t - from_s) + 0.7) * ((t >= from_s) & (t < to_s))
+    shares = {"mach": 1.0 / SOUND_M_S}
+    if len(channels) > 1:
+        shares["cas"] = log.channels["cas"].values / log.channels["tas"].values
+    changed = {
+        name: replace(
+            log.channels[name], values=frozen_array(log.channels[name].values + error * shares.get(name, 1.0))
+        )
+        for name in channels
+    }
+    return replace(log, channels={**log.channels, **changed})
+
+
+def bench_for(log: FlightLog) -> Bench:
+    seconds = seconds_of(log)
+    assert seconds is not None
+    model = flight_model(seconds)
+    assert model is not None
+    return bench_of(model)
+
+
+@pytest.mark.first_rows(1)
+@pytest.mark.parametrize(("channels", "fault"), [(ALL, "pitot_water"), (("tas",), "tas"), (("cas",), "cas")])
+def test_whose_oscillation_it_is_with_size_and_onset(channels: tuple[str, ...], fault: str) -> None:
+    bench = bench_for(swinging(channels))
+    line = spectral_lines(bench)[-1]
+    answer = oscillation_of(bench, line, rate_hz=1.0, until_s=np.inf)
+    assert answer is not None
+    best, other = answer.weights[:2]
+    assert best.fault == fault
+    assert best.margin > other.margin + 100.0
+    assert best.sd is not None
+    assert abs(best.size - 3.0) < 3.0 * best.sd < 0.5
+    assert abs(answer.frequency_hz - 0.1) < 0.1 / WINDOW_S
+    low, high = answer.onset_ci95
+    assert low <= 300.0 <= high
+    assert high - low < 15.0
+    assert answer.offset_s is None
+
+
+@pytest.mark.slow
+def test_what_is_over_has_an_end() -> None:
+    bench = bench_for(swinging(ALL, frequency_hz=0.23, to_s=560.0))
+    line = spectral_lines(bench)[-1]
+    answer = oscillation_of(bench, line, rate_hz=1.0, until_s=np.inf)
+    assert answer is not None
+    assert answer.offset_s == pytest.approx(560.0, abs=5.0)
+
+
+@pytest.mark.slow
+def test_a_mean_over_a_second_does_not_make_it_smaller() -> None:
+    bench = bench_for(swinging(ALL, frequency_hz=0.4, rate_hz=4.0))
+    line = spectral_lines(bench)[-1]
+    answer = oscillation_of(bench, line, rate_hz=4.0, until_s=np.inf)
+    assert answer is not None
+    best = answer.weights[0]
+    assert abs(best.size - 3.0) < 3.0 * (best.sd or 0.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("frequency_hz", [0.02, HIGHEST_HZ + 0.04])
+def test_no_line_where_none_is_sought(frequency_hz: float) -> None:
+    lines = spectral_lines(bench_for(swinging(ALL, frequency_hz=frequency_hz)))
+    assert not [line for line in lines if abs(line.frequency_hz - frequency_hz) < 0.01]
+
+
+@pytest.mark.slow
+def test_a_healthy_flight_has_no_line() -> None:
+    assert spectral_lines(bench_for(made_journey(rate_hz=1.0))) == ()
+
+
+@pytest.mark.slow
+def test_a_diagnosis_names_it_and_nothing_else() -> None:
+    log = swinging(ALL, size=6.0, frequency_hz=0.15)
+    log = replace(log, channels={name: channel for name, channel in log.channels.items() if name != "elevator"})
+    result = diagnose_flight(log, Config())
+    assert [(event.fault, event.kind, event.state) for event in result.events] == [
+        ("pitot_water", "oscillating", "declared")
+    ]
+    (event,) = result.events
+    assert event.frequency_hz == pytest.approx(0.15, abs=1e-3)
+    assert event.ci95 is not None
+    assert event.ci95[0] <= 6.0 <= event.ci95[1]
+    assert event.onset_ci95[0] <= 300.0 <= event.onset_ci95[1]
+    assert result.verdicts["oscillating"] == "fault"

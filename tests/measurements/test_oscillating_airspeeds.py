@@ -1,7 +1,8 @@
 """`bfi diagnose` on parts of flights in which an airspeed swings: alone, or with all others as by water in the line.
 
-As `test_cut_faults`, with sines of 4 to 10 m/s at 0.055 to 0.42 Hz. Of tours of JSBSim no size counts: the low-pass that
-the fault has passed shows nowhere else in them. Three trials run; BFI_FULL=1 takes two seeds of every kind and aircraft.
+As `test_cut_faults`, with sines of 4 to 10 m/s at 0.055 to 0.42 Hz. Of tours of JSBSim no size counts: the low-pass
+that the fault has passed shows nowhere else in them. Three trials run; BFI_FULL=1 takes two seeds of every kind and
+aircraft.
 """
 
 from __future__ import annotations

@@ -16,6 +16,7 @@ residuals that both explain says at which onsets a sine is worth its screen.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -138,12 +139,13 @@ def promised(scan: Scan, frequencies: FloatArray) -> FloatArray:
     frequencies : (n_frequencies,) cycles per sample.
     """
     n, borders, onsets = scan.n_samples, _borders(scan.n_samples), default_onsets(scan)
-    turning = np.exp(2j * np.pi * np.outer(np.arange(n), frequencies))
     squares = np.ones(n) if scan.weights is None else scan.weights**2
     # Sums from each border to the next, then from each border on.
     steps = list(pairwise([*borders.tolist(), n]))
-    sums = np.stack([scan.Q[:, first:end] @ turning[first:end] for first, end in steps], axis=-1)
-    doubled = np.stack([squares[first:end] @ turning[first:end] ** 2 for first, end in steps], axis=-1)
+    sums, doubled = (
+        np.stack([(rows[..., first:end] @ turns[first:end]).view(np.complex128) for first, end in steps], axis=-1)
+        for rows, turns in zip((scan.Q, squares), _turning(n, frequencies.tobytes()), strict=True)
+    )
     sums, doubled = (np.cumsum(x[..., ::-1], axis=-1)[..., ::-1] for x in (sums, doubled))
     steady = _explained_by_both(scan, sums, np.cumsum(squares[::-1])[::-1][borders], doubled)
     steady = np.maximum(steady, np.concatenate([steady[:, 1:], steady[:, -1:]], axis=1))
@@ -151,6 +153,13 @@ def promised(scan: Scan, frequencies: FloatArray) -> FloatArray:
     early = onsets <= n - MIN_CYCLES / frequencies[:, None]
     left = np.maximum(1.0 - np.max(share, axis=1, initial=0.0, where=early), np.finfo(float).tiny)
     return np.asarray(-scan.n_rows * np.log(left))
+
+
+@lru_cache(maxsize=2)  # windows of a flight ask for the same
+def _turning(n: int, frequencies: bytes) -> tuple[FloatArray, FloatArray]:
+    """Return exp(i w k) of cycles per sample, and its square, (n, 2 n_frequencies): real and imaginary parts."""
+    turning = np.exp(2j * np.pi * np.outer(np.arange(n), np.frombuffer(frequencies)))
+    return turning.view(np.float64), (turning**2).view(np.float64)
 
 
 def _borders(n: int) -> IntArray:

@@ -16,6 +16,7 @@ import numpy as np
 from ..airdata import G, channels_of, isa_temperature, pressure_at, speed_of_sound
 from ..kernels import BoolArray, FloatArray
 from ..kernels.bounded_filter import Coupling, Transition
+from ..kernels.running import greatest_of_neighbours, median_of_neighbours
 from ..kernels.runs import runs
 from .seconds import Seconds, filled, rate_of, smoothed, spread, temperature_of
 from .tables import AIRSPEED_ROWS, LEVELS, ROWS, STATES, Coefficients
@@ -210,10 +211,8 @@ def _fast(values: FloatArray) -> float:
 
 
 def _smooth_airspeed(seconds: Seconds, middle: float) -> FloatArray:
-    from scipy.ndimage import median_filter
-
     speed = filled(seconds.channels["tas"])
-    about = median_filter(speed, size=SLOW_S, mode="nearest")
+    about = median_of_neighbours(speed, SLOW_S)
     return np.clip(smoothed(np.clip(speed, 0.8 * about, 1.25 * about), AIRSPEED_S), 0.5 * middle, 2.0 * middle)
 
 
@@ -448,8 +447,6 @@ def _model(seconds: Seconds, frame: Frame) -> FlightModel:
 
 def _with_noise(model: FlightModel) -> Frame:
     """Return the frame with what every level makes of the variances, and what the record itself makes of them."""
-    from scipy.ndimage import maximum_filter1d
-
     frame, c, n = model.frame, model.coefficients, model.n
     courses = {"": np.ones(n), **_widening(model)}
     fixed_R, fixed_Q, shares = np.zeros((n, len(model.rows))), np.zeros((n, len(model.states))), []
@@ -482,11 +479,11 @@ def _with_noise(model: FlightModel) -> Frame:
     ground = ground_speed_of(model.seconds)
     if ground is not None:
         acceleration = np.maximum(acceleration, np.abs(rate_of(filled(ground), LOAD_S)))
-    acceleration = maximum_filter1d(np.minimum(acceleration, MOST_ACCELERATION), size=LOAD_S)
+    acceleration = greatest_of_neighbours(np.minimum(acceleration, MOST_ACCELERATION), LOAD_S)
     fixed_Q[:, states.index("airspeed")] += acceleration**2
     if "pitch" in rows:
         pitching = np.abs(rate_of(filled(model.seconds.channels["pitch"])))
-        pitching = maximum_filter1d(np.minimum(pitching, MOST_PITCHING), size=LOAD_S)
+        pitching = greatest_of_neighbours(np.minimum(pitching, MOST_PITCHING), LOAD_S)
         for name, share in PITCHING.items():
             speed = c.airspeed if name in ("climb_rate", "normal_acc") else 1.0
             if name in states:
@@ -511,8 +508,6 @@ def _step(seconds: Seconds, row: str) -> float:
 
 def _widening(model: FlightModel) -> dict[str, FloatArray]:
     """Return by how much levels are larger than in the median of the flight: with activity, gusts, turns."""
-    from scipy.ndimage import median_filter
-
     channels, airborne, c = model.seconds.channels, model.frame.airborne, model.coefficients
     parts = []
     for name in ("normal_acc", "pitch"):
@@ -529,7 +524,7 @@ def _widening(model: FlightModel) -> dict[str, FloatArray]:
         if name == "cas"
         else channels["tas"]
     )
-    moved = median_filter(np.abs(values - smoothed(values, LOAD_S)), size=GUSTS_S, mode="nearest")
+    moved = median_of_neighbours(np.abs(values - smoothed(values, LOAD_S)), GUSTS_S)
     usual = max(float(np.median(moved[airborne])), LEAST_GUST, 0.003 * model.frame.middle_speed)
     gusts = np.maximum(np.clip(moved / usual, 1.0, GUSTIEST), activity)
     turns = np.sqrt(1.0 + 20.0 * np.minimum(np.abs(c.bank), 1.0))

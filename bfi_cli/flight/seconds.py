@@ -11,6 +11,7 @@ from ..airdata import AirData, channels_of, static_temperature
 from ..flightlog import FlightLog
 from ..kernels import BoolArray, FloatArray
 from ..kernels.quantisation import find_quantum
+from ..kernels.running import mean_of_stretches
 from ..kernels.runs import bridged
 from .parity.record import Record, over_seconds, record_of, seconds_of_samples
 
@@ -91,9 +92,7 @@ def filled(values: FloatArray, otherwise: float = 0.0) -> FloatArray:
 
 def smoothed(values: FloatArray, width: int) -> FloatArray:
     """Return (n,) means over `width` samples about each, an odd number."""
-    from scipy.ndimage import uniform_filter1d
-
-    return np.asarray(uniform_filter1d(values, size=width, mode="nearest"))
+    return mean_of_stretches(np.pad(values, width // 2, mode="edge"), width)
 
 
 def rate_of(values: FloatArray, width: int = 3) -> FloatArray:

@@ -20,7 +20,7 @@ from ..faults.filters import response_of
 from ..kernels import MAD
 from ..kernels.generalised_least_squares import least_squares
 from ..kernels.quantisation import find_quantum, quantum_of_plateaus
-from ..kernels.running import block_means, interpolation_error, running_median, travel
+from ..kernels.running import block_means, greatest_of_neighbours, interpolation_error, running_median, travel
 from ..kernels.runs import BoolArray, bridged, repeats, runs, within
 from ..quantities.channels import INDEPENDENT
 from ..quantities.text import instant
@@ -364,12 +364,10 @@ def _errors(track: _Track) -> _Errors:
 
 def _loudness(track: _Track, errors: _Errors, log: FlightLog) -> FloatArray:
     """Return by second of the log the largest ratio of an error to the usual error within `TOGETHER_S`."""
-    from scipy.ndimage import maximum_filter1d
-
     seconds = np.zeros(int(log.time_s[-1] - log.time_s[0]) + 2)
     at = (track.time_s - log.time_s[0]).astype(np.intp)
     np.maximum.at(seconds, np.minimum(at, len(seconds) - 1), np.max([r for _, r in errors.values()], axis=0))
-    return np.asarray(maximum_filter1d(seconds, 2 * round(TOGETHER_S) + 1))
+    return greatest_of_neighbours(seconds, 2 * round(TOGETHER_S) + 1)
 
 
 def _at_seconds(seconds: FloatArray, track: _Track, log: FlightLog) -> FloatArray:

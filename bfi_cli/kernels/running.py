@@ -113,6 +113,12 @@ def median_of_neighbours(x: FloatArray, size: int) -> FloatArray:
     return _along(padded, size, lambda rows: np.sort(rows, axis=1)[:, size // 2])
 
 
+def greatest_of_neighbours(x: FloatArray, size: int) -> FloatArray:
+    """Return the greatest of the `size` samples, an odd number, about every sample (n_samples,)."""
+    padded = np.pad(x, size // 2, mode="edge")
+    return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, size).max(axis=1))
+
+
 def medians_of_rows(x: FloatArray) -> FloatArray:
     """Return (n_rows,) medians of rows (n_rows, n), NaN of a row that holds NaN: `np.median`, sorted at once."""
     ordered, n = np.sort(x, axis=1), x.shape[1]

@@ -11,6 +11,7 @@ from scipy import ndimage
 from bfi_cli.kernels import running as module
 from bfi_cli.kernels.running import (
     block_means,
+    greatest_of_neighbours,
     interpolation_error,
     mean_of_stretches,
     median_of_neighbours,
@@ -133,9 +134,11 @@ def test_windows_that_move_along_are_those_at_once(monkeypatch: pytest.MonkeyPat
 
 
 @pytest.mark.parametrize(("n", "size"), [(100, 7), (100, 8), (33, 33), (50, 2), (20, 1), (70_000, 25)])
-def test_medians_and_means_of_stretches_are_those_of_the_filters_of_scipy(n: int, size: int):
+def test_medians_greatest_and_means_of_stretches_are_those_of_the_filters_of_scipy(n: int, size: int):
     x = np.random.default_rng(n + size).normal(size=n) + 1e5
     np.testing.assert_array_equal(median_of_neighbours(x, size), ndimage.median_filter(x, size, mode="nearest"))
+    if size % 2:
+        np.testing.assert_array_equal(greatest_of_neighbours(x, size), ndimage.maximum_filter1d(x, size))
     means = ndimage.uniform_filter1d(x, size)[size // 2 :][: n - size + 1]
     np.testing.assert_allclose(mean_of_stretches(x, size), means, rtol=1e-13)
 

@@ -10,7 +10,6 @@ import numpy as np
 from ..airdata import AirData, channels_of, static_temperature
 from ..flightlog import FlightLog
 from ..kernels import BoolArray, FloatArray
-from ..kernels.quantisation import find_quantum
 from ..kernels.running import mean_of_stretches
 from ..kernels.runs import bridged
 from .parity.record import Record, over_seconds, record_of, seconds_of_samples
@@ -77,11 +76,8 @@ def seconds_of(log: FlightLog) -> Seconds | None:
         channels = {name: values for name, values in channels.items() if name not in GROUND_VELOCITY}
     if "tas" not in channels or not {"altitude", "p_static"} & channels.keys():
         return None
-    rounding = {}
-    for name in channels.keys() & log.channels.keys():
-        values = log.channels[name].values
-        step = find_quantum(values[np.isfinite(values)]) or 0.0
-        rounding[name] = step / np.sqrt(max(1.0, log.rate_hz))
+    averaged = np.sqrt(max(1.0, log.rate_hz))
+    rounding = {name: (log.channels[name].step or 0.0) / averaged for name in channels.keys() & log.channels.keys()}
     return Seconds(record=record, channels=channels, rounding=rounding, recorded=frozenset(log.channels))
 
 

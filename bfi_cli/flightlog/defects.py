@@ -19,7 +19,6 @@ from ..airdata.relations import RELATIONS, relatives
 from ..faults.filters import response_of
 from ..kernels import MAD
 from ..kernels.generalised_least_squares import least_squares
-from ..kernels.quantisation import find_quantum, quantum_of_plateaus
 from ..kernels.running import block_means, greatest_of_neighbours, interpolation_error, running_median, travel
 from ..kernels.runs import BoolArray, bridged, repeats, runs, within
 from ..quantities.channels import INDEPENDENT
@@ -319,7 +318,8 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
         values[tick[::-1]] = readings[::-1]  # the first of each tick
     ticks, step_s = np.arange(n), period / log.rate_hz
     values = np.interp(ticks, ticks[known], values[known])
-    quantum = quantum_of_plateaus(values, 1.0 / step_s) or find_quantum(values) or 0.0
+    at_ticks = channel if np.array_equal(values, channel.values) else replace(channel, values=values)
+    quantum = at_ticks.plateau_step(1.0 / step_s) or at_ticks.step or 0.0
     if not quantum:  # a short record shows too few steps: of a channel that mostly rests the usual change in a second
         apart = max(1, round(1.0 / step_s))
         moves = np.abs(values[apart:] - values[:-apart])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ..errors import LogError
 from ..faults.filters import Filter
-from ..kernels.quantisation import Hold, find_hold, find_quantum, may_be_held, repeat_fraction
+from ..kernels.quantisation import Hold, find_hold, may_be_held, repeat_fraction
 from ..kernels.runs import BoolArray, shared, within
 from ..notes import Note
 from ..quantities.channels import INPUTS, STANDARD, quantity_of
@@ -193,7 +193,7 @@ def inspect_log(log: FlightLog) -> LogReport:
             n_nan=values.size - finite.size,
             held_fraction=0.0 if held is None else repeat_fraction(finite),
             hold_period_s=None if held is None else 1.0 / held,
-            quantum=find_quantum(finite),
+            quantum=channel.step,
             min=float(finite.min()) if finite.size else None,
             max=float(finite.max()) if finite.size else None,
             pressures=pressures_of(log, channel.name),

@@ -16,6 +16,7 @@ from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..faults.filters import Filter
 from ..faults.ordinary import Occurrence
+from ..kernels.quantisation import find_quantum, quantum_of_plateaus
 from ..notes import Note
 from ..quantities.channels import meant_channel, unit_of
 from ..quantities.text import instant
@@ -64,11 +65,26 @@ class Channel:
     source_unit: str | None = None
     own_rate_hz: float | None = None
     derived_from: tuple[str, ...] = ()
+    # The steps in which it was recorded, after their first use.
+    _steps: dict[str, float | None] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def n_samples(self) -> int:
         """Number of values."""
         return int(self.values.size)
+
+    @property
+    def step(self) -> float | None:
+        """The step of which all differences of its values are multiples, None where there is none."""
+        if "of differences" not in self._steps:
+            self._steps["of differences"] = find_quantum(self.values[np.isfinite(self.values)])
+        return self._steps["of differences"]
+
+    def plateau_step(self, rate_hz: float) -> float | None:
+        """Return the step of the levels at which it rests, behind a recorder's low-pass too; None where none shows."""
+        if "of plateaus" not in self._steps:
+            self._steps["of plateaus"] = quantum_of_plateaus(self.values, rate_hz)
+        return self._steps["of plateaus"]
 
     def between(self, rows: slice) -> FloatArray:
         """Return the values of these rows."""
@@ -103,7 +119,7 @@ class StoredChannel(Channel):
         values: FloatArray | None = None,
         **stated: Any,
     ) -> None:
-        stated = {"source_unit": None, "own_rate_hz": None, "derived_from": (), **stated}
+        stated = {"source_unit": None, "own_rate_hz": None, "derived_from": (), "_steps": {}, **stated}
         for key, value in {**stated, "_held": values, "_in_use": lambda: None, "_read": read, "_rows": rows}.items():
             object.__setattr__(self, key, value)
 

@@ -150,6 +150,7 @@ def filter_stack(
     n_samples, n_rows, n_h = stack.y.shape[0], stack.y.shape[2], stack.size
     n_x, F, shrunk = transition.decay.size, transition.matrix, np.outer(transition.decay, transition.decay)
     coupled = np.array(sorted({coupling.to for coupling in transition.couplings}), dtype=np.intp)
+    F_coupled, F_transposed = F[coupled], F.T
     known = np.isfinite(stack.y)
     y = np.where(known, stack.y, 0.0)
     R = np.where(known, stack.R, 1.0)
@@ -180,7 +181,7 @@ def filter_stack(
         # 2. Each row given those before it.
         inverse, e, sd[k] = _white(S, v)
         innovation[k] = e
-        if np.abs(e).max(initial=0.0) > bound:
+        if np.count_nonzero(np.abs(e) > bound):
             beyond = np.flatnonzero((np.abs(e) > bound).any(axis=1))
             inverse[beyond], e[beyond], innovation[k, beyond], sd[k, beyond] = _bounded(S[beyond], v[beyond], bound)
         # 3. The state from them, and at the next sample.
@@ -190,9 +191,9 @@ def filter_stack(
         means[k] = x
         if gains is not None:
             gains.inverse[k], gains.e[k], gains.W[k] = inverse, e, W
-        x = x @ F.T
+        x = x @ F_transposed
         # F P F', where F is diagonal but for a few rows.
-        rows = np.matmul(np.matmul(F[coupled], P), F.T)
+        rows = np.matmul(np.matmul(F_coupled, P), F_transposed)
         P *= shrunk
         P[:, coupled], P[:, :, coupled] = rows, rows.swapaxes(-1, -2)
         _diagonal(P)[:] += stack.Q[k]

@@ -22,7 +22,6 @@ from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.phases import Phase
 from ...kernels import TWO_SIDED_95
-from ...kernels.quantisation import find_quantum
 from ...model.preprocessing.tolerance import AIRSPEED_LEAST, FIXED
 from .lines import RENEWED_S, renewed_every_s
 from .record import STEP_S, Record
@@ -214,8 +213,7 @@ def coarse_positions(log: FlightLog) -> str:
     names = ("latitude", "longitude")
     if not {*names} <= log.channels.keys() or {"velocity_north", "velocity_east"} <= log.channels.keys():
         return ""
-    values = [log.channels[name].values for name in names]
-    metres = EARTH_RADIUS * max(find_quantum(position[np.isfinite(position)]) or 0.0 for position in values)
+    metres = EARTH_RADIUS * max(log.channels[name].step or 0.0 for name in names)
     seconds = max(renewed_every_s(log, name) for name in names)
     if metres / np.sqrt(6.0) <= COARSE * STEP_S and seconds <= max(RENEWED_S, 1.5 / log.rate_hz):
         return ""

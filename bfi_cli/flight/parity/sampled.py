@@ -9,7 +9,6 @@ import numpy as np
 
 from ...flightlog import FlightLog
 from ...kernels import FloatArray, IntArray
-from ...kernels.quantisation import find_quantum, quantum_of_plateaus
 from ...kernels.running import block_means
 from ...quantities.channels import STANDARD
 
@@ -46,16 +45,9 @@ class Blocks:
 
 def quanta_of(log: FlightLog, names: Collection[str]) -> Mapping[str, float]:
     """Return the steps in which channels were recorded, in their units, where the log shows them."""
-    quanta = {}
-    for name in names:
-        values = log.channels[name].values
-        finite = values[np.isfinite(values)]
-        quantum = find_quantum(finite)
-        if quantum is None:
-            quantum = quantum_of_plateaus(finite, log.rate_hz)
-        if quantum is not None:
-            quanta[name] = quantum
-    return quanta
+    steps = {name: log.channels[name].step for name in names}
+    steps |= {name: log.channels[name].plateau_step(log.rate_hz) for name, step in steps.items() if step is None}
+    return {name: step for name, step in steps.items() if step is not None}
 
 
 def unit_of(log: FlightLog, name: str) -> str:

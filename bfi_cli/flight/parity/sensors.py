@@ -223,7 +223,7 @@ def _error_of_vane(
     if meanwhile.size < 0.5 * VANE_RESTS_S:
         return None
     low, high = np.quantile(meanwhile, (0.05, 0.95))
-    if high - low < max(SHOULD_MOVE, STEPS * (find_quantum(values[np.isfinite(values)]) or 0.0)):
+    if high - low < max(SHOULD_MOVE, STEPS * (log.channels[name].step or 0.0)):
         return None
     held = values[np.searchsorted(log.time_s, during[0])]
     return float(max((held - low, held - high), key=abs))

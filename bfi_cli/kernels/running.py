@@ -238,8 +238,8 @@ def _median_around(x: FloatArray, half: int) -> FloatArray:
         for k in range(half):
             median[k], median[n - 1 - k] = np.median(head[: half + 1 + k]), np.median(tail[half - 1 - k :])
         return median
-    k = np.arange(n)
-    count = np.minimum(k, half) + np.minimum(n - 1 - k, half) + 1
+    at = np.arange(n)
+    count = np.minimum(at, half) + np.minimum(n - 1 - at, half) + 1
     padded = np.pad(x, half, constant_values=np.inf)
     ordered = np.sort(np.lib.stride_tricks.sliding_window_view(padded, width), axis=1)
-    return np.asarray(0.5 * (ordered[k, (count - 1) // 2] + ordered[k, count // 2]))
+    return np.asarray(0.5 * (ordered[at, (count - 1) // 2] + ordered[at, count // 2]))

@@ -152,8 +152,7 @@ def filter_stack(
     coupled = np.array(sorted({coupling.to for coupling in transition.couplings}), dtype=np.intp)
     F_coupled, F_transposed = F[coupled], F.T
     known = np.isfinite(stack.y)
-    y = np.where(known, stack.y, 0.0)
-    R = np.where(known, stack.R, 1.0)
+    y, R = np.where(known, stack.y, 0.0), np.where(known, stack.R, 1.0)
     Z = np.where(known[..., None], stack.Z, 0.0)
     extra = None if stack.extra is None else np.where(known[..., None], stack.extra, 0.0)
     n_shared = Z.shape[-1]

@@ -30,6 +30,9 @@ APART_S = 40  # seconds within which the largest surprise stands for all
 # Log density over the best of nothing and a manoeuvre from which on a cause is told: four times on 14 healthy flights,
 # flaps before two landings, an altimeter that was set, and a heading that settles (docs/validation.md).
 TOLD = 40.0
+# Over any other cause: a heading that is said to settle in a climb, in which the wind does as well, leads by 6; flaps
+# that move by 67 and more, a front by 22.
+LEADS = 20.0
 WEIGHED_S = 200.0  # after a jump, in which it is told from what grows and from what settles
 # Seconds beside a place at which the states may jump: at once, within 10 s as flaps and fronts do, and as the judge's.
 TAKES_S = ((0,), (-4, -2, 0, 2, 4, 6), JUMP_S)
@@ -134,7 +137,7 @@ def _weighed(bench: Bench, at_s: float) -> Surprise | None:
 
 def _margin_of_faults(place: Place, ordinary: Ordinary, state: str) -> float:
     """Return the margin of the best fault over a cause: in its place, and not beside it; 0 where any is as good."""
-    if ordinary.lead < PROPOSED:
+    if ordinary.lead < LEADS:
         return 0.0  # another cause is as good: it may be no jump of this one's states at all
     model = place.bench.model
     moved = [name for name in model.rows if np.any(model.Z[place.part, model.row(name), model.state(state)])]

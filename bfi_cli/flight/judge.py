@@ -102,7 +102,7 @@ def judge_place(place: Place, ordinary: Ordinary, *, named: Collection[str] = ()
     weights = [
         *([] if held is None else [held]),
         *_channel_weights(place, ordinary, named),
-        *line_weights(place, ordinary),
+        *line_weights(place, ordinary, named),
     ]
     order = sorted(weights, key=lambda weight: (bool(weight.refused), -weight.margin))
     return Judgement(weights=tuple(order), cause=ordinary.cause, gain=ordinary.gain)

@@ -10,7 +10,7 @@ filter's answer.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -97,10 +97,10 @@ class _Rows:
     unread: BoolArray  # airspeeds of which it says that they are below what the instrument reads
 
 
-def line_weights(place: Place, ordinary: Ordinary) -> Iterator[Weight]:
+def line_weights(place: Place, ordinary: Ordinary, named: Collection[str] = ()) -> Iterator[Weight]:
     """Yield what every fault of a pressure line is worth at a place: the best of its laws.
 
-    Where a line that loses explains anything, the finer laws of its course are weighed too.
+    Where a line that loses explains anything, or is `named` by a finder, the finer laws of its course are weighed too.
     """
     model = place.bench.model
     if not has_lines(model):
@@ -114,8 +114,10 @@ def line_weights(place: Place, ordinary: Ordinary) -> Iterator[Weight]:
                 best[weight.fault] = weight
 
     weigh(LAWS)
-    if max(best[fault].margin for fault in LIMITS) > 0.0:
-        weigh(ICINGS)
+    explains = max(best[fault].margin for fault in LIMITS) > 0.0
+    finer = [law for law in (*ICINGS, *LEAKS) if explains or law.fault in named]
+    if finer:
+        weigh(finer)
     yield from best.values()
 
 

@@ -18,7 +18,7 @@ from ..quantities.units import per_second
 from .bench import AFTER_S, Bench, bench_of
 from .flight import Flight
 from .gross import FEWEST_S, Gross, gross_errors, swings_of
-from .judge import ALIKE, FROZEN, SET_WITHIN_S, Judgement, explains, is_on_ground, is_set, judge, rows_of
+from .judge import ALIKE, FROZEN, REFERENCES, SET_WITHIN_S, Judgement, explains, is_on_ground, is_set, judge, rows_of
 from .model import flight_model
 from .naming import channels_of, repeat_advice
 from .noise import noisy_events
@@ -55,7 +55,7 @@ AFTER_END_S = 10.0  # of a fault, in which filters of recorder and instrument st
 BESIDE_S, AROUND_S, ONSET_S = 60.0, 60.0, 3.0
 LOSSES = ("pitot_icing", "pitot_leak", "pitot_water", "q_impact")  # of an impact pressure
 # What comes back to a line: a gain of impact pressure, and a fall of the static one.
-ENDED_BY = {"q_impact": ("pitot_icing", "pitot_leak"), "static_leak": ("static_leak",)}
+ENDED_BY = {"q_impact": ("pitot_icing", "pitot_leak", "static_leak"), "static_leak": ("static_leak",)}
 EXACT = {"static relations", "sensors"}  # analyses by what holds exactly, or to the last bit
 AIRSPEEDS = ("tas", "cas", "ias", "mach")
 # Of a pressure line its finder describes the course; the model tells which line it is.
@@ -63,6 +63,9 @@ LINES = (frozenset((*LOSSES, "pitot_blocked")), frozenset(("static_blocked", "st
 INERTIAL = "kinematics"  # the residual of the parity scan that rests on accelerometers
 # A channel speaks against a fault by this share of all that is said, and at least by so much log density.
 LOUD, AUDIBLE = 0.05, 3.0
+# Moves of an event to where a fault begins, at most, s by which one is none, and the dispersion of a course from which
+# on its place is sought anew: an error twice its noise is none that it describes.
+MOVES, RESTS_S, UNDESCRIBED = 6, 3.0, 4.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,9 +101,11 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     for event in known:
         bench = _with_known(bench, event)
     answers: list[Event | OrdinaryEvent | Note] = list(events)
-    # What is certain is in the model before the rest is weighed.
+    # What is certain is in the model before the rest is weighed, in the order of time; a line is before a channel about
+    # its onset, which may be its own.
     order = [k for k, event in enumerate(events) if _can_be_weighed(event)]
-    order.sort(key=lambda k: (events[k].state != "declared", events[k].onset_s))
+    earlier_s = {k: APART_S if _line(events[k]) else 0.0 for k in order}
+    order.sort(key=lambda k: (events[k].state != "declared", events[k].onset_s - earlier_s[k]))
     for k in order:
         event = events[k]
         cause = next((cause for cause in known if _follows(bench, event, cause)), None)
@@ -124,7 +129,7 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
         later_s = min((at_s for at_s in beside if at_s > event.onset_s + APART_S), default=np.inf)
         alone = all(not event.onset_s - APART_S < at_s < event.onset_s + AFTER_S for at_s in others)
         answer = answers[k] = _weighed(
-            flight, bench, event, min(later_s - BEFORE_NEXT_S, flight.to_s), causes, may_be_sure=alone
+            flight, bench, event, min(later_s - BEFORE_NEXT_S, flight.to_s), causes, known, may_be_sure=alone
         )
         if isinstance(answer, Event) and answer.state == "declared" and answer.margin is not None:
             # A later fault of its channels was this one, grown.
@@ -222,7 +227,14 @@ def _follows(bench: Bench, event: Event, known: Event) -> bool:
 
 
 def _weighed(
-    flight: Flight, bench: Bench, event: Event, until_s: float, causes: Sequence[KnownCause], *, may_be_sure: bool
+    flight: Flight,
+    bench: Bench,
+    event: Event,
+    until_s: float,
+    causes: Sequence[KnownCause],
+    known_faults: Sequence[Event],
+    *,
+    may_be_sure: bool,
 ) -> Event | OrdinaryEvent | Note:
     """Return what an event is after it was weighed."""
     if (
@@ -239,11 +251,18 @@ def _weighed(
     weights = [] if judgement is None else _weights(judgement, event)
     if judgement is None or not weights:
         return event
-    weight = max(weights, key=lambda weight: (not weight.refused, weight.margin))
-    best = judgement.weights[0]
-    may_be = _may_be_renamed(event, best.fault) and event.state == "declared"
-    if may_be and best.margin > max(DECLARED, _margin_as_named(judgement, event, weight) + DECLARED):
-        return _renamed(bench, event, best, judgement.among, until_s)
+    if _would_be_renamed(judgement, event) or judgement.weights[0].dispersion > UNDESCRIBED:
+        moved, there = _where_it_begins(bench, event, judgement, until_s)
+        if _would_be_renamed(there, moved):
+            return _renamed(bench, moved, there.weights[0], there.among, until_s)
+        # What holds exactly is placed by its finder, under its own name.
+        if _would_be_renamed(judgement, event) and not EXACT & {*event.stages}:
+            event, judgement = moved, there
+    weight, best = _best_as_named(judgement, event), judgement.weights[0]
+    going_on = (fault for fault in known_faults if fault.fault == best.fault and fault.onset_s < event.onset_s)
+    cause = next(going_on, None)
+    if cause is not None and best.margin > _margin_as_named(judgement, event, weight) + DECLARED * best.dispersion:
+        return _after(event, cause)
     if weight.margin > DECLARED and not weight.refused:
         return _confirmed(event, weight, judgement, may_be_sure=may_be_sure)
     known = _stated_cause(bench, event, weight, causes)
@@ -267,6 +286,50 @@ def _weighed(
     return _without_rival(event, weight)
 
 
+def _would_be_renamed(judgement: Judgement, event: Event) -> bool:
+    """Return whether another fault explains the place of what is declared clearly better than its finder's name."""
+    best = judgement.weights[0]
+    as_named = _margin_as_named(judgement, event, _best_as_named(judgement, event))
+    may_be = _may_be_renamed(event, best.fault) and event.state == "declared"
+    # What neither course describes speaks for neither: log densities over their dispersion.
+    return may_be and best.margin > max(DECLARED, as_named + DECLARED * best.dispersion)
+
+
+def _best_as_named(judgement: Judgement, event: Event) -> Weight:
+    """Return the weight of the best of the faults that an event may be, of which the model knows one."""
+    return max(_weights(judgement, event), key=lambda weight: (not weight.refused, weight.margin))
+
+
+def _where_it_begins(bench: Bench, event: Event, judgement: Judgement, until_s: float) -> tuple[Event, Judgement]:
+    """Return an event where the fault that explains it best begins, and what its place is worth there.
+
+    A finder places what it takes for its own fault. Names are compared each at its own onset, until the best of them
+    moves the place no more. So is its end: what it takes for a return may be none of another.
+    """
+    without_end = replace(event, offset_s=None)
+    lasts = None if event.offset_s is None else _judgement(bench, without_end, until_s)
+    if lasts is not None and lasts.weights[0].margin > judgement.weights[0].margin:
+        event, judgement = without_end, lasts
+    for _ in range(MOVES):
+        contenders = {each.fault: each for each in (_best_as_named(judgement, event), judgement.weights[0])}
+        timings = [
+            timing
+            for each in contenders.values()
+            if (timing := timing_of(bench, each, event.onset_s, event.offset_s, until_s=until_s)) is not None
+        ]
+        if not timings:
+            break
+        best = max(timings, key=lambda timing: (not timing.weight.refused, timing.weight.margin))
+        if abs(best.onset_s - event.onset_s) < RESTS_S and best.offset_s == event.offset_s:
+            break
+        moved = replace(event, onset_s=best.onset_s, onset_ci95=best.onset_ci95, offset_s=best.offset_s)
+        there = _judgement(bench, moved, until_s)
+        if there is None or not _weights(there, event):
+            break
+        event, judgement = moved, there
+    return event, judgement
+
+
 def _margin_as_named(judgement: Judgement, event: Event, weight: Weight) -> float:
     """Return what an event is worth under its finder's name; an error of a channel that the model lacks is worth none.
 
@@ -276,8 +339,13 @@ def _margin_as_named(judgement: Judgement, event: Event, weight: Weight) -> floa
     """
     if judgement.weights[0].fault not in event.among:
         return weight.margin
-    named = judgement.weight(event.fault)
-    return 0.0 if named is None else named.margin
+    return _margin_of(judgement, event.fault)
+
+
+def _margin_of(judgement: Judgement, fault: str) -> float:
+    """Return what a fault is worth; of one that the model lacks nothing."""
+    weight = judgement.weight(fault)
+    return 0.0 if weight is None else weight.margin
 
 
 def _knows_more(bench: Bench, event: Event) -> bool:
@@ -315,9 +383,10 @@ def _may_be_renamed(event: Event, fault: str) -> bool:
     """Return whether the model may call an event another fault than its finder does.
 
     A line that is seen to rest or to run out is named by its own physics, and of an equation between air data the
-    channels that break it are known; what only fits best may be another that the model knows of.
+    channels that break it are known; what only fits best may be another that the model knows of. A receiver of
+    satellites errs so rarely that it stays one of a set unless its finder names it first.
     """
-    if "holds" in event.stages or event.shape == "frozen":
+    if "holds" in event.stages or event.shape == "frozen" or (fault in REFERENCES and fault != event.fault):
         return False
     return fault in event.among or not EXACT & {*event.stages}
 
@@ -335,6 +404,9 @@ def _confirmed(event: Event, weight: Weight, judgement: Judgement, *, may_be_sur
     # What an equation leaves open stays open for every fault that the record does not refute.
     near = [rival.fault for rival in judgement.weights if not rival.refused and rival.margin > 0.0]
     among = [*(name for name in event.among if name in family or name in near), *among]
+    # Of a line its finder describes the course: another fault of it is told where the record clearly prefers that.
+    if weight.fault in family and weight.margin > _margin_of(judgement, event.fault) + DECLARED * weight.dispersion:
+        among.append(weight.fault)
     # What a window alone left open is told by the whole record.
     sure = event.state == "declared" or (may_be_sure and weight.margin > SURE * DECLARED)
     return replace(

@@ -11,14 +11,15 @@ import pytest
 from made_journeys import made_journey
 
 from bfi_cli.faults import parse_spec
-from bfi_cli.flight.bench import Bench, bench_of, place_of
+from bfi_cli.flight.bench import Bench, bench_of, place_of, run_place
 from bfi_cli.flight.fit import fitted_levels
 from bfi_cli.flight.gross import gross_errors, swings_of
-from bfi_cli.flight.judge import ALIKE, Judgement, explains, is_on_ground, judge, rows_of
+from bfi_cli.flight.judge import ALIKE, Judgement, explains, is_on_ground, judge, ordinary_of, rows_of
 from bfi_cli.flight.model import FlightModel, flight_model
 from bfi_cli.flight.seconds import seconds_of
 from bfi_cli.flight.tables import LEVELS
 from bfi_cli.flight.weighing import DECLARED
+from bfi_cli.flight.weight import beside
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.record import frozen_array
@@ -101,6 +102,22 @@ def test_what_is_injected_is_the_best_explanation(
     if size is not None:
         assert weight.sd is not None
         assert weight.size == pytest.approx(size, abs=max(5.0 * weight.sd, 0.05 * size))
+
+
+def test_what_may_happen_beside_a_fault_may_happen_without_one(journey: FlightLog) -> None:
+    """Where a front is met as a climb begins an error of no size is worth nothing: no flight has that error."""
+    since_s = np.maximum(journey.time_s - ONSET_S, 0.0)
+    front, climb = {"velocity_north": 20.0, "velocity_east": -15.0}, {"altitude": 8.0 * since_s}
+    added = {name: size * (since_s > 0.0) for name, size in {**front, "altitude_rate": 8.0}.items()} | climb
+    moved = {name: journey.channel(name).values + more for name, more in added.items()}
+    channels = {name: replace(journey.channels[name], values=frozen_array(moved[name])) for name in moved}
+    place = place_of(bench_of(model_of(replace(journey, channels={**journey.channels, **channels}))), ONSET_S, None)
+    assert place is not None
+    ordinary = ordinary_of(place)
+    assert ordinary.cause
+    for row in ("altitude", "sat"):
+        run = run_place(place, shocks=beside(place, ordinary, [row])[:, None])
+        assert run.log_likelihood[0] <= np.nansum(ordinary.log_density) + 1e-6
 
 
 @pytest.mark.slow

@@ -67,7 +67,8 @@ def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
             doubt = f", within its tolerance{_tolerance_of(first, result.limits, units)}"
         headline = Headline(state=state, channel=_channel(first.fault), text=f"{text}{doubt}")
     bounds = _bounds_in_words(result, units, headline.state)
-    seen = [*bounds.pop("Would have been found", ()), *proof_in_words(result.proved, units)]
+    seen = [*bounds.pop("Would have been found", ()), *_steps_in_words(result, units, headline.state)]
+    seen = [*(["; ".join(seen)] if seen else []), *proof_in_words(result.proved, units)]
     notes = note_lines(result.notes, units)
     wrong = first.channels if first is not None and headline.state == "fault" else ()
     return Screen(
@@ -155,6 +156,25 @@ def _bounds_in_words(result: DiagnoseResult, units: Units, state: State) -> dict
     if worst.within_tolerance:
         return {"Ruled out": [f"slow errors of {channel} above {bound}"]}
     return {"Still possible": [f"a slow error of {channel} of up to {bound}"]}
+
+
+def _steps_in_words(result: DiagnoseResult, units: Units, state: State) -> list[str]:
+    """Return from which size on a step of one airspeed alone would have been found, where nothing larger was."""
+    alone = [
+        limit
+        for limit in result.limits
+        if (limit.bounds, limit.shape) == ("disagreement", "bias")
+        and limit.holds_in < 1.0
+        and limit.channel in AIRSPEEDS[:3]
+        and limit.seen_effect is not None
+    ]
+    if state not in ("no_fault_found", "deviation") or not alone:
+        return []
+    worst = max(alone, key=lambda limit: limit.seen_effect or 0.0)
+    size = change(worst.seen_effect, units.of(worst.effect_unit, channel=worst.channel))
+    return [
+        f"a step of one airspeed alone above {size} (in {worst.holds_in:.0%} of the checked flight)".replace("%", " %")
+    ]
 
 
 def event_in_words(event: Event, units: Units) -> str:

@@ -220,8 +220,13 @@ def _holds_of(
     findings: list[Finding] = []
     untold: list[tuple[float, float, str]] = []
     for first, last in touching_runs(stretches.still & stretches.inside, stretches.n):
-        # The stillest stretch of a run tells whether the line holds, and where.
-        best = first + int(np.argmin(stretches.sd[first : last + 1] / stretches.limit[first : last + 1]))
+        # The stillest stretch of a run tells whether the line holds, and where: of a tube one in which the aircraft
+        # moves, where the hold lasts until it has landed.
+        stray = stretches.sd[first : last + 1] / stretches.limit[first : last + 1]
+        if line.pressure == "p_total" and other_stretches is not None:
+            moves = other_stretches.moves[first : last + 1]
+            stray = np.where(moves | ~moves.any(), stray, np.inf)
+        best = first + int(np.argmin(stray))
         onset = edge_of(lines, line, first + stretches.n // 2, -1)
         why = doubt_of(log, lines, line, stretches, other_stretches, calm, (first, best, last), onset)
         if why:
@@ -337,6 +342,25 @@ def _covered(lines: Lines, marked: BoolArray, n: int) -> BoolArray:
 
 
 def _calm(lines: Lines, line: PressureLine, stretches: Stretches, still: BoolArray) -> float | None:
+    """Return how far the calmest flight strays, Pa: of stretches besides still ones and those that touch them.
+
+    A trapped tube with slow noise is in part beyond its limit. What is nearly still and touches a still stretch is of
+    it, and no calm flight, where that strays as much more again. A static pressure is as still where an autopilot holds
+    the altitude.
+    """
+    if line.pressure == "p_static":
+        return _calmest(lines, line, stretches, still)
+    nearly = stretches.whole & (stretches.sd <= stretches.limit / STILL)
+    held = np.zeros(len(still), dtype=bool)
+    for first, last in touching_runs(nearly, stretches.n):
+        held[first : last + 1] = still[first : last + 1].any()
+    calm = _calmest(lines, line, stretches, held)
+    if calm is not None and held.any() and stretches.limit[held].max() <= STILL**2 * calm:
+        return calm
+    return _calmest(lines, line, stretches, still)
+
+
+def _calmest(lines: Lines, line: PressureLine, stretches: Stretches, still: BoolArray) -> float | None:
     """Return how far the calmest of the stretches besides still ones stray, of level flight for the static pressure."""
     held = np.concatenate([[0], np.cumsum(_covered(lines, still, stretches.n))])
     first = np.arange(len(stretches.sd))

@@ -207,6 +207,10 @@ class Stretches:
     def still(self) -> BoolArray:
         return self.whole & (self.sd <= self.limit)
 
+    @property
+    def moves(self) -> BoolArray:
+        return self.sd > self.limit
+
 
 def stretches_of(lines: Lines, line: PressureLine, length_s: float, from_s: float, to_s: float) -> Stretches:
     """Return all stretches of a length, s, and which of them lie within a window."""

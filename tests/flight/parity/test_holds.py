@@ -73,6 +73,17 @@ def test_a_recorder_that_smooths_noise_moves_no_onset(noise_pa: float, steps: di
     assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
 
 
+def test_slow_noise_of_a_trapped_tube_is_no_calm_flight():
+    """It strays beyond the limit of white noise in most of its stretches, and by a tenth of what flight does."""
+    log, rng, values = trapped("pitot_blocked", noise_pa=0.0), np.random.default_rng(3), {}
+    for name, size in {"altitude": 0.37, "cas": 0.15}.items():
+        slow = size * gaussian_filter1d(rng.standard_normal(log.n_samples), 3.0)
+        values[name] = log.channels[name].values + slow
+    (found,) = find_holds(made_log(log.time_s, {"altitude": "m"}, **values), 0.0, 600.0).findings
+    assert found.fault == "pitot_blocked"
+    assert found.onset_s == pytest.approx(ONSET_S, abs=3.0)
+
+
 @pytest.mark.parametrize("time_constant_s", [2.0, 10.0])
 def test_a_leak_is_named_with_its_time_constant(time_constant_s: float):
     fault = Fault(shape="pitot_leak", onset_s=ONSET_S, time_constant_s=time_constant_s)
@@ -241,6 +252,17 @@ def test_a_landing_is_neither_leak_nor_hold(faster: float):
     ground = made_log(time_s, {"altitude": "m"}, altitude=altitude, cas=cas, ground_speed=np.full(8000, 90.0))
     (found,) = [one for one in find_holds(ground, 0.0, 800.0).findings if one.fault == "pitot_leak"]
     assert found.onset_s == pytest.approx(603.0, abs=5.0)
+
+
+def test_a_tube_that_is_still_blocked_after_the_landing_is_named():
+    time_s = np.arange(8000) / 10.0
+    left = np.maximum(600.0 - time_s, 0.0)
+    altitude = 150.0 + 0.5 * left + 3.0 * np.sin(time_s / 4.0) * (left > 0.0)
+    cas = (70.0 + 1.5 * np.sin(time_s / 7.0)) * (left > 0.0)
+    log = made_log(time_s, {"altitude": "m"}, altitude=altitude, cas=cas, ground_speed=1.1 * cas)
+    (found,) = find_holds(inject(log, [Fault(shape="pitot_blocked", onset_s=300.0)]), 0.0, 800.0).findings
+    assert (found.fault, found.offset_s) == ("pitot_blocked", None)
+    assert found.onset_s == pytest.approx(300.0, abs=2.0)
 
 
 @pytest.mark.parametrize("climbs", [0.0, 1.0])

@@ -19,4 +19,6 @@ NUMBERS = range(500 if FULL else len(FLIGHTS))
 def test_no_fault_is_not_said_of_an_error_of_1_2_tolerances(flights: Path) -> None:
     rows = [trial(number) for number in NUMBERS]
     report(rows)
+    # Whether the answer claims anything of the onset or not.
+    assert not_above(sum(row["verdict"] == "no_fault" for row in rows) / len(rows), 0.01, len(rows))
     assert not_above(len(wrong_of(rows)) / len(rows), 0.01, len(rows))

@@ -29,6 +29,8 @@ from .tables import ORDINARY as CAUSES
 
 # What a channel does that has short defects of a shape.
 SHORT = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}
+# SMALLEST [tolerances]: error down to which a limit is told, as wherever sizes are tried: no sensor errs by less.
+SMALLEST = 0.001
 MOST_ORDINARY = 3  # causes of a first screen: the report has all
 PITOT = ("pitot_blocked", "pitot_leak", "pitot_icing", "pitot_water")
 STATIC = ("static_blocked", "static_leak")
@@ -171,7 +173,8 @@ def _steps_in_words(result: DiagnoseResult, units: Units, state: State) -> list[
     if state not in ("no_fault_found", "deviation") or not alone:
         return []
     worst = max(alone, key=lambda limit: limit.seen_effect or 0.0)
-    size = change(worst.seen_effect, units.of(worst.effect_unit, channel=worst.channel))
+    error = max(worst.seen_effect or 0.0, SMALLEST * (worst.tolerance or 0.0))
+    size = change(error, units.of(worst.effect_unit, channel=worst.channel))
     return [
         f"a step of one airspeed alone above {size} (in {worst.holds_in:.0%} of the checked flight)".replace("%", " %")
     ]

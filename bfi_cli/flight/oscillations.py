@@ -79,6 +79,8 @@ class Oscillation:
 def oscillating_events(flight: Flight, bench: Bench, least: float) -> Iterator[Event]:
     """Yield the oscillations of airspeeds that the record confirms, each from when it is seen first.
 
+    What the aircraft itself may do is suspected where it is beyond the tolerance, and else is none.
+
     Parameters
     ----------
     least : log density by which one must explain the flight better than anything ordinary.
@@ -87,8 +89,11 @@ def oscillating_events(flight: Flight, bench: Bench, least: float) -> Iterator[E
     response = response_of(log.filters or (), log.rate_hz)
     for line in spectral_lines(bench):
         oscillation = oscillation_of(bench, line, rate_hz=log.rate_hz, until_s=flight.to_s, response=response)
-        if oscillation is not None and oscillation.weights[0].margin > least:
-            yield _event(flight, bench, oscillation)
+        if oscillation is None or oscillation.weights[0].margin <= least:
+            continue
+        event = _event(flight, bench, oscillation)
+        if event.state == "declared" or event.beyond_tolerance is not False:
+            yield event
 
 
 def is_same_oscillation(event: Event, other: Event) -> bool:
@@ -111,7 +116,7 @@ def _event(flight: Flight, bench: Bench, oscillation: Oscillation) -> Event:
     tolerances = {name: flight.tolerance(name, window_s) for name in effect}
     beyond = [effect[name] / best.size / tolerance for name, tolerance in tolerances.items() if tolerance]
     among = tuple(weight.fault for weight in oscillation.weights if weight.margin >= best.margin - ALIKE)
-    held = "velocity_north" in bench.model.rows or "ground_speed" in bench.model.rows or best.fault != PITOT_WATER
+    held = bool({"velocity_north", "ground_speed"} & {*bench.model.rows}) or PITOT_WATER not in among
     return Event(
         fault=best.fault,
         among=among,

@@ -97,7 +97,9 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
         return Weighing(events=tuple(events))
     swinging = tuple(_swinging_events(flight, bench, events))
     events = [event for event in events if not any(is_same_oscillation(event, other) for other in swinging)]
-    known = list(swinging)
+    # What is only suspected, or within its tolerance, hides no other.
+    hiding = [event for event in swinging if event.state == "declared" and event.beyond_tolerance is not False]
+    known = [*hiding]
     for event in known:
         bench = _with_known(bench, event)
     answers: list[Event | OrdinaryEvent | Note] = list(events)
@@ -124,7 +126,7 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
                 continue
             event = _from_its_onset(bench, event, begun)
         others = [other.onset_s for other in rest if not line or _line(other) != line]
-        others += [other.onset_s for other in swinging]
+        others += [other.onset_s for other in hiding]
         beside = [other.onset_s for other in (*known, *(events[j] for j in order if j != k))]
         later_s = min((at_s for at_s in beside if at_s > event.onset_s + APART_S), default=np.inf)
         alone = all(not event.onset_s - APART_S < at_s < event.onset_s + AFTER_S for at_s in others)

@@ -118,3 +118,14 @@ def test_a_diagnosis_names_it_and_nothing_else() -> None:
     assert event.ci95[0] <= 6.0 <= event.ci95[1]
     assert event.onset_ci95[0] <= 300.0 <= event.onset_ci95[1]
     assert result.verdicts["oscillating"] == "fault"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("size", "states"), [(1.0, []), (12.0, ["suspected"])])
+def test_without_a_ground_speed_the_aircraft_itself_may_swing(size: float, states: list[str]) -> None:
+    log = swinging(("tas",), size=size, frequency_hz=0.15)
+    lacking = ("elevator", "cas", "mach", "velocity_north", "velocity_east", "sat", "tat")
+    log = replace(log, channels={name: channel for name, channel in log.channels.items() if name not in lacking})
+    result = diagnose_flight(log, Config())
+    swings = [event for event in (*result.events, *result.deviations) if event.kind == "oscillating"]
+    assert [event.state for event in swings] == states

@@ -88,7 +88,7 @@ def timing_of(
     if begins is None:
         return None
     ends = None
-    if place.offset is not None:
+    if place.offset is not None and place.offset < place.n:  # an end behind what is weighed stays as proposed
         part = place.until(place.offset + REACH_S + SHOWN_S)
         ordinary = ordinary_of(part.at(begins.best.onset, part.offset, jumps=JUMP_S))
         ends = _end(fault, begins, part, REACH_S, ordinary)

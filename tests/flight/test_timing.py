@@ -47,6 +47,14 @@ def test_where_nothing_is_flown_nothing_begins():
     assert timing_of(bench, weight, float(np.max(bench.model.time_s)), None) is None
 
 
+def test_an_end_behind_what_is_weighed_stays_as_proposed():
+    bench = bench_with(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}")
+    weight = weight_of(bench, "tas", ONSET_S, None)
+    timing = timing_of(bench, weight, ONSET_S, OFFSET_S, until_s=OFFSET_S - 10.0)
+    assert timing is not None
+    assert timing.offset_s == OFFSET_S
+
+
 @pytest.mark.first_rows(1)
 @pytest.mark.parametrize(
     ("spec", "fault", "early_s", "widest_s"),

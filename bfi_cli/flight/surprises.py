@@ -31,9 +31,9 @@ APART_S = 40  # seconds within which the largest surprise stands for all
 # aircraft eddies reach 21, without the SR22T 15; nothing else that no fault and no other cause does as well reaches 10,
 # but for flaps before three landings, 65 and more (tests/measurements/test_told_levels.py).
 TOLD = 40.0
-# Over any other cause: a heading that is said to settle in a climb, in which the wind does as well, leads by 6; flaps
-# that move by 67 and more, a front by 22.
-LEADS = 20.0
+# Over any other cause, ten thousand to one: a heading that is said to settle in a climb, in which the wind does as
+# well, leads by 6; flaps that move by 67 and more, fronts by 19 and more.
+LEADS = float(np.log(1e4))
 WEIGHED_S = 200.0  # after a jump, in which it is told from what grows and from what settles
 # Seconds beside a place at which the states may jump: at once, within 10 s as flaps and fronts do, and as the judge's.
 TAKES_S = ((0,), (-4, -2, 0, 2, 4, 6), JUMP_S)

@@ -192,6 +192,11 @@ def answer_of(trial: Trial, *, folder: Path, kinds: Mapping[str, Maker] = KINDS)
     )
 
 
+def answer_to_oscillation(trial: Trial, *, folder: Path) -> Answer | None:
+    """Diagnose one trial of `OSCILLATIONS`, None where its fault makes no error or the aircraft lacks its sensor."""
+    return answer_of(trial, folder=folder, kinds=OSCILLATIONS)
+
+
 def _begins(event: Event, truth: Truth) -> bool:
     low, high = event.onset_ci95
     return abs(event.onset_s - truth.onset_s) <= NEAR_S or low <= truth.onset_s <= high

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 from bars import FULL, fewest
-from cut_faults import AIRCRAFT, OSCILLATIONS, RECORDED, Trial, answer_of
+from cut_faults import AIRCRAFT, OSCILLATIONS, RECORDED, Trial, answer_to_oscillation
 from trials import spread
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
@@ -28,7 +28,7 @@ NAMED, COVERED = 0.9, 0.91
 
 def test_an_airspeed_that_swings_is_named(flights: Path) -> None:
     every = [Trial(aircraft=a, kind=kind, seed=k) for k in SEEDS for kind in OSCILLATIONS for a in AIRCRAFT]
-    work = partial(answer_of, folder=flights, kinds=OSCILLATIONS)
+    work = partial(answer_to_oscillation, folder=flights)
     answers = [answer for answer in spread(work, every if FULL else SHORT) if answer]
     for answer in answers:
         print(answer.trial.aircraft, answer.trial.kind, answer.truth.about, answer.state, answer.events, sep=" | ")

@@ -71,7 +71,11 @@ class ProfilePolynomial:
         H -= self.H1[:, :, None]
         H *= z.reshape(-1, n_onsets)
         H = H.reshape(m, m, -1)
-        np.einsum("iin->in", H)[:] += 1.0
+        left = np.einsum("iin->in", H)
+        left += 1.0
+        # What a signature leaves of a record is never less than nothing: where it explains all, rounding of its terms.
+        terms = 1.0 + np.einsum("iin->in", self.H2)[:, None] * z.reshape(-1, n_onsets) ** 2
+        np.maximum(left, np.finfo(float).eps * terms.reshape(left.shape), out=left)
         return H
 
 

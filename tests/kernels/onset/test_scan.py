@@ -187,6 +187,23 @@ def test_data_without_noise_give_a_finite_profile_that_peaks_at_the_onset():
         assert found.z[found.best] == pytest.approx(0.25, rel=1e-5)
 
 
+@pytest.mark.parametrize("order", [1, 2, 4])
+@settings(max_examples=8)
+@given(seed=st.integers(0, 999), level=st.integers(-5, 5), size=st.floats(0.1, 3.0))
+def test_what_a_signature_leaves_of_a_record_that_is_a_fault_alone_is_positive(
+    order: int, seed: int, level: int, size: float
+):
+    u = np.random.default_rng(seed).standard_normal((N, 1))
+    waveform, onsets = shapes.bias(N), np.arange(160, 181)
+    y = 0.3 * level + size * signal(waveform, 170)[:, None]
+    scan = prepare_scan(u, y, order=order)
+    stack = stack_onsets(scan, tabulate(scan, waveform.samples), onsets)
+    assert (np.einsum("iin->in", stack.at(np.full(onsets.size, size))) > 0.0).all()
+    profile = scan_shape(scan, waveform, onsets)  # whose logarithms and quotients are numbers
+    assert profile.onsets[profile.best] == 170
+    assert profile.z[profile.best] == pytest.approx(size, rel=1e-6)
+
+
 def test_inputs_that_stand_still_or_repeat_are_left_out_of_the_base():
     u, y = record(N)
     y[170:] += 1.0

@@ -126,6 +126,8 @@ def main(argv: list[str] | None = None) -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     gc.set_threshold(*COLLECTED)
+    # pydantic would search every installed package for plugins, on which no check of an input may depend.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     _open_streams()
     code = run_command(argv)
     if code == INTERRUPTED:

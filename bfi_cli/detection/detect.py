@@ -14,8 +14,8 @@ from ..faults import Fault
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels.progress import Report, silent
+from ..model.preprocessing.defaults import tolerances_of
 from ..model.preprocessing.summary import log_summary
-from ..model.preprocessing.tolerance import tolerances_of
 from ..notes import Note
 from ..quantities.text import instant
 from ..threads import one_thread

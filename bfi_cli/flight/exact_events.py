@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..flightlog.defects import Defect, sentence_of_defect
-from ..model.preprocessing.tolerance import tolerance_of
+from ..model.preprocessing.defaults import tolerance_of
 from ..notes import Note
 from .flight import Flight
 from .result import Event

@@ -19,7 +19,7 @@ from ..flightlog.ordinary import check_within
 from ..flightlog.phases import NO_AIRSPEED, Disagreement, Phase, find_phases
 from ..flightlog.plausible import IN_FLIGHT, impossible_median, sentence_of_impossible
 from ..flightlog.recorder import with_seen_recorder
-from ..model.preprocessing.tolerance import AIRSPEEDS, FIXED, tolerance_of
+from ..model.preprocessing.defaults import AIRSPEEDS, FIXED, tolerance_of
 from ..quantities.channels import STANDARD, quantity_of
 from .parity import (
     RESIDUALS,

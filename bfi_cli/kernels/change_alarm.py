@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
 from . import FloatArray, IntArray
+from .compiled import special
 
 # Allowance of the cumulative sum, in standard deviations: half the change that it is fastest for (Page 1954).
 ALLOWANCE = 0.5

@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
-from scipy.linalg import solve_triangular
 
 from . import FloatArray
+from .compiled import lapack, special
 from .lagged import lagged
 
 # Singular values of unit signatures below this share of the largest are round-off; chosen, not tuned.
@@ -48,7 +47,7 @@ def whiten(signatures: FloatArray, sigma: FloatArray) -> FloatArray:
     """
     rows, n_y, n = signatures.shape
     by_output = np.moveaxis(signatures, 1, 0).reshape(n_y, rows * n)
-    white = solve_triangular(np.linalg.cholesky(sigma), by_output, lower=True)
+    white = np.asarray(lapack.dtrtrs(np.linalg.cholesky(sigma), by_output, lower=True)[0])
     return np.moveaxis(white.reshape(n_y, rows, n), 0, 1).reshape(rows * n_y, n)
 
 

@@ -11,11 +11,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import lapack
 
 from . import FloatArray
 from .atom_signals import AtomSignals, Channels
 from .coherence import whiten
+from .compiled import lapack
 from .lagged import (
     Compressed,
     EarlierRows,

@@ -27,9 +27,9 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
 
 from . import FloatArray
+from .compiled import special
 
 # Fewest samples from which a bandwidth is estimated.
 FEWEST = 3

@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import special
 
 from . import FloatArray
+from .compiled import special
 
 # The mean excess of white noise enters the estimate like so many observed excesses.
 WHITE_WEIGHT = 5

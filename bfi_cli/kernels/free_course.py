@@ -22,9 +22,9 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-from scipy.linalg import lapack
 
 from . import TWO_SIDED_95, FloatArray
+from .compiled import lapack
 from .covariance import Layout
 from .lagged import lagged
 from .variable_projection import RANK_TOLERANCE

@@ -16,9 +16,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from scipy.linalg import lapack
 
 from . import FloatArray
+from .compiled import lapack
 
 # An eigenvalue of Q below zero by less than this share of its largest entry is round-off: 1e4 times the precision of a
 # double.

@@ -23,10 +23,10 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
-from scipy.linalg import lapack
 
 from . import FloatArray
 from .atom_signals import AtomSignals, Channels, Stretch, Stretches, Tail, regular_runs
+from .compiled import lapack
 from .progress import Report, parts, silent
 
 # Columns that LAPACK's blocked QR treats together; it changes the speed only.

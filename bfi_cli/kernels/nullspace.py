@@ -12,9 +12,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lapack
 
 from . import FloatArray, IntArray
+from .compiled import lapack
 
 # The data are taken to be accurate to this fraction of a channel's largest motion: double precision and a few digits.
 TOLERANCE = 1e-12

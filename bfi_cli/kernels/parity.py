@@ -20,9 +20,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, special
 
 from . import FloatArray, IntArray
+from .compiled import lapack, special
 from .lagged import lagged
 from .recursive_least_squares import RecursiveResiduals, running_covariances
 
@@ -255,7 +255,7 @@ def step_height(
 
     def whitened(errors: FloatArray) -> FloatArray:
         """Return errors, or patterns, with the outputs on the last axis, whitened."""
-        return np.asarray(linalg.solve_triangular(lower, errors.reshape(-1, q).T, lower=True).T.reshape(errors.shape))
+        return np.asarray(lapack.dtrtrs(lower, errors.reshape(-1, q).T, lower=True)[0].T.reshape(errors.shape))
 
     # What a unit step of this output adds from its first row on; the same from each later row on.
     r = basis.shape[1]

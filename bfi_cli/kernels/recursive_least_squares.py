@@ -10,9 +10,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lapack
 
 from . import MAD, FloatArray
+from .compiled import lapack
 from .lagged import add_rows
 
 # A coefficient is known before the record to about noise / PRIOR, that is, next to nothing is known.

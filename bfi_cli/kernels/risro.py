@@ -15,10 +15,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
-from scipy.linalg import lapack
 
 from . import FloatArray
+from .compiled import lapack
 from .lagged import PANEL
 from .termination import Iterate, StoppingRule, Termination, iterate
 from .variable_projection import ProjectedRegression, without_signal
@@ -148,6 +147,8 @@ def least_squares(S: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]
             x = np.linalg.lstsq(np.triu(triangle), right, rcond=DEFICIENT)[0]
         except np.linalg.LinAlgError:
             # The SVD need not converge (seen with 40 noisy steps); a pivoted QR always ends.
+            from scipy import linalg
+
             x = linalg.lstsq(np.triu(triangle), right, cond=DEFICIENT, lapack_driver="gelsy")[0]
     return x / norms, triangle
 

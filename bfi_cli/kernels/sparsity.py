@@ -22,9 +22,9 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from scipy.linalg import lapack
 
 from . import FloatArray
+from .compiled import lapack
 from .lagged import PANEL
 from .risro import least_squares, whitened_outputs
 from .variable_projection import ProjectedRegression

@@ -14,9 +14,9 @@ from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from scipy.linalg import lapack
 
 from . import BoolArray, FloatArray
+from .compiled import lapack
 from .lagged import Compressed, restrict
 from .termination import Termination
 

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy import special
 
 from . import FloatArray, IntArray
+from .compiled import special
 
 # Products beyond which autocorrelations are taken by Fourier transforms of blocks of so many rows; the speed only.
 MOST_PRODUCTS, BLOCK = 10**8, 65_536

@@ -26,9 +26,9 @@ from ..kernels.variable_projection import fit_magnitudes, log_dets_beside
 from ..kernels.whiteness import exceedances
 from ..methods import METHODS
 from ..notes import Note
+from .preprocessing.defaults import is_any
 from .preprocessing.magnitudes import MagnitudeEstimates
 from .preprocessing.regression import RegressionData
-from .preprocessing.tolerance import is_any
 from .preprocessing.window import DEPENDENT, PreparedWindow
 from .result import OutputSeries, ResidualSummary
 from .selection import MethodResult

@@ -21,7 +21,7 @@ from bfi_cli.flight.parity.lines import lines_of
 from bfi_cli.flight.parity.static_relations import find_static, relation_series
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
-from bfi_cli.model.preprocessing.tolerance import tolerance_of
+from bfi_cli.model.preprocessing.defaults import tolerance_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

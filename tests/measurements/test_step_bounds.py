@@ -20,7 +20,7 @@ from bfi_cli.faults.shapes import SHAPES
 from bfi_cli.flight.evidence import physics_evidence
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.model.preprocessing.tolerance import tolerance_of
+from bfi_cli.model.preprocessing.defaults import tolerance_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

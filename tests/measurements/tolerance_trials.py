@@ -17,7 +17,7 @@ from bfi_cli.analysis import start_time
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.model.onset.claims import CYCLES_LEFT
 from bfi_cli.model.onset.scan_record import FASTEST
-from bfi_cli.model.preprocessing.tolerance import tolerance_of
+from bfi_cli.model.preprocessing.defaults import tolerance_of
 
 ABOVE = 1.2
 FLIGHTS = (

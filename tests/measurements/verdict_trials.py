@@ -36,7 +36,7 @@ from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.flightlog.recorder import with_seen_recorder
 from bfi_cli.model.onset import find_onset, table_of_windows
 from bfi_cli.model.onset.scan_record import prepare_record
-from bfi_cli.model.preprocessing.tolerance import tolerance_of
+from bfi_cli.model.preprocessing.defaults import tolerance_of
 from bfi_cli.serialization import provenance
 
 FLIGHTS = Path(__file__).resolve().parents[3] / "shared" / "flights"

@@ -24,7 +24,7 @@ from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
 from bfi_cli.flightlog.recorder import recorder_filters
 from bfi_cli.model.onset import OnsetResult
-from bfi_cli.model.preprocessing.tolerance import tolerance_of
+from bfi_cli.model.preprocessing.defaults import tolerance_of
 from bfi_cli.model.result import IdentifyResult
 
 FLIGHTS = Path(__file__).resolve().parents[3] / "shared" / "flights"

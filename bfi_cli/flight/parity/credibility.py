@@ -22,7 +22,7 @@ from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.phases import Phase
 from ...kernels import TWO_SIDED_95
-from ...model.preprocessing.tolerance import AIRSPEED_LEAST, FIXED
+from ...model.preprocessing.defaults import AIRSPEED_LEAST, FIXED
 from .lines import RENEWED_S, renewed_every_s
 from .record import STEP_S, Record
 from .windows import Window, clean_up_time, configuration_changes, flight_stretches, within

@@ -11,10 +11,10 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import ndtr
 
 from ...faults.shapes import SHAPES
 from ...kernels import FloatArray
+from ...kernels.compiled import special
 from .explain import PRICE
 from .finding import CHI_SQUARE, Finding
 from .static_relations import AVERAGED, BLOCK_S, MARGIN_S, RelationSeries
@@ -127,7 +127,7 @@ def _averaged(candidate: Candidate, time_s: FloatArray) -> FloatArray:
         return np.asarray(np.maximum(since_s, 0.0).mean(axis=1))
     if shape == "bias":
         # A sample at the onset itself has the whole step.
-        return np.asarray(ndtr((since_s + ROUNDING_S) / (constant or SHARP_S)).mean(axis=1))
+        return np.asarray(special.ndtr((since_s + ROUNDING_S) / (constant or SHARP_S)).mean(axis=1))
     if shape == "lagged_bias":
         return np.asarray(-np.expm1(-np.maximum(since_s, 0.0) / (constant or 1.0)).mean(axis=1))
     return np.asarray(np.clip(since_s / (constant or 1.0), 0.0, 1.0).mean(axis=1))

@@ -10,13 +10,13 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from scipy.special import stdtrit
 
 from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.phases import airborne
 from ...kernels import FloatArray
-from ...model.preprocessing.tolerance import tolerance_of
+from ...kernels.compiled import special
+from ...model.preprocessing.defaults import tolerance_of
 
 NEEDS = ("tas", "velocity_north", "velocity_east")
 # Hz at which velocities are compared; gusts are slower.
@@ -39,7 +39,7 @@ def scale_by_circles(log: FlightLog) -> Implausible | None:
     if scales.size < FEWEST:
         return None
     mean = float(scales.mean())
-    half = float(stdtrit(scales.size - 1, 0.975) * scales.std(ddof=1) / math.sqrt(scales.size))
+    half = float(special.stdtrit(scales.size - 1, 0.975) * scales.std(ddof=1) / math.sqrt(scales.size))
     flown = log.time_s[airborne(log, log.time_s)]
     part = log.window(float(flown[0]), float(flown[-1]))
     speed = float(np.nanmedian(part.channels["tas"].values))

@@ -16,7 +16,7 @@ from ...flightlog import FlightLog
 from ...flightlog.formats import parameters_of
 from ...flightlog.plausible import impossible_median, sentence_of_impossible
 from ...kernels import TWO_SIDED_95, FloatArray
-from ...model.preprocessing.tolerance import tolerance_of
+from ...model.preprocessing.defaults import tolerance_of
 from ...notes import Note
 from ...quantities.channels import STANDARD
 from ...quantities.text import quantity

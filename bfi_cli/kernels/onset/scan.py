@@ -18,9 +18,10 @@ from functools import cache
 from typing import Literal
 
 import numpy as np
-from scipy.linalg import lapack, qr
 
 from .. import ComplexArray, FloatArray, IntArray
+from ..compiled import lapack
+from ..covariance import PANEL
 from ..lagged import lagged
 from ..progress import Report, parts, silent
 from .profile import CACHE_DOUBLES, ProfilePolynomial, minimise, profile_polynomial, screen
@@ -171,9 +172,10 @@ def prepare_scan(
     base *= rows[:, None]
     norms = np.linalg.norm(base, axis=0)
     base = base[:, norms > 0.0] / norms[norms > 0.0]
-    Q0, R0, _ = qr(base, mode="economic", pivoting=True, overwrite_a=True, check_finite=False)
-    diagonal = np.abs(np.diag(R0))
-    Q0 = Q0[:, diagonal > RANK_TOLERANCE * diagonal[0]]
+    n_columns = base.shape[1]
+    packed, _, tau, _, _ = lapack.dgeqp3(base, lwork=2 * n_columns + PANEL * (n_columns + 1))
+    diagonal = np.abs(np.diag(packed))
+    Q0 = lapack.dorgqr(packed, tau, lwork=PANEL * n_columns)[0][:, diagonal > RANK_TOLERANCE * diagonal[0]]
 
     # Q1 and R1 of [lags s..1 | other outputs | lag 0], differenced and off Q0, with rows for the floor below.
     stacked = np.hstack([lagged(others, [0], first=order), lagged(y[:, [channel]], range(order, -1, -1))])

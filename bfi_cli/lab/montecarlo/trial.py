@@ -24,8 +24,8 @@ from ...kernels import FloatArray
 from ...kernels.termination import Termination
 from ...methods import METHODS
 from ...model import identify_faults
+from ...model.preprocessing.defaults import tolerances_of
 from ...model.preprocessing.regression import RegressionData, decides_by_rule, solve
-from ...model.preprocessing.tolerance import tolerances_of
 from ...model.preprocessing.window import prepare_window, regression_of, with_inputs_of
 from ...model.risro import declared
 from ...serialization import to_json

@@ -47,7 +47,7 @@ from ...kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onset
 from ...kernels.onset.waveform import Waveform
 from ...kernels.progress import Report, parts, shares, silent
 from ...quantities.text import instant
-from ..preprocessing.tolerance import is_any
+from ..preprocessing.defaults import is_any
 from .decision import Rule
 from .estimate import Estimate
 from .scan import HypothesisScan, Peak

@@ -24,8 +24,8 @@ from ...kernels.risro_varx import sparse_varx
 from ...kernels.sparsity import SparseStage
 from ...kernels.variable_projection import project_inputs
 from ...notes import Note
+from ..preprocessing.defaults import tolerances_of
 from ..preprocessing.regression import decides_by_rule, solve, stage_of
-from ..preprocessing.tolerance import tolerances_of
 from .estimate import as_scanned
 from .scan import HypothesisScan, Peak, fault_free_bic, scan_of
 from .scan_record import ScanRecord, prepare_record

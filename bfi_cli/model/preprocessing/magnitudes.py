@@ -13,12 +13,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import special
 
 from ...config import Config
 from ...errors import LogError
 from ...faults import Fault
 from ...kernels import ONE_SIDED_90, FloatArray
+from ...kernels.compiled import special
 from ...kernels.covariance import Adding, adding_to, additions_and_covariance
 from ...kernels.model_selection import Penalty, ScoredFit, least_criterion
 from ...kernels.progress import Report, parts, shares, silent

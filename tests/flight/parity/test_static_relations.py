@@ -28,7 +28,7 @@ from bfi_cli.flight.relations import drafts_of_relations, find_relations
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import Channel, frozen_array
-from bfi_cli.model.preprocessing.tolerance import tolerance_of
+from bfi_cli.model.preprocessing.defaults import tolerance_of
 
 FROM_S, TO_S, ONSET_S = 240.0, 360.0, 300.0
 STEPS = {"altitude": 0.3048, "cas": 0.0322, "tas": 0.0322, "mach": 1e-4, "tat": 0.25, "sat": 0.25}

@@ -19,7 +19,7 @@ from bfi_cli.model.onset import find_onset
 from bfi_cli.model.onset.scan import scan_hypotheses
 from bfi_cli.model.onset.scan_record import prepare_record
 from bfi_cli.model.onset.shapes import shape_hypotheses
-from bfi_cli.model.preprocessing.tolerance import is_any
+from bfi_cli.model.preprocessing.defaults import is_any
 
 BIAS = Fault(shape="bias", magnitude=1.0, onset_s=15.0)
 BETWEEN = replace(BIAS, onset_s=15.04)  # between two samples of the analysis

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_logs import made_log
 
-from bfi_cli.model.preprocessing.tolerance import AIRSPEED_LEAST, FOOT, tolerance_of
+from bfi_cli.model.preprocessing.defaults import AIRSPEED_LEAST, FOOT, tolerance_of
 
 T = np.arange(1000) / 10.0
 

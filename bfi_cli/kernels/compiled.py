@@ -1,0 +1,48 @@
+"""Routines of LAPACK and special functions as scipy compiles them, without what their packages import beside them.
+
+The packages `scipy.linalg` and `scipy.special` import numpy's compiler of Fortran, its tools for tests and all of their
+own modules, which takes as long as the analysis of a short log. What is called here are functions of one extension
+module of each. A scipy that lays these out otherwise is imported whole.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING
+
+import scipy
+
+__all__ = ["lapack", "special"]
+
+
+def _extension(package: str, module: str, whole: str) -> ModuleType:
+    """Return an extension module of a package of scipy, imported without the package.
+
+    Parameters
+    ----------
+    package : of scipy; module : the extension; whole : that which offers the same functions where there is none.
+    """
+    if f"scipy.{package}" in sys.modules:
+        return import_module(whole)
+    # The extension looks up its neighbours in the package, which stands empty meanwhile.
+    empty = ModuleType(f"scipy.{package}")
+    empty.__path__ = [f"{folder}/{package}" for folder in scipy.__path__]
+    sys.modules[empty.__name__] = empty
+    try:
+        return import_module(f"scipy.{package}.{module}")
+    except ImportError:
+        del sys.modules[empty.__name__]
+        return import_module(whole)
+    finally:
+        if sys.modules.get(empty.__name__) is empty:
+            del sys.modules[empty.__name__]
+
+
+if TYPE_CHECKING:
+    from scipy import special
+    from scipy.linalg import lapack
+else:
+    lapack = _extension("linalg", "_flapack", "scipy.linalg.lapack")
+    special = _extension("special", "_ufuncs", "scipy.special")

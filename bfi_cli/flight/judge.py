@@ -17,6 +17,7 @@ from ..kernels.bounded_filter import StackRun
 from .bench import FAULT_STATES, SHOWN_S, Bench, Place, jump, jump_seconds, place_of, run_place
 from .lines import line_weights
 from .model import FlightModel, second_airspeed
+from .result import Event
 from .tables import MANOEUVRE, ORDINARY, ROWS, Loads
 from .weight import Ordinary, Weight, against, beside, dispersion, floored_density
 
@@ -46,6 +47,8 @@ GROWTHS_S = (0.0, 60.0, 200.0, np.inf)
 SLOW_S = 200.0  # in which a growing error reaches its width
 GONE = "nothing of it is left at its end"  # of an error without one: for some seconds it only set a channel aside
 AT_END_S = 6  # after the end, when an error is over
+# Seconds by which an onset may be earlier, and after an end in which filters of recorder and instrument still act.
+BEFORE_NEXT_S, AFTER_END_S = 20.0, 10.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -309,6 +312,12 @@ def rows_of(bench: Bench, channels: Sequence[str]) -> tuple[str, ...]:
     if "ground_speed" in channels:
         rows += ["velocity_north", "velocity_east"]
     return tuple(name for name in rows if name in model.rows)
+
+
+def with_known(bench: Bench, event: Event) -> Bench:
+    """Return the bench without the rows that a known fault makes wrong, while it lasts."""
+    until_s = np.inf if event.offset_s is None else event.offset_s + AFTER_END_S
+    return bench.without(rows_of(bench, event.channels), event.onset_ci95[0] - BEFORE_NEXT_S, until_s)
 
 
 GROUND_BEFORE_S = 10.0  # in which nothing flies before what begins on the ground

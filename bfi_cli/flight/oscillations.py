@@ -7,25 +7,25 @@ rows says what a sine of that frequency is worth, which airspeeds have it, how l
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..decision import beyond_tolerance
 from ..faults.filters import response_of
-from ..kernels import TWO_SIDED_95, FloatArray
+from ..kernels import TWO_SIDED_95, BoolArray, FloatArray
 from ..kernels.bounded_filter import StackRun
 from ..kernels.low_pass import IDENTITY, Response
 from ..kernels.runs import runs
 from .bench import CHECK_S, FAULT_STATES, Bench, Place, place_of, run_place
 from .events import FREQUENCY_TOLERANCE
 from .flight import Flight
-from .judge import ALIKE, WIDE, channel_faults, ordinary_of
+from .judge import ALIKE, WIDE, channel_faults, ordinary_of, with_known
 from .naming import channels_of, repeat_advice
 from .result import Event
 from .tables import AIRSPEED_ROWS, Loads
-from .timing import COARSE_S, TAIL
+from .timing import likeliest
 from .weight import Ordinary, Weight, against, beside, dispersion
 
 PITOT_WATER, ALONE = "pitot_water", ("tas", "cas", "ias")
@@ -51,11 +51,18 @@ FINER = 41  # frequencies about that of a window
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Line:
-    """A line of the spectrum: from when to when windows show it, s, and its frequency."""
+    """A line of the spectrum.
+
+    Attributes
+    ----------
+    from_s, to_s : from when to when windows show it.
+    power : over that of the noise beside it, in the window that shows it most.
+    """
 
     from_s: float
     to_s: float
     frequency_hz: float
+    power: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,9 +84,10 @@ class Oscillation:
 
 
 def oscillating_events(flight: Flight, bench: Bench, least: float) -> Iterator[Event]:
-    """Yield the oscillations of airspeeds that the record confirms, each from when it is seen first.
+    """Yield the oscillations of airspeeds that the record confirms, the strongest line first.
 
-    What the aircraft itself may do is suspected where it is beyond the tolerance, and else is none.
+    Each is in the model before the next is weighed: what the bounds of the filter make of it is no other oscillation of
+    its channels. What the aircraft itself may do is suspected where it is beyond the tolerance, and else is none.
 
     Parameters
     ----------
@@ -87,13 +95,29 @@ def oscillating_events(flight: Flight, bench: Bench, least: float) -> Iterator[E
     """
     log = flight.log
     response = response_of(log.filters or (), log.rate_hz)
-    for line in spectral_lines(bench):
+    weighed: list[Line] = []
+    lines = spectral_lines(bench)
+    while (line := _strongest(lines, weighed)) is not None:
+        weighed.append(line)
         oscillation = oscillation_of(bench, line, rate_hz=log.rate_hz, until_s=flight.to_s, response=response)
         if oscillation is None or oscillation.weights[0].margin <= least:
             continue
         event = _event(flight, bench, oscillation)
+        bench = with_known(bench, event)
+        lines = spectral_lines(bench)
         if event.state == "declared" or event.beyond_tolerance is not False:
             yield event
+
+
+def _strongest(lines: Sequence[Line], weighed: Sequence[Line]) -> Line | None:
+    """Return the strongest of the lines that are near none of those that are weighed, None where none is left."""
+    left = [line for line in lines if not any(_is_near(line, other) for other in weighed)]
+    return max(left, key=lambda line: line.power, default=None)
+
+
+def _is_near(line: Line, other: Line) -> bool:
+    """Return whether two lines are of one frequency: what comes and goes is the same oscillation."""
+    return abs(line.frequency_hz - other.frequency_hz) < 2.0 / WINDOW_S
 
 
 def is_same_oscillation(event: Event, other: Event) -> bool:
@@ -157,13 +181,13 @@ def spectral_lines(bench: Bench) -> tuple[Line, ...]:
     waves = np.hanning(WINDOW_S) * np.exp(-2j * np.pi * np.outer(frequencies_hz, np.arange(WINDOW_S)))
     apart = np.abs(np.subtract.outer(np.arange(frequencies_hz.size), np.arange(frequencies_hz.size)))
     beside_each = np.argsort(np.where(apart < WIDTH, apart.max() + 1, apart), axis=1, kind="stable")[:, :BESIDE]
-    rows = [model.row(name) for name in _airspeeds(bench)]
+    rows = [model.row(name) for name in AIRSPEED_ROWS if name in model.rows]
     lines: list[Line] = []
     lasting: Line | None = None
     for start, end in runs(model.frame.airborne):
         for first in range(start + CHECK_S, end - WINDOW_S + 1, STEP_S):
             part = bench.innovation[first : first + WINDOW_S, rows]
-            part = part[:, np.isfinite(part).mean(axis=0) >= KNOWN]
+            part = part[:, _is_known(part)]
             if not part.size:
                 continue
             power = np.abs(waves @ np.nan_to_num(part - np.nanmean(part, axis=0))) ** 2
@@ -173,31 +197,43 @@ def spectral_lines(bench: Bench) -> tuple[Line, ...]:
             if lasting is not None:
                 same = np.abs(frequencies_hz - lasting.frequency_hz) < 1.0 / WINDOW_S
                 if share[same].max() > LEAST * max(PROPOSED, share.max()):
-                    lasting = replace(lasting, to_s=to_s)
+                    lasting = replace(lasting, to_s=to_s, power=max(lasting.power, float(share[same].max())))
                     continue
                 lines.append(lasting)
                 lasting = None
             if share[best] > PROPOSED:
-                lasting = Line(from_s=to_s - WINDOW_S, to_s=to_s, frequency_hz=float(frequencies_hz[best]))
+                lasting = Line(
+                    from_s=to_s - WINDOW_S,
+                    to_s=to_s,
+                    frequency_hz=float(frequencies_hz[best]),
+                    power=float(share[best]),
+                )
     return _joined(lines if lasting is None else [*lines, lasting])
 
 
 def _joined(lines: Sequence[Line]) -> tuple[Line, ...]:
-    """Return lines with those of one frequency as one: what comes and goes is the same oscillation."""
+    """Return lines with those of one frequency as one."""
     joined: list[Line] = []
     for line in lines:
-        same = next(
-            (k for k, other in enumerate(joined) if abs(line.frequency_hz - other.frequency_hz) < 2.0 / WINDOW_S), None
-        )
+        same = next((k for k, other in enumerate(joined) if _is_near(line, other)), None)
         if same is None:
             joined.append(line)
         else:
-            joined[same] = replace(joined[same], to_s=line.to_s)
+            joined[same] = replace(joined[same], to_s=line.to_s, power=max(joined[same].power, line.power))
     return tuple(joined)
 
 
-def _airspeeds(bench: Bench) -> list[str]:
-    return [name for name in AIRSPEED_ROWS if name in bench.model.rows]
+def _measured(place: Place) -> list[str]:
+    """Return the airspeeds that are known from the onset on."""
+    model = place.bench.model
+    names = [name for name in AIRSPEED_ROWS if name in model.rows]
+    known = _is_known(place.bench.innovation[place.first + place.onset : place.end, [*map(model.row, names)]])
+    return [name for name, is_known in zip(names, known, strict=True) if is_known]
+
+
+def _is_known(innovation: FloatArray) -> BoolArray:
+    """Return (n_rows,) whether a row is measured in most of some seconds, (n, n_rows)."""
+    return np.asarray(np.isfinite(innovation).mean(axis=0) >= KNOWN)
 
 
 def oscillation_of(
@@ -215,7 +251,7 @@ def oscillation_of(
     earlier_s = int(np.clip(at_s - time_s[min(bench.checks)] - CHECK_S, 0, SIDE_S + STEP_S))
     shown_s = max(line.to_s - WINDOW_S, at_s + SIDE_S)
     place = place_of(bench, at_s, None, min(until_s, shown_s, at_s + WEIGHED_S), earlier_s=earlier_s)
-    if place is None:
+    if place is None or not _measured(place):
         return None
     sines = _sines(place, line.frequency_hz, rate_hz, response)
     onsets = range(place.onset - earlier_s, min(place.onset + SIDE_S, place.n - SIDE_S) + 1)
@@ -223,12 +259,13 @@ def oscillation_of(
     about = sines.weights([(name, onset, place.n) for onset in onsets[::SIDE_S] for name in sines.faults])
     fault = max(about, key=lambda weight: weight.margin).fault
     # 2. Since when, and what each is worth from then on.
-    onset, first, last = _peak(onsets, lambda seconds: sines.weights([(fault, k, place.n) for k in seconds]))
+    peak, first, last = likeliest(len(onsets), lambda some: sines.weights([(fault, onsets[k], place.n) for k in some]))
+    onset = onsets[peak]
     weights = sorted(
         sines.weights([(name, onset, place.n) for name in sines.faults]), key=lambda weight: -weight.margin
     )
-    start_s, first_s = time_s[place.first], float(time_s[place.first + first] - 1.5)
-    if first == onsets[0]:
+    start_s, first_s = time_s[place.first], float(time_s[place.first + onsets[first]] - 1.5)
+    if first == 0:
         # On the ground, or in the window before, it is not seen.
         flown = np.flatnonzero(airborne[: place.first])
         first_s = min(first_s, float(time_s[flown[-1]]) if flown.size else time_s[0]) - WINDOW_S
@@ -236,7 +273,7 @@ def oscillation_of(
         frequency_hz=sines.frequency_hz,
         weights=tuple(weights),
         onset_s=float(start_s + onset - 0.5),
-        onset_ci95=(first_s, float(start_s + last + 1.5)),
+        onset_ci95=(first_s, float(start_s + onsets[last] + 1.5)),
         seen_until_s=line.to_s,
         offset_s=_end(bench, line, sines, fault) if line.to_s < min(until_s, time_s[airborne][-1]) - WINDOW_S else None,
     )
@@ -250,39 +287,17 @@ def _end(bench: Bench, line: Line, sines: Sines, fault: str) -> float | None:
         return None
     lasting = replace(sines, place=place, ordinary=ordinary_of(place), shocks=np.zeros_like(place.Q))
     ends = range(place.onset - WINDOW_S, min(place.onset + STEP_S, place.n) + 1)
-    end, _, _ = _peak(ends, lambda seconds: lasting.weights([(fault, 0, k) for k in seconds]))
-    return float(bench.model.time_s[place.first + min(end, place.n - 1)] - 0.5)
-
-
-def _peak(seconds: range, weigh: Callable[[Sequence[int]], Sequence[Weight]]) -> tuple[int, int, int]:
-    """Return the second with the largest margin, and those between which 95 % of the likelihood lie."""
-    profile: dict[int, Weight] = {}
-    for every in (seconds[::COARSE_S], seconds):
-        near = list(every)
-        if profile:
-            peak = max(profile, key=lambda k: profile[k].margin)
-            near = [k for k in near if abs(k - peak) <= COARSE_S and k not in profile]
-        profile.update(zip(near, weigh(near), strict=True))
-    peak = max(profile, key=lambda k: profile[k].margin)
-    known = sorted(profile)
-    steps = np.arange(known[0], known[-1] + 1)
-    margins = np.interp(steps, known, [profile[k].margin for k in known]) - profile[peak].margin
-    share = np.cumsum(np.exp(margins / profile[peak].dispersion))
-    first, last = np.searchsorted(share / share[-1], (TAIL, 1.0 - TAIL))
-    return peak, min(int(steps[first]), peak), max(int(steps[min(last, steps.size - 1)]), peak)
+    peak, _, _ = likeliest(len(ends), lambda some: lasting.weights([(fault, 0, ends[k]) for k in some]))
+    return float(bench.model.time_s[place.first + min(ends[peak], place.n - 1)] - 0.5)
 
 
 def _sines(place: Place, near_hz: float, rate_hz: float, response: Response) -> Sines:
     """Return the sines of about a frequency in the airspeeds of a place, beside the best without one."""
-    airspeeds = _airspeeds(place.bench)
+    airspeeds = _measured(place)
     ordinary = ordinary_of(place)
-    shocks = beside(place, ordinary, airspeeds)
-    none = run_place(place, shocks=shocks[:, None])
-    if none.log_likelihood[0] > np.nansum(ordinary.log_density):
-        ordinary = replace(ordinary, log_density=none.log_density[:, 0])
-    frequency_hz = _frequency(place, near_hz)
+    frequency_hz = _frequency(place, airspeeds, near_hz)
     shares = {"cas": place.bench.model.coefficients.cas_share}
-    alone = {name: loads for name, loads in channel_faults(place).items() if name in ALONE}
+    alone = {name: loads for name, loads in channel_faults(place).items() if name in ALONE and {*loads} <= {*airspeeds}}
     n = max(1.0, float(np.round(rate_hz)))
     mean = float(np.sin(np.pi * frequency_hz) / (n * np.sin(np.pi * frequency_hz / n)))
     return Sines(
@@ -291,13 +306,13 @@ def _sines(place: Place, near_hz: float, rate_hz: float, response: Response) -> 
         frequency_hz=frequency_hz,
         faults=alone | {PITOT_WATER: {name: shares.get(name, 1.0) for name in airspeeds}},
         share=mean * response.gain(frequency_hz / rate_hz),
-        shocks=shocks,
+        shocks=beside(place, ordinary, airspeeds),
     )
 
 
-def _frequency(place: Place, near_hz: float) -> float:
-    """Return where about a frequency the power of what the model leaves of the airspeeds is largest."""
-    rows = [place.bench.model.row(name) for name in _airspeeds(place.bench)]
+def _frequency(place: Place, airspeeds: Sequence[str], near_hz: float) -> float:
+    """Return where about a frequency the power of what the model leaves of some airspeeds is largest."""
+    rows = [place.bench.model.row(name) for name in airspeeds]
     left = place.bench.innovation[place.first + place.onset : place.end, rows]
     left = np.nan_to_num(left - np.nanmean(left, axis=0))
     frequencies_hz = np.maximum(near_hz + np.linspace(-1.0, 1.0, FINER) / WINDOW_S, LOWEST_HZ)

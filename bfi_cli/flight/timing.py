@@ -8,7 +8,7 @@ Nelder 1989, 9.2).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -205,27 +205,39 @@ def _peak(fault: str, courses: Sequence[Course], places: Sequence[Place], ordina
     """Return the best of places in the order of time, and those between which 95 % of the likelihood lie."""
     if not places:
         return None
-    tried: dict[int, tuple[Weight, Course]] = {}
+    weighed: dict[int, tuple[Weight, Course]] = {}
 
-    def margin(k: int) -> float:
-        return tried[k][0].margin
+    def weigh(some: Sequence[int]) -> list[Weight]:
+        weights = _weights(fault, courses, [places[k] for k in some], ordinary)
+        weighed.update(zip(some, weights, strict=True))
+        return [weight for weight, _ in weights]
 
-    coarse = range(0, len(places), COARSE_S)
-    tried.update(zip(coarse, _weights(fault, courses, [places[k] for k in coarse], ordinary), strict=True))
-    best = max(tried, key=margin)
-    fine = [k for k in range(max(best - COARSE_S, 0), min(best + COARSE_S, len(places) - 1) + 1) if k not in tried]
+    best, first, last = likeliest(len(places), weigh)
+    weight, course = weighed[best]
+    return _Peak(best=places[best], first=places[first], last=places[last], weight=weight, course=course)
+
+
+def likeliest(n: int, weigh: Callable[[Sequence[int]], Sequence[Weight]]) -> tuple[int, int, int]:
+    """Return the place with the largest margin of n in the order of time, and those that bound 95 % of the likelihood.
+
+    Parameters
+    ----------
+    weigh : to what a fault is worth at some of the places; of these every fifth and all about the best are asked for.
+    """
+    weights: dict[int, Weight] = {}
+
+    def best() -> int:
+        return max(weights, key=lambda k: weights[k].margin)
+
+    coarse = range(0, n, COARSE_S)
+    weights.update(zip(coarse, weigh(coarse), strict=True))
+    about = range(max(best() - COARSE_S, 0), min(best() + COARSE_S, n - 1) + 1)
+    fine = [k for k in about if k not in weights]
     if fine:
-        tried.update(zip(fine, _weights(fault, courses, [places[k] for k in fine], ordinary), strict=True))
-    best = max(tried, key=margin)
-    known = sorted(tried)
-    profile = np.interp(range(len(places)), known, [margin(k) for k in known])
-    share = np.exp((profile - profile.max()) / tried[best][0].dispersion)
+        weights.update(zip(fine, weigh(fine), strict=True))
+    peak, weighed = best(), sorted(weights)
+    profile = np.interp(range(n), weighed, [weights[k].margin for k in weighed])
+    share = np.exp((profile - profile.max()) / weights[peak].dispersion)
     below = np.cumsum(share) / share.sum()
     first, last = int(np.searchsorted(below, TAIL)), int(np.searchsorted(below, 1.0 - TAIL))
-    return _Peak(
-        best=places[best],
-        first=places[min(first, best)],
-        last=places[max(min(last, len(places) - 1), best)],
-        weight=tried[best][0],
-        course=tried[best][1],
-    )
+    return peak, min(first, peak), max(min(last, n - 1), peak)

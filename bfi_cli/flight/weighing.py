@@ -18,7 +18,20 @@ from ..quantities.units import per_second
 from .bench import AFTER_S, Bench, bench_of
 from .flight import Flight
 from .gross import FEWEST_S, Gross, gross_errors, swings_of
-from .judge import ALIKE, FROZEN, REFERENCES, SET_WITHIN_S, Judgement, explains, is_on_ground, is_set, judge, rows_of
+from .judge import (
+    ALIKE,
+    BEFORE_NEXT_S,
+    FROZEN,
+    REFERENCES,
+    SET_WITHIN_S,
+    Judgement,
+    explains,
+    is_on_ground,
+    is_set,
+    judge,
+    rows_of,
+    with_known,
+)
 from .model import flight_model
 from .naming import channels_of, repeat_advice
 from .noise import noisy_events
@@ -39,8 +52,8 @@ from .weight import Weight
 DECLARED = 20.0
 # Times as much, above which what a finder only suspects is declared: twice what a healthy light aircraft showed.
 SURE = 15.0
-# Seconds by which a next fault must be later to be left out of what is weighed, and that its onset may be earlier.
-APART_S, BEFORE_NEXT_S = 60.0, 20.0
+# Seconds by which a next fault must be later to be left out of what is weighed.
+APART_S = 60.0
 SLOW = ("pitot_icing", "static_leak", "pitot_leak")
 # About a candidate, in which no level of the flight's noise is taken.
 ABOUT_S = 90.0
@@ -50,7 +63,6 @@ UNWEIGHED = ("dropout", "spikes", "frozen", "offset", "sine", "cosine", "pitot_w
 SEES_NO_MORE = {"static relations", "sensors", "flight model"}
 FASTER_HZ = 1.5  # above which a log shows more than a sample a second
 MODEL: Stage = "flight model"
-AFTER_END_S = 10.0  # of a fault, in which filters of recorder and instrument still act
 # About a stretch of gross errors: when an event that lasts is of it, what is shown, and how well its onset is known.
 BESIDE_S, AROUND_S, ONSET_S = 60.0, 60.0, 3.0
 LOSSES = ("pitot_icing", "pitot_leak", "pitot_water", "q_impact")  # of an impact pressure
@@ -101,7 +113,7 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     hiding = [event for event in swinging if event.state == "declared" and event.beyond_tolerance is not False]
     known = [*hiding]
     for event in known:
-        bench = _with_known(bench, event)
+        bench = with_known(bench, event)
     answers: list[Event | OrdinaryEvent | Note] = list(events)
     # What is certain is in the model before the rest is weighed, in the order of time; a line is before a channel about
     # its onset, which may be its own.
@@ -141,7 +153,7 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
                 if _line(later) == _line(answer) and _follows(bench, later, answer):
                     answers[j] = _after(later, answer)
             known.append(answer)
-            bench = _with_known(bench, answer)
+            bench = with_known(bench, answer)
     stand = (*swinging, *(answer for answer in answers if isinstance(answer, Event)))
     ordinary = [answer for answer in answers if isinstance(answer, OrdinaryEvent)]
     ordinary += [event for event in surprising_events(bench, flight.phases, stand) if not _is_told(event, ordinary)]
@@ -171,12 +183,6 @@ def _after(event: Event, cause: Event) -> Note:
     """Return what is said of an event that is an after-effect."""
     at_s, since_s = (f"{entry.onset_s:.0f} s" for entry in (event, cause))
     return Note.method(f"what looks like '{event.fault}' from {at_s} follows from '{cause.fault}' from {since_s}")
-
-
-def _with_known(bench: Bench, event: Event) -> Bench:
-    """Return the bench without the rows that a known fault makes wrong, while it lasts."""
-    until_s = np.inf if event.offset_s is None else event.offset_s + AFTER_END_S
-    return bench.without(rows_of(bench, event.channels), event.onset_ci95[0] - BEFORE_NEXT_S, until_s)
 
 
 def _has_course(event: Event) -> bool:

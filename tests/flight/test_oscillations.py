@@ -11,9 +11,18 @@ from made_journeys import made_journey
 from bfi_cli.config import Config
 from bfi_cli.flight.bench import Bench, bench_of
 from bfi_cli.flight.diagnose import diagnose_flight
+from bfi_cli.flight.flight import flight_of
 from bfi_cli.flight.model import flight_model
-from bfi_cli.flight.oscillations import HIGHEST_HZ, WINDOW_S, oscillation_of, spectral_lines
+from bfi_cli.flight.oscillations import (
+    HIGHEST_HZ,
+    WINDOW_S,
+    oscillating_events,
+    oscillation_of,
+    spectral_lines,
+)
+from bfi_cli.flight.result import Event
 from bfi_cli.flight.seconds import seconds_of
+from bfi_cli.flight.weighing import DECLARED
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
 
@@ -92,11 +101,41 @@ def test_a_mean_over_a_second_does_not_make_it_smaller() -> None:
     assert abs(best.size - 3.0) < 3.0 * (best.sd or 0.0)
 
 
+def told(log: FlightLog, least: float = DECLARED) -> list[Event]:
+    """Return the oscillations that a log shows, without what finders propose."""
+    return list(oscillating_events(flight_of(log, Config()), bench_for(log), least))
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("frequency_hz", [0.02, HIGHEST_HZ + 0.04])
-def test_no_line_where_none_is_sought(frequency_hz: float) -> None:
-    lines = spectral_lines(bench_for(swinging(ALL, frequency_hz=frequency_hz)))
-    assert not [line for line in lines if abs(line.frequency_hz - frequency_hz) < 0.01]
+def test_no_oscillation_is_told_of_a_frequency_that_is_not_sought(frequency_hz: float) -> None:
+    assert told(swinging(ALL, frequency_hz=frequency_hz)) == []
+
+
+@pytest.mark.slow
+def test_what_the_bounds_of_the_filter_make_of_an_oscillation_is_not_weighed_as_another() -> None:
+    log = swinging(("cas",), size=20.0, frequency_hz=0.11, to_s=480.0)
+    assert [line.frequency_hz > 0.4 for line in spectral_lines(bench_for(log))] == [True, False]
+    (event,) = told(log, least=-np.inf)
+    assert event.fault == "cas"
+    assert event.frequency_hz == pytest.approx(0.11, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_oscillations_of_two_channels_at_one_time_are_both_told() -> None:
+    log = swinging(("tas",), size=6.0, frequency_hz=0.1)
+    other = swinging(("cas",), size=4.0, frequency_hz=0.23)
+    log = replace(log, channels={**log.channels, "cas": other.channels["cas"]})
+    events = {event.fault: event for event in told(log)}
+    assert {name: event.frequency_hz for name, event in events.items()} == {
+        "tas": pytest.approx(0.1, abs=1e-3),
+        "cas": pytest.approx(0.23, abs=1e-3),
+    }
+    for name, size in (("tas", 6.0), ("cas", 4.0)):
+        assert events[name].ci95 is not None
+        low, high = events[name].ci95
+        assert low <= size <= high
+        assert events[name].onset_ci95[0] <= 300.0 <= events[name].onset_ci95[1]
 
 
 @pytest.mark.slow

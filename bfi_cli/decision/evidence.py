@@ -46,7 +46,8 @@ class Manoeuvre:
 
 Spans = tuple[tuple[float, float], ...]
 
-# Share of the onsets, frequencies or time constants at which what an answer says of a fault holds.
+# Share of the onsets, frequencies or time constants, and of the watched time of a flight, at which what an answer says
+# of a fault holds: a reader can rely on it, as the worst stretch of an hour tells of itself only.
 MOSTLY = 0.95
 # Shapes that a claim about steps is about: they build up within `BUILD_UP_S`, and last.
 STEPS: tuple[Shape, ...] = tuple(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..config import Config, merge
-from ..decision import Candidate, Evidence, estimate_of, finite, state_of
+from ..decision import MOSTLY, Candidate, Evidence, estimate_of, finite, state_of
 from ..errors import LogError
 from ..faults import Fault, FaultEstimate
 from ..faults.shapes import CONSTANTS, SHAPES
@@ -31,7 +31,7 @@ from ..threads import one_thread
 from .diagnose import events_of, lasting_faults
 from .events import growth
 from .flight import Flight, flight_of
-from .limits import BIN_S, MOSTLY, Bounds, bounds_of, hidden_slopes
+from .limits import BIN_S, Bounds, bounds_of, hidden_slopes
 from .parity import RESIDUALS, available, configuration_changes
 from .parity.explain import course_for
 from .parity.static_relations import Series, find_oscillation, relation_series

@@ -10,6 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from ..decision import MOSTLY
 from ..kernels.runs import runs
 from ..quantities.channels import LARGEST_ERROR, STANDARD
 from ..quantities.units import per_second
@@ -31,9 +32,6 @@ PITOT_LINE = "pitot_icing"
 # Limits are compared over stretches of this length, by which the onsets that windows of 60 s cover (40 s each, every
 # 30 s) overlap, so that each lies within those of one window.
 BIN_S = 10.0
-# MOSTLY: share of the watched flight time in which the second limit of each fault holds: a reader can rely on it, as
-# the worst stretch of an hour tells of itself only.
-MOSTLY = 0.95
 # Units of hypotheses that are no channels.
 UNITS = {"q_impact": "1", "ground_speed": "m/s", STATIC_LEAK: "Pa"}
 # Standard deviations by which a slope exceeds its estimate in 5 % of windows at most: 1.645 of a normal distribution

@@ -14,8 +14,9 @@ from numpy.lib.stride_tricks import sliding_window_view
 
 from ..flightlog import FlightLog
 from ..flightlog.phases import Phase
-from ..kernels import BoolArray, FloatArray
+from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.runs import within
+from .parity.record import over_seconds, seconds_of_samples
 from .parity.windows import flight_stretches
 from .result import Event, OrdinaryEvent
 from .surprises import TOLD
@@ -36,16 +37,16 @@ def noisy_events(log: FlightLog, phases: Sequence[Phase], events: Sequence[Event
     events : that stand. What is declared of the channel is what disturbs it there.
     """
     recorded = [name for name, channel in log.channels.items() if not channel.derived_from]
-    start_s = float(log.time_s[0])
-    seconds_s = start_s + np.arange(int(log.time_s[-1] - start_s) + 1, dtype=np.float64)
-    flies = within(seconds_s, flight_stretches(phases))
+    seconds, n = seconds_of_samples(log)
+    start_s = log.time_s[np.searchsorted(seconds, np.arange(n))]
+    flies = within(start_s, flight_stretches(phases))
     for cause, row in ORDINARY.items():
         name = next((name for name in row.noisy if name in recorded), "")
         if not name:
             continue
-        others = [_levels(log, other, flies=flies) for other in OTHERS if other in recorded]
-        for first, end, ratio, gain in _noisy(_levels(log, name, flies=flies), others):
-            from_s, to_s = start_s + first, start_s + end
+        others = [_levels(log, other, seconds, flies=flies) for other in OTHERS if other in recorded]
+        for first, end, ratio, gain in _noisy(_levels(log, name, seconds, flies=flies), others):
+            from_s, to_s = float(start_s[first]), float(start_s[end])
             about = [
                 event for event in events if name in event.channels and from_s - CALM_S < event.onset_s < to_s + CALM_S
             ]
@@ -62,14 +63,10 @@ def noisy_events(log: FlightLog, phases: Sequence[Phase], events: Sequence[Event
                 )
 
 
-def _levels(log: FlightLog, name: str, *, flies: BoolArray) -> FloatArray:
+def _levels(log: FlightLog, name: str, seconds: IntArray, *, flies: BoolArray) -> FloatArray:
     """Return by second the logarithm of a channel's noise in flight beside its median, NaN where it has none."""
     differences = np.diff(log.channels[name].values, n=2, prepend=np.nan, append=np.nan)
-    seconds, known = (log.time_s - log.time_s[0]).astype(np.intp), np.isfinite(differences)
-    squares = np.bincount(seconds[known], differences[known] ** 2, minlength=flies.size)
-    counts = np.bincount(seconds[known], minlength=flies.size)
-    level = np.full(flies.size, np.nan)
-    np.divide(squares, counts, out=level, where=flies & (counts > 0))
+    level = np.where(flies, over_seconds(differences**2, seconds, flies.size, log.rate_hz), np.nan)
     moving = level[level > 0.0]
     usual = float(np.median(moving)) if moving.size else 1.0
     return 0.5 * np.log(np.maximum(level / usual, QUIETEST**2))

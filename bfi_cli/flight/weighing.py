@@ -259,12 +259,13 @@ def _weighed(
     weights = [] if judgement is None else _weights(judgement, event)
     if judgement is None or not weights:
         return event
-    if _would_be_renamed(judgement, event) or judgement.weights[0].dispersion > UNDESCRIBED:
+    would_be_renamed = _would_be_renamed(judgement, event)
+    if would_be_renamed or judgement.weights[0].dispersion > UNDESCRIBED:
         moved, there = _where_it_begins(bench, event, judgement, until_s)
         if _would_be_renamed(there, moved):
             return _renamed(bench, moved, there.weights[0], there.among, until_s)
         # What holds exactly is placed by its finder, under its own name.
-        if _would_be_renamed(judgement, event) and not EXACT & {*event.stages}:
+        if would_be_renamed and not EXACT & {*event.stages}:
             event, judgement = moved, there
     weight, best = _best_as_named(judgement, event), judgement.weights[0]
     going_on = (fault for fault in known_faults if fault.fault == best.fault and fault.onset_s < event.onset_s)
@@ -298,9 +299,9 @@ def _would_be_renamed(judgement: Judgement, event: Event) -> bool:
     """Return whether another fault explains the place of what is declared clearly better than its finder's name."""
     best = judgement.weights[0]
     as_named = _margin_as_named(judgement, event, _best_as_named(judgement, event))
-    may_be = _may_be_renamed(event, best.fault) and event.state == "declared"
+    may_be_renamed = _may_be_renamed(event, best.fault) and event.state == "declared"
     # What neither course describes speaks for neither: log densities over their dispersion.
-    return may_be and best.margin > max(DECLARED, as_named + DECLARED * best.dispersion)
+    return may_be_renamed and best.margin > max(DECLARED, as_named + DECLARED * best.dispersion)
 
 
 def _best_as_named(judgement: Judgement, event: Event) -> Weight:

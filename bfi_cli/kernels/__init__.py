@@ -17,3 +17,5 @@ ONE_SIDED_90, ONE_SIDED_95, ONE_SIDED_99 = 1.2815515655446004, 1.644853626951472
 CHI_SQUARE_95 = 3.84
 # The standard deviation over the median of the absolute deviations.
 MAD = 1.4826
+# The spacing of numbers at 1, and the smallest of full precision.
+EPS, TINY = float(np.finfo(np.float64).eps), float(np.finfo(np.float64).tiny)

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from . import FloatArray
+from . import TINY, FloatArray
 from .atom_signals import AtomSignals, Channels
 from .coherence import whiten
 from .compiled import lapack
@@ -452,7 +452,7 @@ def _unit_signatures(fit: Fit, unfolded: FitRows) -> tuple[FloatArray, FloatArra
 def _sandwich(fit: Fit, unfolded: FitRows, information: FloatArray, meat: FloatArray, scale: FloatArray) -> FloatArray:
     """Return the covariance from information and scores of signatures that were divided by (n_active,) `scale`."""
     bread = np.linalg.pinv(information, rcond=RANK_TOLERANCE, hermitian=True)
-    ratio = np.diag(bread @ meat @ bread) / np.maximum(np.diag(bread), np.finfo(float).tiny)
+    ratio = np.diag(bread @ meat @ bread) / np.maximum(np.diag(bread), TINY)
     wider = np.sqrt(np.maximum(ratio, 1.0)) / scale
     return np.asarray(bread * np.outer(wider, wider) * _small_sample_factor(fit, unfolded))
 
@@ -467,7 +467,7 @@ def single_additions(fit: Fit, unfolded: FitRows) -> tuple[FloatArray, FloatArra
     others = G - Q @ (Q.T @ G)
     power = np.einsum("kj,kj->j", others, others)
     white_raw = unfolded.raw_norm**2 / np.linalg.eigvalsh(fit.sigma)[-1]
-    seen = power > (BLIND * white_raw + np.finfo(float).tiny)
+    seen = power > (BLIND * white_raw + TINY)
     safe = np.where(seen, power, 1.0)
     magnitude = np.where(seen, others.T @ e / safe, np.nan)
     return magnitude, np.where(seen, _small_sample_factor(fit, unfolded) / safe, np.nan)

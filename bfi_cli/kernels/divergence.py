@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import FloatArray
+from . import EPS, FloatArray
 from .compiled import special
 
 # Fewest samples from which a bandwidth is estimated.
@@ -169,7 +169,7 @@ def _checked(samples: FloatArray) -> FloatArray:
         raise ValueError(f"a density needs {FEWEST} samples or more in one dimension, got shape {samples.shape}")
     if not np.isfinite(samples).all():
         raise ValueError("samples must be finite, got NaN or infinite values; cut them first")
-    if np.ptp(samples) <= 8.0 * np.finfo(float).eps * np.max(np.abs(samples)):
+    if np.ptp(samples) <= 8.0 * EPS * np.max(np.abs(samples)):
         raise ValueError(f"samples must differ, got {samples.size} times {samples[0]:.6g}; they have no density")
     return samples
 

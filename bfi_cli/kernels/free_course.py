@@ -23,7 +23,7 @@ from functools import partial
 
 import numpy as np
 
-from . import TWO_SIDED_95, FloatArray
+from . import TINY, TWO_SIDED_95, FloatArray
 from .compiled import lapack
 from .covariance import Layout
 from .lagged import lagged
@@ -127,7 +127,7 @@ def fit_mixed(
         gains = 1.0 + ratio * s**2
         misfit = float(np.sum(a**2 / gains)) + rest
         # The noise of data that the model explains to round-off is that round-off.
-        variance = max(misfit / degrees, np.finfo(float).tiny) if noise_variance is None else noise_variance
+        variance = max(misfit / degrees, TINY) if noise_variance is None else noise_variance
         return float(np.sum(np.log(gains)) + degrees * np.log(variance) + misfit / variance), variance
 
     if ratio is None:

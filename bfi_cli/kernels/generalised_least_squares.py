@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import BoolArray, FloatArray
+from . import EPS, BoolArray, FloatArray
 
 # RANK_TOLERANCE: share of the nuisances' largest singular value, columns of length 1, below which one is rounding.
 RANK_TOLERANCE = 1e-9
@@ -65,7 +65,7 @@ def least_squares(columns: FloatArray, y: FloatArray, rows: BoolArray) -> FloatA
     factor: FloatArray = np.asarray(np.linalg.qr(augmented, mode="r"))
     left, singular, right = np.linalg.svd(factor[:, :-1, :-1])
     # A direction that rounding leaves takes no part, as in LAPACK's gelsd.
-    least = np.finfo(float).eps * rows.sum(axis=1, keepdims=True) * singular[:, :1]
+    least = EPS * rows.sum(axis=1, keepdims=True) * singular[:, :1]
     along = (factor[:, None, :-1, -1] @ left)[:, 0]
     along = np.divide(along, singular, out=np.zeros_like(along), where=singular > least)
     return np.asarray((along[:, None] @ right)[:, 0])

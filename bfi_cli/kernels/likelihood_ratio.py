@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import eigh
 
-from . import FloatArray, IntArray
+from . import TINY, FloatArray, IntArray
 from .generalised_least_squares import RANK_TOLERANCE, regressions
 
 FAST_S = 1.0  # correlation time of the fast part: gusts and vibration that outlast one sample
@@ -79,7 +79,7 @@ class Residual:
             (basis.reshape(-1, n) @ courses).reshape(*basis.shape[:2], -1),
         )
         power = weights**2 @ courses**2 - np.sum(along**2, axis=1)
-        least = RANK_TOLERANCE * np.maximum(power.max(axis=1, initial=0.0), np.finfo(float).tiny)[:, None]
+        least = RANK_TOLERANCE * np.maximum(power.max(axis=1, initial=0.0), TINY)[:, None]
         gain = np.divide(shown**2, power, out=np.zeros_like(power), where=power > least)
         without = -noise.log_det - left.squares
         k = int(np.argmax(without + gain.max(axis=1, initial=0.0)))
@@ -121,7 +121,7 @@ class LikelihoodRatio:
         weights : (n_residuals,) of log-likelihoods: the variance that the noise model says over the true one.
         """
         power = weights @ self.power
-        seen = power > RANK_TOLERANCE * max(float(power.max(initial=0.0)), np.finfo(float).tiny)
+        seen = power > RANK_TOLERANCE * max(float(power.max(initial=0.0)), TINY)
         safe = np.where(seen, power, 1.0)
         return np.where(seen, weights @ self.shown / safe, 0.0), np.where(seen, 1.0 / np.sqrt(safe), np.inf)
 
@@ -138,7 +138,7 @@ class LikelihoodRatio:
     def needed(self, ratio: float) -> FloatArray:
         """Return (n_onsets,) the magnitude that a ratio is expected of, infinite where none is."""
         power = self.power.sum(axis=0)
-        seen = power > RANK_TOLERANCE * max(float(power.max(initial=0.0)), np.finfo(float).tiny)
+        seen = power > RANK_TOLERANCE * max(float(power.max(initial=0.0)), TINY)
         return np.where(seen, np.sqrt((ratio - self.costs.sum()) / np.where(seen, power, 1.0)), np.inf)
 
     def parts(self, magnitude: FloatArray) -> FloatArray:

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from . import FloatArray
+from . import TINY, FloatArray
 from .admm import RELAXATION, step_change
 from .model_selection import Penalty
 from .variable_projection import RANK_TOLERANCE, ProjectedRegression
@@ -152,7 +152,7 @@ def standardised(blocks: BlockRegression) -> BlockRegression:
     bases = []
     for j in range(blocks.n_blocks):
         U, s, _ = np.linalg.svd(blocks.A[:, blocks.block_of == j], full_matrices=False)
-        bases.append(U[:, s > RANK_TOLERANCE * max(float(s[0]), np.finfo(float).tiny)])
+        bases.append(U[:, s > RANK_TOLERANCE * max(float(s[0]), TINY)])
     return BlockRegression(
         A=np.hstack([np.zeros((len(blocks.A), 0)), *bases]),
         Y=blocks.Y,
@@ -266,7 +266,7 @@ def solve_on_support(blocks: BlockRegression, support: Sequence[int], penalty: P
     n_outputs = error.shape[1]
     # By eigenvalues: of errors that vanish in a direction a triangular factor leaves minus infinity.
     variances = np.maximum(np.linalg.eigvalsh(error.T @ error / blocks.n_rows), 0.0)
-    variances += max(blocks.floor, np.finfo(float).tiny ** 0.25) ** 2
+    variances += max(blocks.floor, TINY**0.25) ** 2
     price = n_outputs * (blocks.n_free + int(rank)) * penalty.per_parameter + len(support) * penalty.per_atom
     parts = [np.linalg.norm(A[:, blocks_of_columns == j] @ W[blocks_of_columns == j], axis=0) for j in support]
     return BlockFit(

@@ -6,8 +6,8 @@ Chen and Chen (2008) for the criterion; an atom must lower it by `evidence`, on 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import chain, combinations
 from operator import attrgetter
 
@@ -81,34 +81,10 @@ def least_criterion(scored: Iterable[ScoredFit]) -> ScoredFit:
     return min(scored, key=attrgetter("criterion"))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Proposal:
-    """A support (ascending) to score at an order, and its magnitudes to start from."""
-
-    order: int
-    atoms: tuple[int, ...]
-    z: FloatArray
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OrderSearch:
-    """Every support visited at one order, the best visit of each."""
-
-    order: int
-    visited: tuple[ScoredFit, ...]
-    _by_support: dict[tuple[int, ...], ScoredFit] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        """Index the visits by their support."""
-        object.__setattr__(self, "_by_support", {scored.fit.atoms: scored for scored in self.visited})
-
-    @property
-    def best(self) -> ScoredFit:
-        return least_criterion(self.visited)
-
-    def of(self, atoms: Iterable[int]) -> ScoredFit | None:
-        """Return the visit of a support, None where it was not visited."""
-        return self._by_support.get(tuple(sorted(atoms)))
+# A support (ascending) to score at an order, its first number, and its magnitudes to start from.
+Proposal = tuple[int, tuple[int, ...], FloatArray]
+# Every support (ascending) visited at one order, the best visit of each.
+Visited = Mapping[tuple[int, ...], ScoredFit]
 
 
 def search_orders(
@@ -117,9 +93,9 @@ def search_orders(
     penalty: Penalty,
     *,
     max_active: int | None = None,
-    known: Sequence[OrderSearch] = (),
+    known: Sequence[Visited] = (),
     report: Report = silent,
-) -> tuple[OrderSearch, ...]:
+) -> tuple[Visited, ...]:
     """Search supports at every order: forward from none, backward from all (of a small dictionary) and from the best.
 
     Each order then starts again from the best fits of the others: a model with lags to spare can absorb an
@@ -144,13 +120,13 @@ def search_orders(
         if len(candidates) <= min(BACKWARD_LIMIT, visits.room):
             visits.search_backward(visits.fit_all(tuple(candidates)))
         visits.search_backward(forward)
-    leaders = [visits.result().best.fit for visits in every]
+    leaders = [visits.best.fit for visits in every]
     for (visits, best), part_report in parts(comparing, list(zip(every, leaders, strict=True))):
         visits.step = steps(part_report, about)
         for leader in leaders:
             if leader is not best and leader.atoms:
                 visits.search_backward(visits.visit(leader.atoms, [leader.z]))
-    return tuple(visits.result() for visits in every)
+    return tuple(visits.allowed for visits in every)
 
 
 def refine_supports(
@@ -159,10 +135,10 @@ def refine_supports(
     penalty: Penalty,
     *,
     proposals: Sequence[Proposal] = (),
-    known: Sequence[OrderSearch] = (),
+    known: Sequence[Visited] = (),
     max_active: int | None = None,
     dropping_only: bool = False,
-) -> tuple[tuple[OrderSearch, ...], bool]:
+) -> tuple[tuple[Visited, ...], bool]:
     """Score proposed supports at every order, and go from the best to a neighbour as long as one is better.
 
     Neighbours are the supports without one of its atoms, and unless `dropping_only` those with one more and with one,
@@ -182,31 +158,31 @@ def refine_supports(
     every = _visits(problems, candidates, penalty, max_active, known)
     for visits in every:
         visits.visit((), [[]])
-        for proposal in proposals:
-            if proposal.order == visits.problem.order and len(proposal.atoms) <= visits.room:
-                visited = visits.visit(proposal.atoms, [proposal.z])
-                if len(proposal.atoms) > visits.limit:
+        for order, atoms, z in proposals:
+            if order == visits.problem.order and len(atoms) <= visits.room:
+                visited = visits.visit(atoms, [z])
+                if len(atoms) > visits.limit:
                     visits.search_backward(visited)
     agreed, seen = True, set()
     while True:
-        best = least_criterion(visits.result().best for visits in every)
+        best = least_criterion(visits.best for visits in every)
         for visits in every:
             if best.fit.atoms not in visits.scored and len(best.fit.atoms) <= visits.limit:
                 visits.visit(best.fit.atoms, [best.fit.z])
-        at = min(every, key=lambda visits: visits.result().best.criterion)
-        best = at.result().best
+        at = min(every, key=lambda visits: visits.best.criterion)
+        best = at.best
         if (at.problem.order, best.fit.atoms) in seen:
-            return tuple(visits.result() for visits in every), agreed
+            return tuple(visits.allowed for visits in every), agreed
         seen.add((at.problem.order, best.fit.atoms))
         at.search_backward(best)
-        if dropping_only or at.result().best is not best:
+        if dropping_only or at.best is not best:
             continue
         for visits in every:
             # An atom more may pay at an order at which the support itself is worse by less than its price.
             same = visits.scored.get(best.fit.atoms)
             if same and same.criterion < best.criterion + penalty.per_fault:
                 visits.search_beside(same.fit, candidates, exchanging=visits is at)
-        agreed = agreed and min(visits.result().best.criterion for visits in every) == best.criterion
+        agreed = agreed and min(visits.best.criterion for visits in every) == best.criterion
 
 
 def full_support(problem: ProjectedRegression, atoms: tuple[int, ...], penalty: Penalty) -> ScoredFit | None:
@@ -229,10 +205,14 @@ class _Visits:
         self.scored = {fit.atoms: ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in known}
         self.step: Step = steps(silent, 1)
 
-    def result(self) -> OrderSearch:
-        """Return what was visited within the limit on the number of active atoms."""
-        allowed = (scored for scored in self.scored.values() if len(scored.fit.atoms) <= self.limit)
-        return OrderSearch(order=self.problem.order, visited=tuple(allowed))
+    @property
+    def allowed(self) -> Visited:
+        """What was visited within the limit on the number of active atoms."""
+        return {atoms: scored for atoms, scored in self.scored.items() if len(atoms) <= self.limit}
+
+    @property
+    def best(self) -> ScoredFit:
+        return least_criterion(self.allowed.values())
 
     def visit(self, atoms: tuple[int, ...], starts: Iterable[Sequence[float] | FloatArray]) -> ScoredFit:
         """Fit a support (ascending) from several starts."""
@@ -328,9 +308,9 @@ def _visits(
     candidates: Sequence[int],
     penalty: Penalty,
     max_active: int | None,
-    known: Sequence[OrderSearch],
+    known: Sequence[Visited],
 ) -> list[_Visits]:
     """Return the visits of every order, with what is known of it."""
     limit = len(candidates) if max_active is None else min(max_active, len(candidates))
-    fits = [[scored.fit for scored in search.visited] for search in known] or [[] for _ in problems]
-    return [_Visits(problem, penalty, limit, part_report) for problem, part_report in zip(problems, fits, strict=True)]
+    fits = [[scored.fit for scored in visited.values()] for visited in known] or [[] for _ in problems]
+    return [_Visits(problem, penalty, limit, order_fits) for problem, order_fits in zip(problems, fits, strict=True)]

@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from . import FloatArray
+from . import EPS, TINY, FloatArray
 from .low_pass import HIGHEST_EDGE, RECORDERS, Kind, low_pass
 from .running import mean_of_stretches, travel
 
@@ -261,7 +261,7 @@ def _spectrum(values: FloatArray) -> tuple[int, FloatArray] | None:
     centred = segments - segments.mean(axis=1, keepdims=True)
     power = np.mean(np.abs(np.fft.rfft(centred * _taper(n), axis=1)) ** 2, axis=0)[1:]
     power = power / (2.0 * np.sin(np.pi * np.arange(1, len(power) + 1) / n)) ** 2
-    level = np.log(np.maximum([power[member].mean() for member in _bins(n)[1]], np.finfo(float).tiny))
+    level = np.log(np.maximum([power[member].mean() for member in _bins(n)[1]], TINY))
     high = level > level.min() + ABOVE_FLOOR
     end = len(level) if high.all() else int(np.argmin(high))
     return (n, level[:end]) if end >= FEWEST_BINS else None
@@ -297,5 +297,5 @@ def _gains(n: int) -> FloatArray:
         for j, edge in enumerate(SPECTRAL_EDGES):
             taps = low_pass(kind, float(edge), 1.0).taps
             gain = np.abs(np.exp(-2j * np.pi * np.outer(frequency, np.arange(len(taps)))) @ taps)
-            gains[i, j] = 2.0 * np.log(np.maximum(gain, np.finfo(float).eps))
+            gains[i, j] = 2.0 * np.log(np.maximum(gain, EPS))
     return gains

@@ -16,13 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from . import FloatArray
+from . import EPS, FloatArray
 from .compiled import lapack
 from .lagged import PANEL
 from .termination import Iterate, StoppingRule, Termination, iterate
 from .variable_projection import ProjectedRegression, without_signal
 
-EPS = float(np.finfo(float).eps)
 # Condition number, inverted, beyond which a least squares is taken to be rank deficient: its solution has four digits.
 DEFICIENT = 1e-12
 NO_SKETCH = np.zeros((1, 1))

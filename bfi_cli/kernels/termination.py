@@ -9,13 +9,13 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from . import FloatArray
+from . import EPS, FloatArray
 
 # Steps without a smaller misfit before the misfit is taken to have reached its floor. Chosen without tuning record:
 # fewer may stop where the misfit only pauses, more cost time.
 PATIENCE = 8
 # Misfit relative to the data's norm that is a sum of rounding errors.
-ROUND_OFF = 10 * np.finfo(float).eps
+ROUND_OFF = 10 * EPS
 # Misfit relative to the data's norm, which is the misfit of X = 0, at which the iteration is given up.
 RUNAWAY = 1e6
 

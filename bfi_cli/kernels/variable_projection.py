@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from . import BoolArray, FloatArray
+from . import TINY, BoolArray, FloatArray
 from .compiled import lapack
 from .lagged import Compressed, restrict
 from .termination import Termination
@@ -444,12 +444,12 @@ class _Support:
         if self.problem.slopes is not None:
             slopes, rows = self.problem.slopes
             kept = [rows * 0.0] + [slopes[atom] * z[j] for j, atom in enumerate(self.atoms) if atom in slopes]
-            factor = np.maximum(np.abs(1.0 - sum(kept[1:], kept[0])), np.finfo(float).tiny)
+            factor = np.maximum(np.abs(1.0 - sum(kept[1:], kept[0])), TINY)
             return 2.0 * float(rows @ np.log(factor)) / self.problem.n_rows
         shares = [
             (self.problem.scaling[atom], z[j]) for j, atom in enumerate(self.atoms) if atom in self.problem.scaling
         ]
-        logs = [rows * np.log(max(abs(1.0 - share * size), np.finfo(float).tiny)) for (rows, share), size in shares]
+        logs = [rows * np.log(max(abs(1.0 - share * size), TINY)) for (rows, share), size in shares]
         return 2.0 * float(sum(logs)) / self.problem.n_rows
 
     def filter(self, K: FloatArray) -> FloatArray:
@@ -537,7 +537,7 @@ def _is_full_rank(R: FloatArray) -> BoolArray:
 
 def _floor(problem: ProjectedRegression) -> float:
     """Return the standard deviation that is added to prediction errors, whose logarithm is taken."""
-    return float(max(problem.floor, np.finfo(float).tiny ** 0.25))
+    return float(max(problem.floor, TINY**0.25))
 
 
 def _covariance_root(error: FloatArray, problem: ProjectedRegression) -> tuple[FloatArray, float]:

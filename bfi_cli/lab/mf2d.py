@@ -84,7 +84,7 @@ def _path(problems: Sequence[ProjectedRegression], n_atoms: int, progress: Progr
             z = np.zeros(n_atoms)
             z[atoms_of] = solved.z
             atoms = tuple(int(j) for j in np.flatnonzero(z))
-            proposals.append(Proposal(order=problem.order, atoms=atoms, z=z[list(atoms)]))
+            proposals.append((problem.order, atoms, z[list(atoms)]))
     return proposals, iterations
 
 
@@ -97,12 +97,12 @@ def _shrinkage(
 ) -> tuple[Note, ...]:
     """Return the note on the magnitudes as solved, by the largest weights that keep every fault that is declared."""
     kept = next(
-        (proposal for proposal in proposals if proposal.order == fit.order and set(proposal.atoms) >= set(fit.atoms)),
+        ((atoms, z) for order, atoms, z in proposals if order == fit.order and set(atoms) >= set(fit.atoms)),
         None,
     )
     if not fit.atoms or kept is None:
         return ()
-    solved_z = dict(zip(kept.atoms, kept.z, strict=True))
+    solved_z = dict(zip(*kept, strict=True))
     shrunk = [
         f"{window.names[window.live[j]]} {solved_z[j] * regression.magnitude_unit[j]:.4g} "
         f"(re-solved {estimates.value[j]:.4g})"

@@ -21,7 +21,7 @@ import numpy as np
 from ..config import Config
 from ..faults import Fault, active_samples
 from ..flightlog.record import frozen_array
-from ..kernels import BoolArray, FloatArray
+from ..kernels import TINY, BoolArray, FloatArray
 from ..kernels.free_course import CourseFit, course_problem, fit_course, redrawn, walk_columns
 from ..kernels.low_pass import decimate
 from ..kernels.model_selection import Penalty
@@ -271,7 +271,7 @@ def _errors_when_redrawn(
             )
             squares += (fit_course(problem).value - course) ** 2 / DRAWS
         errors = np.maximum(errors, squares)
-        share = max(share, float(np.mean(squares[on])) / max(size, np.finfo(float).tiny))
+        share = max(share, float(np.mean(squares[on])) / max(size, TINY))
     return errors, share
 
 

@@ -20,10 +20,10 @@ from ..faults.shapes import LINE_SHAPES, SHAPES
 from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.model_selection import (
     BACKWARD_LIMIT,
-    OrderSearch,
     Penalty,
     Proposal,
     ScoredFit,
+    Visited,
     full_support,
     least_criterion,
     refine_supports,
@@ -147,8 +147,7 @@ def _declining(now: Selected, failed: tuple[int, str], declined: dict[int, str])
     """Return the best of the supports visited that leave out an atom which failed; the reason enters `declined`."""
     atom, declined[failed[0]] = failed
     searches = [
-        replace(search, visited=tuple(scored for scored in search.visited if atom not in scored.fit.atoms))
-        for search in now.selection.searches
+        {atoms: scored for atoms, scored in visited.items() if atom not in atoms} for visited in now.selection.searches
     ]
     return replace(now, selection=best_of(now.regression, searches, now.selection.penalty))
 
@@ -360,35 +359,34 @@ def _by_threshold(regression: RegressionData, selection: Selection, threshold: f
     z = fit.z * regression.magnitude_unit
     atoms = tuple(int(j) for j in np.flatnonzero(np.abs(z) >= threshold * np.linalg.norm(z)))
     start = replace(fit, atoms=atoms, z=fit.z[list(atoms)])
-    searches = []
-    for search in selection.searches:
-        chosen = _refit(regression, replace(search, visited=()), start, selection.penalty)
-        none = search.of(())
-        searches.append(replace(search, visited=(chosen,) if none is None or not atoms else (none, chosen)))
-    fits = tuple(search.visited[-1] for search in searches)
+    fits = tuple(_refit(regression, order, {}, start, selection.penalty) for order in regression.orders)
+    searches = tuple(
+        {at: scored for at, scored in visited.items() if at == ()} | {atoms: fitted}
+        for visited, fitted in zip(selection.searches, fits, strict=True)
+    )
     best = least_criterion(fits)
     unfolded = regression.unfold(best.fit)
-    return replace(selection, best=best, fits=fits, searches=tuple(searches), unfolded=unfolded)
+    return replace(selection, best=best, fits=fits, searches=searches, unfolded=unfolded)
 
 
-def best_of(regression: RegressionData, searches: Sequence[OrderSearch], penalty: Penalty) -> Selection:
-    """Return the best of what was visited, its support fitted at every order."""
-    best = least_criterion(search.best for search in searches)
+def best_of(regression: RegressionData, searches: Sequence[Visited], penalty: Penalty) -> Selection:
+    """Return the best of what was visited at the orders of a regression, its support fitted at every order."""
+    best = least_criterion(scored for visited in searches for scored in visited.values())
+    by_order = zip(regression.orders, searches, strict=True)
     return Selection(
         best=best,
-        fits=tuple(_refit(regression, search, best.fit, penalty) for search in searches),
+        fits=tuple(_refit(regression, order, visited, best.fit, penalty) for order, visited in by_order),
         searches=tuple(searches),
         penalty=penalty,
         unfolded=regression.unfold(best.fit),
     )
 
 
-def _refit(regression: RegressionData, search: OrderSearch, fit: Fit, penalty: Penalty) -> ScoredFit:
-    """Return the support of a fit at the order of a search, fitted from the magnitudes of `fit` if not visited yet."""
-    known = search.of(fit.atoms)
-    if known is not None:
-        return known
-    fitted = fit_magnitudes(regression.problem(search.order), fit.atoms, fit.z)
+def _refit(regression: RegressionData, order: int, visited: Visited, fit: Fit, penalty: Penalty) -> ScoredFit:
+    """Return the support of a fit at an order, fitted from the magnitudes of `fit` if not visited there yet."""
+    if fit.atoms in visited:
+        return visited[fit.atoms]
+    fitted = fit_magnitudes(regression.problem(order), fit.atoms, fit.z)
     return ScoredFit(criterion=penalty.criterion(fitted), fit=fitted)
 
 
@@ -398,12 +396,12 @@ def _failed_test(now: Selected, estimates: MagnitudeEstimates, dispersion: Float
     atoms = list(best.atoms)
     if not atoms:
         return None
-    (search,) = (search for search in selection.searches if search.order == best.order)
+    visited = selection.searches[now.regression.orders.index(best.order)]
     margins = []
     for atom in atoms:
         kept = [n for n, other in enumerate(atoms) if other != atom]
         smaller = replace(best, atoms=tuple(atoms[n] for n in kept), z=best.z[kept])
-        fall = _refit(now.regression, search, smaller, penalty).fit.log_det - best.log_det
+        fall = _refit(now.regression, best.order, visited, smaller, penalty).fit.log_det - best.log_det
         margins.append(
             penalty.n_effective * fall / ((penalty.per_fault + now.prices.get(atom, 0.0)) * dispersion[atom])
         )
@@ -445,8 +443,8 @@ def _rival_note(names: Sequence[str], selection: Selection) -> list[Note]:
     best, size = selection.best, len(selection.best.fit.atoms)
     others = [
         scored
-        for search in selection.searches
-        for scored in search.visited
+        for visited in selection.searches
+        for scored in visited.values()
         if scored.fit.atoms != best.fit.atoms and len(scored.fit.atoms) == size
     ]
     rival = min(others, key=lambda scored: scored.criterion, default=None)
@@ -466,8 +464,8 @@ def _near_miss(names: Sequence[str], selection: Selection) -> dict[int, Note]:
     best, evidence = selection.best, selection.penalty.evidence
     above = [
         scored
-        for search in selection.searches
-        for scored in search.visited
+        for visited in selection.searches
+        for scored in visited.values()
         if set(scored.fit.atoms) > set(best.fit.atoms) and len(scored.fit.atoms) == len(best.fit.atoms) + 1
     ]
     nearest = min(above, key=lambda scored: scored.criterion, default=None)

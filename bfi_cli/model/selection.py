@@ -20,7 +20,7 @@ from ..config import Config
 from ..kernels import FloatArray
 from ..kernels.atom_signals import AtomSignals
 from ..kernels.covariance import Adding, FitRows, adding_to
-from ..kernels.model_selection import OrderSearch, Penalty, Proposal, ScoredFit, least_criterion
+from ..kernels.model_selection import Penalty, Proposal, ScoredFit, Visited, least_criterion
 from ..kernels.progress import Report, parts, silent
 from ..kernels.risro_varx import VarxSolution, risro_varx, sparse_varx
 from ..kernels.sparsity import SparseSolution, SparseStage
@@ -41,14 +41,14 @@ class Selection:
     ----------
     best : the fit at the best order.
     fits : of the same support at each order, with their criteria.
-    searches : what was visited, by order.
+    searches : what was visited at each order.
     penalty : the criterion.
     unfolded : `best` over the rows, with the signatures of its support.
     """
 
     best: ScoredFit
     fits: tuple[ScoredFit, ...]
-    searches: tuple[OrderSearch, ...]
+    searches: tuple[Visited, ...]
     penalty: Penalty
     unfolded: FitRows
 
@@ -115,7 +115,7 @@ def propose_supports(regression: RegressionData, penalty: Penalty, report: Repor
 def proposals_of(visited: Mapping[int, Visits]) -> tuple[Proposal, ...]:
     """Return every support that was visited and is not too large, and the last of each start in any case."""
     return tuple(
-        Proposal(order=order, atoms=support, z=went.z[list(support)])
+        (order, support, went.z[list(support)])
         for order, visits in visited.items()
         for went in visits
         for support in went.supports
@@ -207,7 +207,7 @@ def result_of_selection(
     more : further attributes of the result.
     """
     fit, searches = selection.best.fit, selection.searches
-    plain = [search.of(()) for search in searches]
+    plain = [visited.get(()) for visited in searches]
     lowest = least_criterion(scored for scored in plain if scored is not None)
     several = len(searches) > 1
     return MethodResult(
@@ -221,7 +221,7 @@ def result_of_selection(
         solver=solver,
         orders=regression.orders if several else (),
         criterion_no_fault=tuple(np.nan if scored is None else scored.criterion for scored in plain) if several else (),
-        criterion_best=tuple(search.best.criterion for search in searches) if several else (),
+        criterion_best=tuple(least_criterion(visited.values()).criterion for visited in searches) if several else (),
         **{"converged": fit.termination is Termination.CONVERGED, **more},
     )
 

@@ -12,10 +12,11 @@ from scipy import stats
 from bfi_cli.kernels.lagged import compress, restrict
 from bfi_cli.kernels.model_selection import (
     BACKWARD_LIMIT,
-    OrderSearch,
     Penalty,
-    Proposal,
+    ScoredFit,
+    Visited,
     full_support,
+    least_criterion,
     refine_supports,
     search_orders,
 )
@@ -40,7 +41,11 @@ def penalty_of(problem, n_candidates: int, *, evidence: float = 6.0, n_effective
     return Penalty(n_rows=n, n_effective=n_effective or n, n_candidates=n_candidates, evidence=evidence)
 
 
-def search_order(problem, candidates, penalty, **limits) -> OrderSearch:
+def best_of(search: Visited) -> ScoredFit:
+    return least_criterion(search.values())
+
+
+def search_order(problem, candidates, penalty, **limits) -> Visited:
     (search,) = search_orders([problem], candidates, penalty, **limits)
     return search
 
@@ -60,8 +65,8 @@ def test_the_first_addition_is_the_best_of_all_single_ones(seed):
         for start in (np.zeros(1), start_of(problem, (atom,)))
     ]
     best = min(fits, key=lambda fit: fit.log_det)
-    assert min(scored.fit.log_det for scored in search.visited) == pytest.approx(best.log_det, abs=1e-9)
-    assert search.of(best.atoms) is not None
+    assert min(scored.fit.log_det for scored in search.values()) == pytest.approx(best.log_det, abs=1e-9)
+    assert search.get(best.atoms) is not None
 
 
 @pytest.mark.first_rows(2)
@@ -75,7 +80,7 @@ def test_the_answer_is_that_of_trying_every_support(seed):
         for support in every
         for start in (np.zeros(len(support)), Z[list(support)])
     )
-    assert search_order(problem, range(5), penalty).best.criterion == pytest.approx(brute, abs=1e-4)
+    assert best_of(search_order(problem, range(5), penalty)).criterion == pytest.approx(brute, abs=1e-4)
 
 
 @pytest.mark.first_rows(1)
@@ -85,7 +90,7 @@ def test_the_true_support_is_found_in_noise(n_y, runs):
     found = []
     for seed in range(runs):
         problem = problem_of(seed, n_y=n_y, noise_sd=0.05)
-        found.append(search_order(problem, range(5), penalty_of(problem, 5)).best.fit.atoms == (0, 2, 4))
+        found.append(best_of(search_order(problem, range(5), penalty_of(problem, 5))).fit.atoms == (0, 2, 4))
     assert sum(found) >= stats.binom.ppf(1e-4, runs, 0.95)
 
 
@@ -95,14 +100,14 @@ def test_fault_free_records_stay_fault_free():
     alarms = []
     for seed in range(40):
         problem = problem_of(seed, np.zeros(5))
-        alarms.append(search_order(problem, range(5), penalty_of(problem, 5)).best.fit.atoms != ())
+        alarms.append(best_of(search_order(problem, range(5), penalty_of(problem, 5))).fit.atoms != ())
     assert sum(alarms) <= stats.binom.isf(1e-4, 40, 5 * stats.chi2.sf(14.7, 1))
 
 
 def test_more_evidence_asked_for_never_brings_more_faults():
     problem = problem_of(3, [0.3, 0.1, -0.2, 0.05, 0.4], noise_sd=0.3)
     sizes = [
-        len(search_order(problem, range(5), penalty_of(problem, 5, evidence=evidence)).best.fit.atoms)
+        len(best_of(search_order(problem, range(5), penalty_of(problem, 5, evidence=evidence))).fit.atoms)
         for evidence in (0.0, 6.0, 20.0, 60.0, 1e4)
     ]
     assert sizes == sorted(sizes, reverse=True)
@@ -123,8 +128,8 @@ def test_the_criterion_is_the_sum_of_its_parts():
 def test_no_support_is_larger_than_asked_for(limit):
     problem = problem_of(1)
     search = search_order(problem, range(5), penalty_of(problem, 5), max_active=limit)
-    assert max(len(scored.fit.atoms) for scored in search.visited) <= limit
-    assert len(search.best.fit.atoms) == min(limit, 3)
+    assert max(len(scored.fit.atoms) for scored in search.values()) <= limit
+    assert len(best_of(search).fit.atoms) == min(limit, 3)
 
 
 def test_an_atom_that_stood_in_for_two_is_dropped_when_both_are_there():
@@ -137,33 +142,33 @@ def test_an_atom_that_stood_in_for_two_is_dropped_when_both_are_there():
     theta = np.stack([a, b, a + b + 0.3 * other, c, d], axis=1)[:, None, :]
     problem = project_inputs(compress(u, y + theta @ [1.0, 1.0, 0.0, 0.0, 0.0], theta, order=ORDER), ORDER, floor=FLOOR)
     search = search_order(problem, range(5), penalty_of(problem, 5), max_active=4)
-    assert search.best.fit.atoms == (0, 1)
-    assert search.of((2,)) is not None
+    assert best_of(search).fit.atoms == (0, 1)
+    assert search.get((2,)) is not None
 
 
 def test_no_candidates():
     problem = problem_of(2)
     search = search_order(problem, [], penalty_of(problem, 0))
-    assert [scored.fit.atoms for scored in search.visited] == [()]
-    assert search.best.fit.z.shape == (0,)
+    assert [scored.fit.atoms for scored in search.values()] == [()]
+    assert best_of(search).fit.z.shape == (0,)
 
 
 def test_candidates_left_out_are_never_visited():
     problem = problem_of(2)
     search = search_order(problem, [1, 3, 4], penalty_of(problem, 5))
-    assert {atom for scored in search.visited for atom in scored.fit.atoms} <= {1, 3, 4}
-    assert 4 in search.best.fit.atoms
+    assert {atom for scored in search.values() for atom in scored.fit.atoms} <= {1, 3, 4}
+    assert 4 in best_of(search).fit.atoms
 
 
 def test_visits_are_of_distinct_supports_and_can_be_looked_up():
     problem = problem_of(4)
     search = search_order(problem, range(5), penalty_of(problem, 5))
-    supports = [scored.fit.atoms for scored in search.visited]
+    supports = [scored.fit.atoms for scored in search.values()]
     assert len(set(supports)) == len(supports)
     assert all(list(support) == sorted(support) for support in supports)
-    assert search.of((4, 0, 2)) is search.of([0, 2, 4]) is search.best
-    assert search.of((0, 1, 2, 3, 4)) is not None
-    assert search_order(problem, range(5), penalty_of(problem, 5), max_active=1).of((0, 1, 2)) is None
+    assert search[0, 2, 4] is best_of(search)
+    assert search.get((0, 1, 2, 3, 4)) is not None
+    assert search_order(problem, range(5), penalty_of(problem, 5), max_active=1).get((0, 1, 2)) is None
 
 
 def test_a_large_fault_is_fitted_from_its_relaxed_magnitude_too():
@@ -178,8 +183,8 @@ def test_a_large_fault_is_fitted_from_its_relaxed_magnitude_too():
     assert fit_magnitudes(problem, (0,)).log_det > best + 1.0
     penalty = penalty_of(problem, theta.shape[2])
     search = search_order(problem, range(theta.shape[2]), penalty, max_active=1)
-    assert search.best.fit.atoms == (0,)
-    assert search.best.fit.log_det == pytest.approx(best, abs=1e-6)
+    assert best_of(search).fit.atoms == (0,)
+    assert best_of(search).fit.log_det == pytest.approx(best, abs=1e-6)
     assert full_support(problem, (0,), penalty).fit.log_det == pytest.approx(best, abs=1e-6)
 
 
@@ -201,12 +206,12 @@ def test_every_order_visits_the_best_support_of_every_other(seed):
     problems = [project_inputs(data, order, floor=FLOOR) for order in (1, 2, 8)]
     penalty = penalty_of(problems[0], MANY, evidence=2.0)
     alone = [search_order(problem, range(MANY), penalty) for problem in problems]
-    leaders = [search.best.fit.atoms for search in alone]
+    leaders = [best_of(search).fit.atoms for search in alone]
     together = search_orders(problems, range(MANY), penalty)
-    assert None in [search.of(leader) for search in alone for leader in leaders]
-    assert None not in [search.of(leader) for search in together for leader in leaders]
+    assert None in [search.get(leader) for search in alone for leader in leaders]
+    assert None not in [search.get(leader) for search in together for leader in leaders]
     for one, other in zip(together, alone, strict=True):
-        assert one.best.criterion <= other.best.criterion
+        assert best_of(one).criterion <= best_of(other).criterion
 
 
 def test_two_atoms_that_only_help_together_are_found():
@@ -217,9 +222,9 @@ def test_two_atoms_that_only_help_together_are_found():
     theta[:, :, 4] = theta[:, :, 5]
     problem = project_inputs(compress(u, y + 0.4 * fault, theta, order=ORDER), ORDER, floor=FLOOR)
     search = search_order(problem, range(MANY), penalty_of(problem, MANY))
-    assert search.best.fit.atoms == (0, 1)
-    first = min((scored for scored in search.visited if len(scored.fit.atoms) == 1), key=lambda one: one.criterion)
-    assert first.criterion > search.of(()).criterion
+    assert best_of(search).fit.atoms == (0, 1)
+    first = min((scored for scored in search.values() if len(scored.fit.atoms) == 1), key=lambda one: one.criterion)
+    assert first.criterion > search[()].criterion
 
 
 @pytest.mark.first_rows(1)
@@ -228,7 +233,7 @@ def test_small_dictionaries_are_searched_from_all_atoms_too(n_candidates):
     u, y, theta = oscillations(1)
     problem = project_inputs(compress(u, y, theta, order=ORDER), ORDER, floor=FLOOR)
     search = search_order(problem, range(n_candidates), penalty_of(problem, n_candidates))
-    assert (search.of(range(n_candidates)) is not None) == (n_candidates <= BACKWARD_LIMIT)
+    assert (search.get(tuple(range(n_candidates))) is not None) == (n_candidates <= BACKWARD_LIMIT)
 
 
 @pytest.mark.parametrize("n_y", [1, 2])
@@ -253,14 +258,16 @@ def test_more_atoms_than_rows():
     y = y + 5.0 * theta[:, :, 11]
     problem = project_inputs(compress(u, y, theta, order=1), 1, floor=FLOOR)
     search = search_order(problem, range(n_atoms), penalty_of(problem, n_atoms))
-    assert 11 in search.best.fit.atoms
-    assert np.isfinite([scored.criterion for scored in search.visited]).all()
-    assert max(len(scored.fit.atoms) for scored in search.visited) < n - 4
+    assert 11 in best_of(search).fit.atoms
+    assert np.isfinite([scored.criterion for scored in search.values()]).all()
+    assert max(len(scored.fit.atoms) for scored in search.values()) < n - 4
 
 
 def test_permuting_the_candidates_changes_nothing():
     problem = problem_of(6)
-    one, other = (search_order(problem, order, penalty_of(problem, 5)).best for order in (range(5), [4, 2, 0, 3, 1]))
+    one, other = (
+        best_of(search_order(problem, order, penalty_of(problem, 5))) for order in (range(5), [4, 2, 0, 3, 1])
+    )
     assert one.fit.atoms == other.fit.atoms
     np.testing.assert_allclose(one.fit.z, other.fit.z, rtol=1e-5)
 
@@ -269,8 +276,8 @@ def test_fewer_effective_rows_make_a_fault_harder_to_declare():
     problem = problem_of(7, [0.0, 0.0, 0.8, 0.0, 0.0], noise_sd=0.3)
     whole = search_order(problem, range(5), penalty_of(problem, 5, evidence=0.0))
     few = search_order(problem, range(5), penalty_of(problem, 5, evidence=0.0, n_effective=20.0))
-    assert len(few.best.fit.atoms) <= len(whole.best.fit.atoms)
-    assert len(whole.best.fit.atoms) > 0
+    assert len(best_of(few).fit.atoms) <= len(best_of(whole).fit.atoms)
+    assert len(best_of(whole).fit.atoms) > 0
 
 
 @pytest.mark.first_rows(1)
@@ -285,7 +292,7 @@ def test_what_the_stage_proposes_is_no_worse_than_the_exhaustive_search(seed):
     penalty = penalty_of(problems[0], 5)
     price = penalty.per_parameter + penalty.per_atom
     proposals = [
-        Proposal(order=problem.order, atoms=support, z=went.z[list(support)])
+        (problem.order, support, went.z[list(support)])
         for problem in problems
         for went in sparse_varx(
             problem,
@@ -298,11 +305,11 @@ def test_what_the_stage_proposes_is_no_worse_than_the_exhaustive_search(seed):
     ]
     ours, agreed = refine_supports(problems, range(5), penalty, proposals=proposals)
     theirs = search_orders(problems, range(5), penalty)
-    best, other = (min(search.best.criterion for search in searches) for searches in (ours, theirs))
+    best, other = (min(best_of(search).criterion for search in searches) for searches in (ours, theirs))
     assert best <= other + 1e-6 or not agreed
-    assert sum(len(search.visited) for search in ours) < sum(len(search.visited) for search in theirs)
+    assert sum(len(search) for search in ours) < sum(len(search) for search in theirs)
     both = search_orders(problems, range(5), penalty, known=ours)
-    assert min(search.best.criterion for search in both) <= min(best, other) + 1e-6
+    assert min(best_of(search).criterion for search in both) <= min(best, other) + 1e-6
 
 
 def test_from_no_proposal_the_neighbours_lead_to_the_answer():
@@ -310,10 +317,10 @@ def test_from_no_proposal_the_neighbours_lead_to_the_answer():
     penalty = penalty_of(problem, 5)
     (search,), agreed = refine_supports([problem], range(5), penalty)
     assert not agreed
-    assert search.best.fit.atoms == (0, 2, 4)
+    assert best_of(search).fit.atoms == (0, 2, 4)
     (limited,), _ = refine_supports([problem], range(5), penalty, max_active=1)
-    assert len(limited.best.fit.atoms) == 1
-    proposal = Proposal(order=ORDER, atoms=(0, 1, 2, 3, 4), z=np.zeros(5))
+    assert len(best_of(limited).fit.atoms) == 1
+    proposal = (ORDER, (0, 1, 2, 3, 4), np.zeros(5))
     (dropped,), agreed = refine_supports([problem], range(5), penalty, proposals=[proposal], dropping_only=True)
     assert agreed
-    assert dropped.best.fit.atoms == (0, 2, 4)
+    assert best_of(dropped).fit.atoms == (0, 2, 4)

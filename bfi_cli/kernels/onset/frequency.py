@@ -21,7 +21,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from .. import ComplexArray, FloatArray, IntArray
+from .. import TINY, ComplexArray, FloatArray, IntArray
 from ..progress import Report, parts, shares, silent
 from .pairs import Pair, PairLimits, PairTables, climb, pair_limits, peaks, screen_pairs, spread, tabulate_pairs
 from .profile import CACHE_DOUBLES, profile_polynomial, screen
@@ -151,7 +151,7 @@ def promised(scan: Scan, frequencies: FloatArray) -> FloatArray:
     steady = np.maximum(steady, np.concatenate([steady[:, 1:], steady[:, -1:]], axis=1))
     share = scan.impulses()[onsets] + steady[:, np.searchsorted(borders, onsets, side="right") - 1]
     early = onsets <= n - MIN_CYCLES / frequencies[:, None]
-    left = np.maximum(1.0 - np.max(share, axis=1, initial=0.0, where=early), np.finfo(float).tiny)
+    left = np.maximum(1.0 - np.max(share, axis=1, initial=0.0, where=early), TINY)
     return np.asarray(-scan.n_rows * np.log(left))
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .. import FloatArray, IntArray
+from .. import TINY, FloatArray, IntArray
 from .profile import log_ratio, minimise
 from .scan import Profile, Scan, in_blocks, in_units, magnitude_bound, stack_onsets, tabulate
 from .waveform import Waveform
@@ -165,6 +165,6 @@ def excluded_error(errors: FloatArray, means: FloatArray, most: float) -> float:
     last = int(above[-1])
     if last == len(means) - 1:
         return float("inf")
-    high, low = np.log(means[last]), np.log(max(float(means[last + 1]), np.finfo(float).tiny))
+    high, low = np.log(means[last]), np.log(max(float(means[last + 1]), TINY))
     part = (high - np.log(most)) / (high - low)
     return float(errors[last] * (errors[last + 1] / errors[last]) ** part)

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import FloatArray, IntArray
+from .. import EPS, TINY, FloatArray, IntArray
 
 # Numbers per table of a stack that stays in the processor's cache: 1 MB.
 CACHE_DOUBLES = 120_000
@@ -75,7 +75,7 @@ class ProfilePolynomial:
         left += 1.0
         # What a signature leaves of a record is never less than nothing: where it explains all, rounding of its terms.
         terms = 1.0 + np.einsum("iin->in", self.H2)[:, None] * z.reshape(-1, n_onsets) ** 2
-        np.maximum(left, np.finfo(float).eps * terms.reshape(left.shape), out=left)
+        np.maximum(left, EPS * terms.reshape(left.shape), out=left)
         return H
 
 
@@ -205,9 +205,9 @@ def eliminate(H: FloatArray, n_pivots: int, size: FloatArray | None = None) -> F
     ----------
     size : (n_pivots, n) of the terms that the first diagonal entries are differences of; None where they are not.
     """
-    smallest = SINGULAR * np.einsum("iin->in", H) + np.finfo(float).tiny
+    smallest = SINGULAR * np.einsum("iin->in", H) + TINY
     if size is not None:
-        smallest[:n_pivots] = SINGULAR * size + np.finfo(float).tiny
+        smallest[:n_pivots] = SINGULAR * size + TINY
     for j in range(len(H)):
         if k := min(j, n_pivots):
             H[j, j:] -= np.einsum("kn,kin->in", H[j, :k], H[:k, j:])

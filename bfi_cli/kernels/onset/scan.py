@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from .. import ComplexArray, FloatArray, IntArray
+from .. import TINY, ComplexArray, FloatArray, IntArray
 from ..compiled import lapack
 from ..covariance import PANEL
 from ..lagged import lagged
@@ -182,7 +182,7 @@ def prepare_scan(
     stacked *= rows[:, None]
     off = stacked - Q0 @ (Q0.T @ stacked)
     rms = np.sqrt(np.mean(off**2, axis=0)) if floor is None else np.full(off.shape[1], floor / FLOOR)
-    noise = np.diag(FLOOR * np.sqrt(len(off)) * np.maximum(rms, np.finfo(float).tiny ** 0.25))
+    noise = np.diag(FLOOR * np.sqrt(len(off)) * np.maximum(rms, TINY**0.25))
     columns = np.vstack([stacked, noise])
     columns[:, n_others:] = difference(columns[:, n_others:].T, degree).T
     columns = columns[:, np.r_[n_others : n_others + order, :n_others, -1]]
@@ -350,7 +350,7 @@ def magnitude_bound(scan: Scan, waveform: Waveform, lengths: IntArray) -> FloatA
 
 def largest_magnitude(scan: Scan, reach: FloatArray) -> FloatArray:
     """Return the largest |z| of shapes whose largest samples are `reach`."""
-    return GENEROUS * scan.span / np.maximum(reach, np.finfo(float).tiny ** 0.25)
+    return np.asarray(GENEROUS * scan.span / np.maximum(reach, TINY**0.25))
 
 
 def scan_shape(scan: Scan, waveform: Waveform, onsets: IntArray | None = None, *, report: Report = silent) -> Profile:

@@ -20,7 +20,7 @@ from ...dictionary import Dictionary
 from ...faults import Fault
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
-from ...kernels.model_selection import Penalty, Proposal, refine_supports, search_orders
+from ...kernels.model_selection import Penalty, Proposal, Visited, least_criterion, refine_supports, search_orders
 from ...kernels.risro_varx import risro_varx
 from ...kernels.sparsity import SparseStage
 from ...kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes
@@ -121,7 +121,12 @@ def _cheapest(of: Problem, proposals: Sequence[Proposal]) -> Support:
     """Return the proposed support with the best criterion, after atoms are dropped one by one while it falls."""
     atoms = range(of.penalty.n_candidates)
     searches, _ = refine_supports([of.projected], atoms, of.penalty, proposals=proposals, dropping_only=True)
-    return searches[0].best.fit.atoms
+    return _likeliest(*searches)
+
+
+def _likeliest(visited: Visited) -> Support:
+    """Return the support with the best criterion."""
+    return least_criterion(visited.values()).fit.atoms
 
 
 def _by_lasso(of: Problem, *, adaptive: bool) -> Support:
@@ -142,7 +147,7 @@ def _by_lasso(of: Problem, *, adaptive: bool) -> Support:
     proposals = []
     for support in lasso_supports(G * weights, y, most=most):
         z = np.asarray(np.linalg.lstsq(G[:, support], y, rcond=None)[0], dtype=np.float64)
-        proposals.append(Proposal(order=ORDER, atoms=support, z=z))
+        proposals.append((ORDER, support, z))
     return _cheapest(of, proposals)
 
 
@@ -193,7 +198,7 @@ RULES: Mapping[str, Callable[[Problem], Support]] = {
     "adaptive": lambda of: _by_lasso(of, adaptive=True),
     # The exponential stage from its two starts, as method risro does.
     "stage": lambda of: _cheapest(of, proposals_of(stage_runs(of.regression, of.penalty, orders=[ORDER])[1])),
-    "search": lambda of: search_orders([of.projected], range(of.penalty.n_candidates), of.penalty)[0].best.fit.atoms,
+    "search": lambda of: _likeliest(*search_orders([of.projected], range(of.penalty.n_candidates), of.penalty)),
 }
 
 

@@ -14,7 +14,7 @@ from ...faults.shapes import Shape
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
 from ...kernels.lagged import Compressed, compress
-from ...kernels.model_selection import Penalty, Proposal, refine_supports
+from ...kernels.model_selection import Penalty, least_criterion, refine_supports
 from ...kernels.risro_varx import risro_varx, sparse_varx
 from ...kernels.sparsity import SparseStage
 from ...kernels.variable_projection import project_inputs
@@ -217,11 +217,9 @@ def _by_stage(data: Compressed) -> float:
     penalty = Penalty(n_rows=n_rows, n_effective=float(n_rows), n_candidates=1, evidence=STRONG_EVIDENCE)
     price, stage = penalty.per_parameter + penalty.per_atom, SparseStage(kind="exp-l0")
     visits = sparse_varx(problem, risro_varx(data), n_atoms=1, stage=stage, price=price)
-    proposals = [
-        Proposal(order=LOW, atoms=support, z=went.z[list(support)]) for went in visits for support in went.supports
-    ]
+    proposals = [(LOW, support, went.z[list(support)]) for went in visits for support in went.supports]
     (search,), _ = refine_supports([problem], [0], penalty, proposals=proposals, dropping_only=True)
-    fit = search.best.fit
+    fit = least_criterion(search.values()).fit
     return float(fit.z[0]) if fit.atoms else 0.0
 
 

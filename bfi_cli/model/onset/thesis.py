@@ -17,6 +17,7 @@ from ...config import Config
 from ...decision import Evidence, candidate_of
 from ...errors import ConfigError
 from ...flightlog import FlightLog
+from ...kernels import TINY
 from ...kernels.lagged import compress
 from ...kernels.onset.scan import Profile, Scan, default_onsets
 from ...kernels.progress import Progress, Report, parts, unseen
@@ -123,7 +124,7 @@ def _solved(
 ) -> Profile:
     """Return the profile of a shape by a solution for every onset, with the magnitudes that the stage leaves."""
     price = float(np.log(scan.n_rows)) + config.selection.evidence
-    onsets, tiny = default_onsets(scan), np.finfo(float).tiny
+    onsets = default_onsets(scan)
     z, rss = np.zeros(len(onsets)), np.zeros(len(onsets))
     for k, (sample, _) in enumerate(parts(report, onsets.tolist())):
         theta = signal(form, record.sampling, (sample, 0))[:, None, None]
@@ -134,10 +135,10 @@ def _solved(
             continue
         problem = project_inputs(data, scan.order, floor=ROUND_OFF)
         visits = sparse_varx(problem, solution, n_atoms=1, stage=stage, price=price)
-        fall = scan.n_rows * np.log(np.maximum(scan.rss0, tiny) / np.maximum(rss[k], tiny))
+        fall = scan.n_rows * np.log(np.maximum(scan.rss0, TINY) / np.maximum(rss[k], TINY))
         if fall < price or not any(support for went in visits for support in went.supports):
             z[k], rss[k] = 0.0, scan.rss0
-    statistic = scan.n_rows * np.log(np.maximum(scan.rss0, tiny) / np.maximum(rss, tiny))
+    statistic = scan.n_rows * np.log(np.maximum(scan.rss0, TINY) / np.maximum(rss, TINY))
     return Profile(
         onsets=onsets,
         z=z,

@@ -158,7 +158,7 @@ class Flight:
         if (fixed := FIXED.get(quantity_of(channel))) is not None:
             return fixed
         if channel not in self._alike:
-            names = {channel, *AIRSPEEDS} & self.log.channels.keys()
+            names = {channel} if quantity_of(channel) in AIRSPEEDS else {channel, *AIRSPEEDS} & self.log.channels.keys()
             self._alike[channel] = replace(self.log, channels={name: self.log.channels[name] for name in names})
         if (channel, window) not in self._seen:
             alike = self._alike[channel]

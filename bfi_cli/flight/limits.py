@@ -19,7 +19,7 @@ from .judge import REFERENCES, WIDE
 from .looks import Scanned
 from .parity import Bound
 from .parity.lines import METRES
-from .parity.record import STATIC_LEAK
+from .parity.record import STATIC_LEAK, Record
 from .parity.windows import Window, flight_stretches, overlaps, within
 from .relations import StaticWindows
 from .result import Event, FlightLimit, LimitCourse
@@ -127,9 +127,10 @@ def bounds_of(
 
     for scan in scanned:
         window = scan.window
+        part = flight.record.between(*window)
         magnitudes = () if overlaps(window, left_out) else scan.magnitude
         for name in [name for name in magnitudes if name not in scan.lasting]:
-            kind, scale = _drift_of(flight, name, window)
+            kind, scale = _drift_of(flight, name, part)
             # The statistic, which a rougher flight raises, goes with the square of a slope.
             spreads = EXCEEDED_BY * np.sqrt(scan.rule.scale) * scan.sd[name]
             sizes = np.abs(scan.magnitude[name]) + spreads
@@ -137,7 +138,7 @@ def bounds_of(
             offer(kind, window, scan.onsets_s, sizes, spreads, declared, scale)
             if name in AIRSPEEDS and name == flight.record.airspeed and "q_impact" not in scan.magnitude:
                 # Where one airspeed stands for the line, what bounds the channel bounds a loss of impact pressure.
-                line, scale = replace(kind, fault=PITOT_LINE, unit="1/s"), 0.5 * _speed(flight, window, name)
+                line, scale = replace(kind, fault=PITOT_LINE, unit="1/s"), 0.5 * _speed(part, name)
                 offer(line, window, scan.onsets_s, sizes / scale, spreads / scale, declared / scale, scale)
     for window, answer in static:
         for limit in () if overlaps(window, left_out) else answer.limits:
@@ -380,23 +381,28 @@ def _largest_error(flight: Flight, channel: str, fault: str) -> float:
     return min(largest, share * float(np.median(flown))) if flown.size else largest
 
 
-def _drift_of(flight: Flight, fault: str, window: Window) -> tuple[Bounds, float]:
-    """Return what a hypothesis of the scan is called as a drift, and the error of its channel by 1 after a second."""
+def _drift_of(flight: Flight, fault: str, part: Record) -> tuple[Bounds, float]:
+    """Return what a hypothesis of the scan is called as a drift, and the error of its channel by 1 after a second.
+
+    Parameters
+    ----------
+    part : the seconds of the window.
+    """
     name, channel, scale = fault, fault, 1.0
     if fault == "q_impact":
         # A share of the impact pressure is half as large a share of the airspeed.
         name, channel = PITOT_LINE, next((airspeed for airspeed in AIRSPEEDS if airspeed in flight.recorded), "tas")
-        scale = 0.5 * _speed(flight, window, channel)
+        scale = 0.5 * _speed(part, channel)
     elif fault == STATIC_LEAK:
         channel = "altitude"
-        scale = METRES / float(np.nanmedian(flight.record.between(*window).air.p_static))
+        scale = METRES / float(np.nanmedian(part.air.p_static))
     unit = UNITS.get(fault) or STANDARD[fault].unit
     kind = Bounds(fault=name, shape="drift", channel=channel, unit=per_second(unit), bounds="error", windows=())
     return kind, scale
 
 
-def _speed(flight: Flight, window: Window, channel: str) -> float:
-    return float(np.nanmean(flight.record.between(*window).channels[channel]))
+def _speed(part: Record, channel: str) -> float:
+    return float(np.nanmean(part.channels[channel]))
 
 
 def _unit(flight: Flight, channel: str) -> str:

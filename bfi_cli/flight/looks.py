@@ -143,9 +143,10 @@ def scan_flight(
         scan = flight.scan(window)
         if scan is None:
             continue
-        best = max(scan.ratios, key=lambda fault: float(scan.ratios[fault].ratio.max()))
-        estimates = {fault: ratio.weighted(scan.weights) for fault, ratio in scan.ratios.items()}
+        fault, onset_s = scan.strongest
+        magnitude, sd = scan.ratios.weighted(scan.weights)
         level = threshold(key_of(scan, window, beside=bool(lasting)))
+        declared = scan.ratios.needed(level.level) + ONE_SIDED_90 * np.sqrt(level.scale) * sd
         scans.append(
             Scanned(
                 from_s=window[0],
@@ -155,15 +156,12 @@ def scan_flight(
                 statistic=scan.statistic,
                 threshold=level.level,
                 p_value=level.p_value(scan.statistic),
-                fault=best,
-                onset_s=float(scan.onsets_s[int(np.argmax(scan.ratios[best].ratio))]),
+                fault=fault,
+                onset_s=onset_s,
                 onsets_s=scan.onsets_s,
-                magnitude={fault: magnitude for fault, (magnitude, _) in estimates.items()},
-                sd={fault: sd for fault, (_, sd) in estimates.items()},
-                declared={
-                    fault: ratio.needed(level.level) + ONE_SIDED_90 * np.sqrt(level.scale) * estimates[fault][1]
-                    for fault, ratio in scan.ratios.items()
-                },
+                magnitude=dict(zip(scan.faults, magnitude, strict=True)),
+                sd=dict(zip(scan.faults, sd, strict=True)),
+                declared=dict(zip(scan.faults, declared, strict=True)),
                 lasting=lasting,
                 rule=level,
             )

@@ -364,6 +364,5 @@ def _around(flight: Flight, onset_s: float, window: Window, threshold: Threshold
             break
         window, scan = better
         assert scan is not None
-        best = max(scan.ratios.values(), key=lambda ratio: float(ratio.ratio.max()))
-        onset_s = float(scan.onsets_s[int(np.argmax(best.ratio))])
+        _, onset_s = scan.strongest
     return window, scan

@@ -133,11 +133,10 @@ def _sizes_of(
 
     faults, columns = hypotheses(record), courses(record.time_s)
     signatures = fault_signatures(scan, record, faults, columns, flight.record)
-    by_fault = {}
-    for fault, ratio in zip(faults, likelihood_ratios(scan.residuals, signatures, len(faults)), strict=True):
-        magnitude, sd = ratio.weighted(scan.weights)
-        # The statistic, which a rougher flight raises, goes with the square of a size.
-        by_fault[fault.fault] = worst(np.abs(magnitude) + EXCEEDED_BY * np.sqrt(scale) * sd)
+    magnitude, sd = likelihood_ratios(scan.residuals, signatures, len(faults)).weighted(scan.weights)
+    # The statistic, which a rougher flight raises, goes with the square of a size.
+    hidden = np.abs(magnitude) + EXCEEDED_BY * np.sqrt(scale) * sd
+    by_fault = {fault.fault: worst(sizes) for fault, sizes in zip(faults, hidden, strict=True)}
     related = {
         (channel, bounds): worst(sizes)
         for channel in channels

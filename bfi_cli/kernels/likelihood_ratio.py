@@ -7,13 +7,13 @@ grid, with and without a fault. That is what makes one threshold hold in calm an
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import eigh
 
-from . import TINY, FloatArray, IntArray
+from . import TINY, BoolArray, FloatArray, IntArray
 from .generalised_least_squares import RANK_TOLERANCE, regressions
 
 FAST_S = 1.0  # correlation time of the fast part: gusts and vibration that outlast one sample
@@ -101,7 +101,7 @@ class Residual:
 
 @dataclass(frozen=True, kw_only=True, eq=False)  # without slots, so that it keeps its ratio
 class LikelihoodRatio:
-    """The likelihood ratio of one fault, by onset.
+    """The likelihood ratio of a fault, by onset; of several faults each array has another axis in front.
 
     Attributes
     ----------
@@ -121,7 +121,7 @@ class LikelihoodRatio:
         weights : (n_residuals,) of log-likelihoods: the variance that the noise model says over the true one.
         """
         power = weights @ self.power
-        seen = power > RANK_TOLERANCE * max(float(power.max(initial=0.0)), TINY)
+        seen = _is_seen(power)
         safe = np.where(seen, power, 1.0)
         return np.where(seen, weights @ self.shown / safe, 0.0), np.where(seen, 1.0 / np.sqrt(safe), np.inf)
 
@@ -133,17 +133,24 @@ class LikelihoodRatio:
     @cached_property
     def ratio(self) -> FloatArray:
         """(n_onsets,) twice the log-likelihood ratio against no fault."""
-        return np.asarray(self.parts(self.magnitude).sum(axis=0))
+        return np.asarray(self.parts(self.magnitude).sum(axis=-2))
 
     def needed(self, ratio: float) -> FloatArray:
         """Return (n_onsets,) the magnitude that a ratio is expected of, infinite where none is."""
-        power = self.power.sum(axis=0)
-        seen = power > RANK_TOLERANCE * max(float(power.max(initial=0.0)), TINY)
+        power = self.power.sum(axis=-2)
+        seen = _is_seen(power)
         return np.where(seen, np.sqrt((ratio - self.costs.sum()) / np.where(seen, power, 1.0)), np.inf)
 
     def parts(self, magnitude: FloatArray) -> FloatArray:
         """Return (n_residuals, n_onsets) what each residual says of magnitudes, (n_onsets,)."""
+        magnitude = magnitude[..., None, :]
         return np.asarray(self.costs[:, None] + 2.0 * magnitude * self.shown - magnitude**2 * self.power)
+
+
+def _is_seen(power: FloatArray) -> BoolArray:
+    """Return (..., n_onsets) where the residuals show anything of a fault."""
+    largest = power.max(axis=-1, initial=TINY, keepdims=True)
+    return np.asarray(power > RANK_TOLERANCE * largest)
 
 
 def noise_model(time_s: FloatArray, levels: FloatArray, slow: FloatArray) -> NoiseModel:
@@ -165,12 +172,13 @@ def likelihood_ratio(residuals: Sequence[Residual], signatures: Sequence[FloatAr
     signatures : of every residual (n, n_onsets), what the fault of magnitude 1 makes of it.
     """
     every = np.zeros(1, dtype=np.intp)
-    return likelihood_ratios(residuals, [(every, signature[:, None]) for signature in signatures], 1)[0]
+    ratios = likelihood_ratios(residuals, [(every, signature[:, None]) for signature in signatures], 1)
+    return replace(ratios, shown=ratios.shown[0], power=ratios.power[0])
 
 
 def likelihood_ratios(
     residuals: Sequence[Residual], signatures: Sequence[tuple[IntArray, FloatArray]], n_faults: int
-) -> list[LikelihoodRatio]:
+) -> LikelihoodRatio:
     """Return what residuals say of each of several faults, see `likelihood_ratio`.
 
     Parameters
@@ -184,4 +192,4 @@ def likelihood_ratios(
         shown[acting, j] = (residual.values @ columns).reshape(len(acting), -1)
         power[acting, j] = np.einsum("ij,ij->j", columns, columns).reshape(len(acting), -1)
     costs = np.array([residual.cost for residual in residuals])
-    return [LikelihoodRatio(shown=shown[i], power=power[i], costs=costs) for i in range(n_faults)]
+    return LikelihoodRatio(shown=shown, power=power, costs=costs)

@@ -16,15 +16,16 @@ WINDOW = (0.0, 60.0)
 
 
 def flight_with(lasting: tuple[str, ...]) -> SimpleNamespace:
-    course = SimpleNamespace(
-        ratio=np.array([1.0, 4.0]),
-        weighted=lambda weights: (np.ones(2), np.ones(2)),
-        needed=lambda level: np.full(2, np.sqrt(level)),
+    ratios = SimpleNamespace(
+        weighted=lambda weights: (np.ones((1, 2)), np.ones((1, 2))),
+        needed=lambda level: np.full((1, 2), np.sqrt(level)),
     )
     scan = SimpleNamespace(
         kinds=(SimpleNamespace(name="lift"),),
         constants=SimpleNamespace(knows_zero_lift=False),
-        ratios={"tas": course},
+        faults=("tas",),
+        strongest=("tas", 20.0),
+        ratios=ratios,
         weights=None,
         lacking={},
         statistic=4.0,

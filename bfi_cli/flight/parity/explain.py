@@ -139,7 +139,7 @@ def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()
     looks = {
         hypothesis: _linear_looks(scan, record, hypothesis)
         for hypothesis in hypotheses(record)
-        if hypothesis.fault in scan.ratios
+        if hypothesis.fault in scan.faults
     }
     nearest = {hypothesis: max(ratio for ratio, _, _ in by_course) for hypothesis, by_course in looks.items()}
     best = max(nearest.values())

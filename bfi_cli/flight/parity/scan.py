@@ -36,14 +36,15 @@ class WindowScan:
     Attributes
     ----------
     onsets_s : (n_onsets,) on the log's axis.
-    ratios : by fault.
+    faults : those that a residual shows; ratios : (n_faults, n_onsets) of them.
     kinds : the residuals used; residuals : of each the whitened one, at the seconds where it is known.
     columns : of each (n, m), what is added to it in unknown amounts, at these seconds.
     lacking : what the others lacked, by name.
     """
 
     onsets_s: FloatArray
-    ratios: Mapping[str, LikelihoodRatio]
+    faults: tuple[str, ...]
+    ratios: LikelihoodRatio
     kinds: tuple[ResidualKind, ...]
     residuals: tuple[Residual, ...]
     known: tuple[BoolArray, ...]
@@ -54,7 +55,13 @@ class WindowScan:
     @property
     def statistic(self) -> float:
         """The largest ratio over faults and onsets."""
-        return max(float(ratio.ratio.max()) for ratio in self.ratios.values())
+        return float(self.ratios.ratio.max())
+
+    @property
+    def strongest(self) -> tuple[str, float]:
+        """The fault and the onset of the largest ratio."""
+        fault, onset = np.unravel_index(int(self.ratios.ratio.argmax()), self.ratios.ratio.shape)
+        return self.faults[int(fault)], float(self.onsets_s[int(onset)])
 
     @property
     def length_s(self) -> float:
@@ -107,7 +114,8 @@ def scan_window(
         return None
     _, ramps = steps_and_ramps(record.time_s, onsets_s)
     n, fewest = len(record.time_s), FEWEST * _samples(record)
-    begun = [candidate for candidate in hypotheses(record) if candidate.fault in lasting]
+    possible = hypotheses(record)
+    begun = [candidate for candidate in possible if candidate.fault in lasting]
     course = np.column_stack([np.ones(n), (record.time_s - record.time_s[0]) / n])
     used: list[tuple[ResidualKind, Residual, BoolArray, FloatArray]] = []
     for kind in kinds:
@@ -130,9 +138,11 @@ def scan_window(
     if not used:
         return None
     kinds, residuals, masks, nuisances = zip(*used, strict=True)
+    none = np.empty((0, len(residuals), len(onsets_s)))
     scan = WindowScan(
         onsets_s=onsets_s,
-        ratios={},
+        faults=(),
+        ratios=LikelihoodRatio(shown=none, power=none, costs=none),
         kinds=kinds,
         residuals=residuals,
         known=masks,
@@ -140,10 +150,11 @@ def scan_window(
         constants=constants,
         lacking=lacking,
     )
-    possible = hypotheses(record)
     every = likelihood_ratios(residuals, fault_signatures(scan, record, possible, ramps, whole), len(possible))
-    ratios = {hypothesis.fault: ratio for hypothesis, ratio in zip(possible, every, strict=True) if ratio.power.any()}
-    return replace(scan, ratios=ratios) if ratios else None
+    shown = every.power.any(axis=(1, 2))
+    faults = tuple(possible[i].fault for i in np.flatnonzero(shown))
+    ratios = replace(every, shown=every.shown[shown], power=every.power[shown])
+    return replace(scan, faults=faults, ratios=ratios) if faults else None
 
 
 def _samples(record: Record) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,8 +19,10 @@ from bfi_cli.airdata import (
     total_temperature,
 )
 from bfi_cli.flight.parity import Record
+from bfi_cli.flight.parity.scan import WindowScan
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.kernels.likelihood_ratio import LikelihoodRatio
 
 ZERO_LIFT = np.radians(-1.2)
 WIND = (7.0, -4.0)  # m/s to the north and to the east
@@ -92,3 +95,9 @@ def log_of(time_s: np.ndarray, values: dict[str, np.ndarray]) -> FlightLog:
         for name, one in values.items()
     }
     return FlightLog(path="made", time_s=frozen_array(time_s), channels=channels)
+
+
+def ratio_of(scan: WindowScan, fault: str) -> LikelihoodRatio:
+    """Return what the residuals of a window say of a fault."""
+    k = scan.faults.index(fault)
+    return replace(scan.ratios, shown=scan.ratios.shown[k], power=scan.ratios.power[k])

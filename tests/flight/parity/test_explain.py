@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_flight import ZERO_LIFT, log_of, made_log, made_record
+from made_flight import ZERO_LIFT, log_of, made_log, made_record, ratio_of
 
 from bfi_cli.flight.parity import corrected, effects, explain, record_of, scan_window
 from bfi_cli.flight.parity.explain import CLOSE, COURSES, RARER, Fit, course_for, fit_course
@@ -41,7 +41,7 @@ def test_an_icing_of_any_size_is_exact(rate):
     assert abs(fit.magnitude - rate) < 0.1 * fit.sd
     np.testing.assert_allclose(fit.amount(T), amount, rtol=1e-3, atol=1e-12)
     if rate == -0.008:
-        linear = scan.ratios["q_impact"]
+        linear = ratio_of(scan, "q_impact")
         assert abs(linear.magnitude[int(np.argmax(linear.ratio))] / rate - 1.0) > 0.1
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_flight import ZERO_LIFT, log_of, made_log, made_record
+from made_flight import ZERO_LIFT, log_of, made_log, made_record, ratio_of
 
 from bfi_cli.airdata import KINEMATICS
 from bfi_cli.flight.parity import record_of, scan_window
@@ -60,18 +60,18 @@ def test_a_small_fault_has_its_magnitude_and_its_onset(hypothesis, zero_lift):
     for only in ([name] for name in alone):
         scan = scan_window(faulty, zero_lift=zero_lift, only=only)
         assert scan is not None
-        answer = scan.ratios[hypothesis.fault]
+        answer = ratio_of(scan, hypothesis.fault)
         # What a free angle of zero lift leaves over, of second order, is there without the fault as well; and 0.3
         # degrees of it, off as it is, are 6 % of the angle that lifts.
         before = scan_window(record, zero_lift=zero_lift, only=only)
         assert before is not None
-        left = before.ratios[hypothesis.fault].magnitude[12]
+        left = ratio_of(before, hypothesis.fault).magnitude[12]
         assert answer.magnitude[12] - left == pytest.approx(rate, rel=0.05 if zero_lift else 0.06), only
 
 
 def _shows(record: Record, fault: str, name: str, zero_lift: float | None) -> bool:
     scan = scan_window(record, zero_lift=zero_lift, only=[name])
-    return scan is not None and fault in scan.ratios
+    return scan is not None and fault in scan.faults
 
 
 def test_kinematics_sees_the_fault_of_an_attitude_in_its_integral():
@@ -84,7 +84,7 @@ def test_kinematics_sees_the_fault_of_an_attitude_in_its_integral():
         record_of(log_of(log.time_s, values)).between(0.0, 120.0), zero_lift=ZERO_LIFT, only=["kinematics"]
     )
     assert scan is not None
-    answer = scan.ratios["pitch"]
+    answer = ratio_of(scan, "pitch")
     k = int(np.argmax(answer.ratio))
     assert abs(scan.onsets_s[k] - 46.0) <= 3.0
     assert answer.magnitude[k] == pytest.approx(rate, rel=0.05)
@@ -102,8 +102,8 @@ def test_a_constant_error_of_a_residual_changes_nothing(kind):
         other = changed(other, q_impact=1.1 * other.channels["q_impact"])
     moved = scan_window(other, zero_lift=ZERO_LIFT, only=[kind.name])
     for fault in ("aoa", "tas"):
-        if fault in plain.ratios:
-            np.testing.assert_allclose(moved.ratios[fault].ratio, plain.ratios[fault].ratio, rtol=1e-6, atol=1e-6)
+        if fault in plain.faults:
+            np.testing.assert_allclose(ratio_of(moved, fault).ratio, ratio_of(plain, fault).ratio, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("start_s", [1234.25, -500.0, 1.7e9])
@@ -146,8 +146,8 @@ def test_each_channel_may_be_missing(missing):
     assert scan.lacking.keys() == LACKS.get(missing, set())
     assert all(missing in text for text in scan.lacking.values())
     assert {kind.name for kind in scan.kinds} == set(NAMES) - scan.lacking.keys()
-    assert missing not in scan.ratios or missing == "q_impact"  # the name of the line, too
-    assert ("ground_speed" in scan.ratios) == (not missing.startswith("velocity") and missing != "altitude_rate")
+    assert missing not in scan.faults or missing == "q_impact"  # the name of the line, too
+    assert ("ground_speed" in scan.faults) == (not missing.startswith("velocity") and missing != "altitude_rate")
     assert scan.statistic >= 0.0
 
 
@@ -172,8 +172,8 @@ def test_one_airspeed_of_any_kind_is_enough(airspeed):
     scan = scan_window(record, zero_lift=ZERO_LIFT)
     assert scan is not None
     assert [kind.name for kind in scan.kinds] == NAMES
-    assert airspeed in scan.ratios
-    assert "tas" not in scan.ratios
+    assert airspeed in scan.faults
+    assert "tas" not in scan.faults
 
 
 def test_gaps_are_left_out_and_the_rest_says_the_same():
@@ -187,7 +187,7 @@ def test_gaps_are_left_out_and_the_rest_says_the_same():
     scan = scan_window(changed(faulty, velocity_north=north, aoa=aoa), zero_lift=ZERO_LIFT)
     assert [kind.name for kind in scan.kinds] == NAMES
     assert scan.known[3].sum() == len(T) - 20
-    assert scan.ratios["tas"].magnitude[10] == pytest.approx(5e-3, rel=0.02)
+    assert ratio_of(scan, "tas").magnitude[10] == pytest.approx(5e-3, rel=0.02)
 
 
 def test_too_many_gaps_leave_a_residual_out_and_say_so():
@@ -229,9 +229,9 @@ def test_a_log_of_a_sample_in_two_seconds_is_scanned():
     scan = scan_window(record, zero_lift=ZERO_LIFT)
     assert scan is not None
     assert [kind.name for kind in scan.kinds] == NAMES
-    k = int(np.argmax(scan.ratios["tas"].ratio))
+    k = int(np.argmax(ratio_of(scan, "tas").ratio))
     assert abs(scan.onsets_s[k] - 100.0) <= 3.0
-    assert scan.ratios["tas"].magnitude[k] == pytest.approx(0.2, rel=0.1)
+    assert ratio_of(scan, "tas").magnitude[k] == pytest.approx(0.2, rel=0.1)
 
 
 def test_half_of_a_window_recorded_is_not_enough():
@@ -296,6 +296,6 @@ def test_the_fault_of_another_sensor_is_still_seen():
     faulty = with_fault(faulty, "ground_speed", 0.5 * np.maximum(T - T[40], 0.0))
     scan = scan_window(faulty, zero_lift=ZERO_LIFT, lasting=("aoa",))
     assert scan is not None
-    best = max(scan.ratios, key=lambda name: float(scan.ratios[name].ratio.max()))
+    best, _ = scan.strongest
     assert best == "ground_speed"
     assert scan.statistic > 100.0

@@ -110,9 +110,11 @@ def tables() -> dict[str, dict[str, str]]:
 
 
 def attributes_table(module: str, name: str) -> str:
-    """Return the attributes of a class that is a part of documents, as its docstring has them."""
-    text = inspect.getdoc(getattr(importlib.import_module(module), name)) or ""
-    lines = text.partition("Attributes\n----------\n")[2]
+    """Return the attributes of a class that is a part of documents, as its docstring and its bases' have them."""
+    parts = [
+        inspect.cleandoc(part.__doc__ or "") for part in reversed(getattr(importlib.import_module(module), name).mro())
+    ]
+    lines = "\n".join(part.partition("Attributes\n----------\n")[2] for part in parts)
     items = re.split(r"\n(?=\S)|;\s+(?=\w+(?:, \w+)* : )", lines.strip())  # two on a line stand behind a semicolon
     rows = []
     for keys, _, meaning in (item.partition(" : ") for item in items):

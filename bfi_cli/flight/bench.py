@@ -66,7 +66,6 @@ class Bench:
 def bench_of(
     model: FlightModel,
     *,
-    typical: Mapping[str, float] | None = None,
     without: BoolArray | None = None,
     causes: Sequence[tuple[str, float]] = (),
 ) -> Bench:
@@ -74,11 +73,10 @@ def bench_of(
 
     Parameters
     ----------
-    typical : centres of the priors of the levels, those of the tables by default.
     without : (n,) seconds that tell no level: those about what is to be weighed.
     causes : of `ORDINARY` that act whatever else does, with their times, s: every hypothesis may jump there.
     """
-    levels = fitted_levels(model, typical=typical, without=without)
+    levels = fitted_levels(model, without)
     R, Q = model.noise(levels)
     if "setting" in model.states:
         clicks = np.flatnonzero(model.knob)

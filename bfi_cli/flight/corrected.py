@@ -11,12 +11,12 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import block_diag
 
 from ..errors import ConfigError
 from ..flightlog import Channel, FlightLog
 from ..flightlog.record import frozen_array
+from ..kernels import BoolArray, FloatArray
 from ..kernels.free_course import Course as SmoothedCourse
 from ..kernels.free_course import correlated_noise, smoothed_course
 from ..kernels.likelihood_ratio import FAST_S
@@ -29,8 +29,6 @@ from .parity.explain import course_for
 from .parity.record import LINES, USED, Hypothesis, hypotheses, with_fault, without_fault
 from .parity.scan import residual_values
 from .result import Course, Event
-
-FloatArray = NDArray[np.float64]
 
 # Drawn over the flight, where recorded.
 SHOWN = ("tas", "cas", "ias", "mach", "altitude", "aoa", "pitch")
@@ -215,7 +213,7 @@ def corrected_log(log: FlightLog, events: Sequence[Event]) -> FlightLog:
     return replace(log, channels={**log.channels, **new, **kept, **flags}, truth=None, notes=(*log.notes, *notes))
 
 
-def _clean(record: Record, event: Event, known: NDArray[np.bool_]) -> Record | None:
+def _clean(record: Record, event: Event, known: BoolArray) -> Record | None:
     """Return a record without an event where it is known; None where its course cannot be subtracted."""
     if event.magnitude is None:
         return None

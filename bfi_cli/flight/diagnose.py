@@ -7,13 +7,12 @@ from dataclasses import fields, replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import Config, merge
 from ..decision import WITHHELD, State, conclude
 from ..faults.shapes import SHAPES
 from ..flightlog import FlightLog
-from ..kernels import TWO_SIDED_95
+from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.progress import Progress, Report, unseen
 from ..model.preprocessing.summary import LogSummary, log_summary
 from ..notes import Note
@@ -51,12 +50,13 @@ from .looks import (
     summary_of,
 )
 from .naming import finding_of_glance, findings_of_search, repeat_advice, vote_against
-from .parity import LENGTHS_S, Finding
+from .parity import LENGTHS_S
+from .parity.finding import Explanation
 from .parity.leaks import begins_within
 from .parity.record import STATIC_LEAK, record_of
 from .parity.sampled import unit_of
-from .parity.static_relations import RelationAnswer, Series, relation_series
-from .parity.windows import Window, flight_stretches, overlaps, windows_in
+from .parity.static_relations import RelationAnswer
+from .parity.windows import Window, overlaps, windows_in
 from .plausibility import Implausible, without_constant_errors
 from .relations import StaticWindows, drafts_of_disagreements, drafts_of_relations, find_relations, intact_channels
 from .result import DiagnoseResult, Event, Strip
@@ -65,15 +65,11 @@ from .unwatched import missing_sentences, unwatched_by_lines, unwatched_by_scan,
 from .verdict import evidence_of, sentence_of
 from .weighing import weigh_events
 
-FloatArray = NDArray[np.float64]
-
 AROUND_HOLD_S = 60.0  # shown beside a held line
 # UNLIKE: times its threshold, up to which a statistic is doubted that no shipped table fits: by so much do thresholds
 # of one aircraft differ with the inputs; the largest of 129 healthy windows is 129 with three and 39 with seven
 # (docs/validation.md, constants, 10.2).
 UNLIKE = 3.3
-# What an event says as the finding that describes it does.
-SHARED = tuple({field.name for field in fields(Finding)} & {field.name for field in fields(Event)})
 
 
 def diagnose_flight(
@@ -114,7 +110,7 @@ def diagnose_flight(
 
     # 2. and 3. What lasts: holds, relations and the parity scan.
     with one_thread():
-        drafts, static, slow = lasting_faults(flight, relation_series(flight.log, flight.phases), progress)
+        drafts, static, slow = lasting_faults(flight, progress)
     flight = slow.flight
 
     # 4. Steps and oscillations.
@@ -152,7 +148,7 @@ def diagnose_flight(
             *flight.unused,
             *missing_sentences(flight, slow.scanned, limits),
             *glances_missing,
-            *dict.fromkeys(sentence for _, relations in static for sentence in relations.missing),
+            *(dict.fromkeys(flight.series[1]) if static else ()),
         ),
         false_alarm=flight.false_alarm,
         zero_lift_rad=flight.zero_lift,
@@ -204,7 +200,7 @@ def _notes(slow: SlowFaults) -> tuple[Note, ...]:
     return tuple(notes)
 
 
-def lasting_faults(flight: Flight, series: Series, progress: Progress) -> tuple[list[Draft], StaticWindows, SlowFaults]:
+def lasting_faults(flight: Flight, progress: Progress) -> tuple[list[Draft], StaticWindows, SlowFaults]:
     """Return what sensors, pressure lines, static relations, lift and inertia show, the relations, and the scan."""
     part = (flight.from_s, flight.to_s)
     drafts = [
@@ -228,8 +224,8 @@ def lasting_faults(flight: Flight, series: Series, progress: Progress) -> tuple[
             window = flight.around(hold.onset_s, until_s, AROUND_HOLD_S)
             held.append(Draft(finding=hold, window=window, until_s=until_s + AFTER_HOLD_S))
     drafts += [*held, *drafts_of_disagreements(flight, held)]
-    static = find_relations(flight, series, report=partial(progress, "static relations"))
-    drafts += drafts_of_relations(flight, series, static)
+    static = find_relations(flight, report=partial(progress, "static relations"))
+    drafts += drafts_of_relations(flight, static)
     slow = find_slow_faults(flight, drafts, static, report=partial(progress, "lift and inertia"))
     drafts = [draft for draft in drafts if not _follows_from_leak(flight, draft, slow.drafts)]
     return [*drafts, *slow.drafts], static, slow
@@ -312,7 +308,7 @@ def _searched(
     flight: Flight, config: Config, static: StaticWindows, output: str, report: Report
 ) -> tuple[list[Draft], list[str], list[Window]]:
     """Return what `_glances` does of a flight too short for its windows: each stretch is searched as a whole."""
-    stretches = [stretch for stretch in flight_stretches(flight.part_phases) if stretch[1] - stretch[0] >= SHORTEST_S]
+    stretches = [stretch for stretch in flight.stretches if stretch[1] - stretch[0] >= SHORTEST_S]
     if not stretches:
         return [], [f"no {SHORTEST_S:g} s of flight: steps and oscillations of the airspeed were not looked for"], []
     used = merge(
@@ -344,9 +340,9 @@ def _event(flight: Flight, draft: Draft) -> Event:
     ci95 = None
     if finding.magnitude is not None and finding.sd is not None:
         ci95 = (finding.magnitude - TWO_SIDED_95 * finding.sd, finding.magnitude + TWO_SIDED_95 * finding.sd)
-    shared = {name: getattr(finding, name) for name in SHARED}
+    explanation = {field.name: getattr(finding, field.name) for field in fields(Explanation)}
     return Event(
-        **(shared | {"evidence": evidence, "effect": dict(finding.effect)}),
+        **(explanation | {"evidence": evidence, "effect": dict(finding.effect)}),
         state=state,
         kind=SHAPES[finding.shape].kind if finding.shape in SHAPES else "abrupt",
         stages=stages,

@@ -10,7 +10,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import Config, merge
 from ..decision import MOSTLY, Candidate, Evidence, estimate_of, finite, state_of
@@ -20,7 +19,7 @@ from ..faults.shapes import CONSTANTS, SHAPES
 from ..flightlog import FlightLog
 from ..flightlog.defects import is_told_by_physics
 from ..flightlog.phases import phases_of
-from ..kernels import TWO_SIDED_95
+from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.progress import Progress, unseen
 from ..model.onset.claims import CLAIMED_CYCLES
 from ..notes import Note
@@ -34,13 +33,11 @@ from .flight import Flight, flight_of
 from .limits import BIN_S, Bounds, bounds_of, hidden_slopes
 from .parity import RESIDUALS, available, configuration_changes
 from .parity.explain import course_for
-from .parity.static_relations import Series, find_oscillation, relation_series
-from .parity.windows import LENGTHS_S, clean_up_time
+from .parity.static_relations import Series, find_oscillation
+from .parity.windows import LENGTHS_S
 from .relations import StaticWindows, drafts_at_start
 from .result import Event
 from .step_bounds import error_by_any_sensor, step_bounds
-
-FloatArray = NDArray[np.float64]
 
 SOURCE = "physics"
 # Beside the window: what tells the angle of zero lift (five minutes of clean flight), how far calm air moves a pressure
@@ -89,15 +86,14 @@ def _evidence(log: FlightLog, config: Config) -> Evidence:
     if too_short and not (flight.held.findings or flight.resting):
         return _silent(why)
     with one_thread():
-        series = relation_series(flight.log, flight.phases)
-        drafts, static, slow = lasting_faults(flight, series, unseen)
+        drafts, static, slow = lasting_faults(flight, unseen)
         flight = slow.flight
-        events = events_of(flight, [*drafts, *drafts_at_start(flight, series, static)])
+        events = events_of(flight, [*drafts, *drafts_at_start(flight, static)])
         bounds = bounds_of(flight, slow.scanned, static, events)
         outputs = [name for name in config.outputs if name in flight.recorded and name in STANDARD]
         tolerances = {name: flight.tolerance(name, (flight.from_s, flight.to_s)) or np.inf for name in outputs}
-        steps = step_bounds(flight, slow.scanned, static, events, series, outputs)
-        since_start = _oscillations(series, static, tolerances)
+        steps = step_bounds(flight, slow.scanned, static, events, outputs)
+        since_start = _oscillations(flight.series, static, tolerances)
     faults: list[FaultEstimate] = []
     notes: list[Note] = []
     for event in events:
@@ -163,8 +159,7 @@ def _flight_about(log: FlightLog, config: Config) -> Flight:
     rate = SHARE * config.start_time.false_alarm
     flight = flight_of(about, merge(config, {"tolerances": tolerances, "diagnose.false_alarm": rate}))
     # Flaps may move from the last descent on, which may end later.
-    phases = phases_of(log)
-    moved = configuration_changes(phases, clean_up_s=clean_up_time(phases, flight.record))
+    moved = configuration_changes(phases_of(log), flight.record)
     return replace(flight, moved=moved, counted=flight.part_phases)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from ..kernels import BoolArray, FloatArray
@@ -24,33 +22,21 @@ LARGEST_STEP = 0.5  # of the logarithm of a variance
 DAMPING = 0.6
 
 
-def fitted_levels(
-    model: FlightModel, *, typical: Mapping[str, float] | None = None, without: BoolArray | None = None
-) -> dict[str, float]:
+def fitted_levels(model: FlightModel, without: BoolArray | None = None) -> dict[str, float]:
     """Return the levels of a flight by scoring steps of the posterior, all at once.
 
     Parameters
     ----------
-    typical : centre of the prior by level, of other aircraft; those of the table by default.
     without : (n,) seconds that are not to be used.
     """
-    centre = {
-        **model.levels,
-        **({} if typical is None else {name: typical[name] for name in model.levels if name in typical}),
-    }
-    levels = dict(centre)
-    starts = _starts(model, without)
+    levels = dict(model.levels)
+    usable = model.frame.airborne if without is None else model.frame.airborne & ~without
+    starts = _starts(usable)
     if not starts:
         return levels
     rows = np.array(starts)[:, None] + np.arange(STRETCH_S)  # (n_stretches, n_seconds)
     y, Z = np.swapaxes(model.y[rows], 0, 1), np.swapaxes(model.Z[rows], 0, 1)
-    y[:, :, :] = np.where(
-        np.swapaxes((model.frame.airborne if without is None else model.frame.airborne & ~without)[rows], 0, 1)[
-            ..., None
-        ],
-        y,
-        np.nan,
-    )
+    y = np.where(usable[rows].T[..., None], y, np.nan)
     transition, covariance = model.transition(), model.start_covariance()
     mean = np.array([_start(model, first) for first in starts])
     precision = 1.0 / (2.0 * PRIOR_SD) ** 2  # of the logarithm of a variance
@@ -69,7 +55,7 @@ def fitted_levels(
             information[share.level] += float(np.sum((weight**2 * expected[..., share.index])[used]))
         for name in levels:
             if LEVELS[name].fitted:
-                pull = -precision * 2.0 * np.log(levels[name] / centre[name])
+                pull = -precision * 2.0 * np.log(levels[name] / model.levels[name])
                 step = DAMPING * (change[name] + pull) / (information[name] + precision)
                 level = levels[name] * np.exp(0.5 * np.clip(step, -LARGEST_STEP, LARGEST_STEP))
                 levels[name] = float(np.clip(level, LEVELS[name].lowest, LEVELS[name].highest))
@@ -83,9 +69,8 @@ def _start(model: FlightModel, first: int) -> FloatArray:
     return start
 
 
-def _starts(model: FlightModel, without: BoolArray | None) -> list[int]:
-    """Return the first seconds of stretches spread over what is flown."""
-    usable = model.frame.airborne if without is None else model.frame.airborne & ~without
+def _starts(usable: BoolArray) -> list[int]:
+    """Return the first seconds of stretches spread over what is flown and to be used."""
     possible = [first for start, end in runs(usable) for first in range(start, end - STRETCH_S + 1)]
     if not possible:
         return []

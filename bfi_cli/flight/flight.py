@@ -6,7 +6,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..airdata import IMPACT_SOURCES
 from ..config import Config, Diagnose
@@ -39,11 +38,10 @@ from .parity.credibility import coarse_positions, credibility_of
 from .parity.holds import Holds, find_holds
 from .parity.record import USED
 from .parity.sensors import frozen_sensors, sensor_steps, without_frozen
-from .parity.windows import Window, clean_up_time, flight_stretches, overlaps, within
+from .parity.static_relations import Series, relation_series
+from .parity.windows import Window, flight_stretches, overlaps, within
 from .plausibility import Implausible
 from .tables import ORDINARY
-
-FloatArray = NDArray[np.float64]
 
 STALLS = "the aircraft stalls meanwhile"
 # Beside a held line, where the filters of the recorder and the leak itself still act.
@@ -101,6 +99,7 @@ class Flight:
     resting : sensors that are frozen.
     not_credible : channels that do not follow the flight; unusable : residuals that are not used.
     stepped : steps of an airspeed, a temperature probe, an altimeter or an accelerometer.
+    series : the static relations through the log.
     defects : dropouts, spikes and readings that stay still; `log` has no values there.
     lasting : faults found so far, which later windows are not to find again.
     """
@@ -121,6 +120,7 @@ class Flight:
     held: Holds
     tolerances: Mapping[str, float]
     unused: tuple[str, ...]
+    series: Series
     resting: tuple[Finding, ...] = ()
     not_credible: tuple[Implausible, ...] = ()
     stepped: tuple[Finding, ...] = ()
@@ -134,6 +134,16 @@ class Flight:
     @property
     def recorded(self) -> Collection[str]:
         return self.log.channels.keys()
+
+    @property
+    def stretches(self) -> list[Window]:
+        """The flight between take-off and landing, within the part that is diagnosed."""
+        return flight_stretches(self.part_phases)
+
+    @property
+    def held_stretches(self) -> list[Window]:
+        """Stretches in which a pressure line is held, or leaks."""
+        return held_stretches(self.held.findings)
 
     @property
     def without_lift(self) -> Sequence[Window]:
@@ -256,12 +266,13 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
         zero_lift_from=str(config.diagnose.calibration),
         tables=shipped_tables() if calibration is None else (*calibration.tables, *shipped_tables()),
         false_alarm=config.diagnose.false_alarm,
-        moved=configuration_changes(phases, clean_up_s=clean_up_time(phases, record)),
+        moved=configuration_changes(phases, record),
         held=held,
         tolerances=config.tolerances,
         unused=(*frozen, *([coarse] if coarse else ()), *unlike, *credible.sentences),
         resting=resting,
         not_credible=credible.findings,
+        series=relation_series(log, phases),
         stepped=sensor_steps(log, record, phases, without=held_stretches(held.findings)),
         unusable=credible.unusable,
         defects=defects,
@@ -314,7 +325,7 @@ def _zero_lift(flight: Flight) -> tuple[float | None, str]:
 
     Stretches in which a pressure line is held, and what follows a fault that may last, are left out.
     """
-    without = held_stretches(flight.held.findings)
+    without = flight.held_stretches
     spoilt: list[Window] = [
         (fault.begun_s, fault.until_s) for fault in flight.lasting if TELL_ZERO_LIFT & {*fault.faults}
     ]

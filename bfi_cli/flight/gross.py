@@ -88,7 +88,6 @@ class Swings:
     errors : largest by channel.
     """
 
-    gross: Gross
     weights: tuple[Weight, ...]
     errors: Mapping[str, float]
 
@@ -102,7 +101,7 @@ def swings_of(bench: Bench, gross: Gross) -> Swings | None:
     if not _returns(bench, gross, errors):
         return None
     weights = sorted(_weights(place, ordinary_of(place)), key=lambda weight: -weight.margin)
-    return Swings(gross=gross, weights=tuple(weights), errors=errors)
+    return Swings(weights=tuple(weights), errors=errors)
 
 
 def _weights(place: Place, ordinary: Ordinary) -> Iterator[Weight]:

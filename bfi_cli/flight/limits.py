@@ -8,9 +8,9 @@ from functools import cache, partial
 from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..decision import MOSTLY
+from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.runs import runs
 from ..quantities.channels import LARGEST_ERROR, STANDARD
 from ..quantities.units import per_second
@@ -20,12 +20,10 @@ from .looks import Scanned
 from .parity import Bound
 from .parity.lines import METRES
 from .parity.record import STATIC_LEAK, Record
-from .parity.windows import Window, flight_stretches, overlaps, within
+from .parity.windows import Window, overlaps, within
 from .relations import StaticWindows
 from .result import Event, FlightLimit, LimitCourse
 from .tables import ROWS
-
-FloatArray = NDArray[np.float64]
 
 AIRSPEEDS = ("tas", "cas", "ias", "mach")
 PITOT_LINE = "pitot_icing"
@@ -275,7 +273,7 @@ def _stretches(flight: Flight) -> FloatArray:
 
 def _limits_by_window(
     windows: Sequence[Hidden], starts: FloatArray, shape: str
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, NDArray[np.bool_]]:
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]:
     """Return by stretch and window the largest sizes that may begin there, those that are declared, their spreads, and
     the error by size 1.
 
@@ -286,7 +284,7 @@ def _limits_by_window(
     begin, number = np.cumsum(n_onsets) - n_onsets, np.repeat(np.arange(len(windows)), n_onsets)
     onsets_s = np.concatenate([hidden.onsets_s for hidden in windows])
 
-    def onsets_before(borders_s: FloatArray, side: Literal["left", "right"]) -> NDArray[np.intp]:
+    def onsets_before(borders_s: FloatArray, side: Literal["left", "right"]) -> IntArray:
         """Return (n_stretches, n_windows) how many onsets of each window lie before the border of each stretch."""
         counts = np.zeros((len(borders_s) + 1, len(windows)), dtype=np.intp)
         np.add.at(counts, (np.searchsorted(borders_s, onsets_s, side=side), number), 1)
@@ -310,7 +308,7 @@ def _limits_by_window(
 
 
 def _grown(
-    sizes: FloatArray, spreads: FloatArray, per_tolerance: FloatArray, best: NDArray[np.intp]
+    sizes: FloatArray, spreads: FloatArray, per_tolerance: FloatArray, best: IntArray
 ) -> tuple[float, float, int, int]:
     """Return size and share of tolerance of a fault that grows on, its stretch, and the window it is hidden from last.
 
@@ -376,7 +374,7 @@ def _largest_error(flight: Flight, channel: str, fault: str) -> float:
     values = flight.record.channels.get(speed, np.empty(0))
     if channel not in (*AIRSPEEDS, "ground_speed", "altitude_rate") or not values.size:
         return largest
-    flown = values[within(flight.record.time_s, flight_stretches(flight.part_phases)) & np.isfinite(values)]
+    flown = values[within(flight.record.time_s, flight.stretches) & np.isfinite(values)]
     share = 0.5 if fault == PITOT_LINE else 1.0
     return min(largest, share * float(np.median(flown))) if flown.size else largest
 

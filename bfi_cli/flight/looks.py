@@ -9,13 +9,12 @@ from dataclasses import dataclass, fields, replace
 from functools import cache, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..config import Config, merge
 from ..engine import in_order
 from ..errors import BfiError
 from ..flightlog import FlightLog
-from ..kernels import ONE_SIDED_90
+from ..kernels import ONE_SIDED_90, FloatArray
 from ..kernels.progress import Report, silent
 from ..model.onset.detection import search_onsets
 from ..model.onset.glance import Glance, glance
@@ -26,8 +25,6 @@ from .flight import INPUTS, Flight
 from .parity import LENGTHS_S, ParityTable, ScanKey, Threshold, WindowScan, table_for, threshold_of
 from .parity.windows import Window, windows_in
 from .result import Look
-
-FloatArray = NDArray[np.float64]
 
 # Where a flight shows mostly more than the tables, its thresholds rise. Fewer windows of this length do not say so: a
 # fault fills them.

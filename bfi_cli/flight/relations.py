@@ -11,14 +11,14 @@ from ..flightlog.phases import Disagreement
 from ..kernels.progress import Report, silent
 from ..quantities.channels import STANDARD
 from .events import Draft, clusters, errors_of_rivals, join
-from .flight import Flight, held_stretches
+from .flight import Flight
 from .naming import channels_of
 from .parity import Finding
 from .parity.relation_course import with_course
 from .parity.sampled import unit_of
 from .parity.sensors import altitude_step_within
-from .parity.static_relations import MARGIN_S, Series, StaticRelations, find_static
-from .parity.windows import Window, flight_stretches, overlaps
+from .parity.static_relations import MARGIN_S, StaticRelations, find_static
+from .parity.windows import Window, overlaps
 
 StaticWindows = Sequence[tuple[Window, StaticRelations]]
 
@@ -33,17 +33,17 @@ ONSET_S = 5.0
 AROUND_S = 60.0
 
 
-def find_relations(flight: Flight, series: Series, *, report: Report = silent) -> StaticWindows:
+def find_relations(flight: Flight, *, report: Report = silent) -> StaticWindows:
     """Return what the static relations say on every window of two minutes, of one in a shorter flight."""
     windows = flight.windows(120.0) or flight.windows(60.0)
     answers = []
     for k, window in enumerate(windows):
         report(k / len(windows))
-        answers.append((window, find_static(flight.log, *window, series=series)))
+        answers.append((window, find_static(flight.log, *window, series=flight.series)))
     return answers
 
 
-def drafts_of_relations(flight: Flight, series: Series, answers: StaticWindows) -> list[Draft]:
+def drafts_of_relations(flight: Flight, answers: StaticWindows) -> list[Draft]:
     """Return what the static relations found, windows that overlap joined.
 
     A drift changes its relation in every window that follows; the first of these, with what came before, tell it.
@@ -57,12 +57,12 @@ def drafts_of_relations(flight: Flight, series: Series, answers: StaticWindows) 
             drafts.append(_stuck(flight, joined, members))
             continue
         if len(members) > 2:
-            joined = _from_the_start(flight, series, joined, members[0])
-        drafts.append(_less_refuted(flight, _with_course(flight, series, joined)))
+            joined = _from_the_start(flight, joined, members[0])
+        drafts.append(_less_refuted(flight, _with_course(flight, joined)))
     return drafts
 
 
-def drafts_at_start(flight: Flight, series: Series, answers: StaticWindows) -> list[Draft]:
+def drafts_at_start(flight: Flight, answers: StaticWindows) -> list[Draft]:
     """Return what begins too near the start of a part of a flight for its windows, by what is recorded before it too.
 
     A change needs both sides.
@@ -71,7 +71,7 @@ def drafts_at_start(flight: Flight, series: Series, answers: StaticWindows) -> l
     known = any(answer.findings for beside, answer in answers if overlaps(window, [beside]))
     if known or not flight.is_part:
         return []
-    drafts = drafts_of_relations(flight, series, [(window, find_static(flight.log, *window, series=series))])
+    drafts = drafts_of_relations(flight, [(window, find_static(flight.log, *window, series=flight.series))])
     return [draft for draft in drafts if 0.0 <= draft.finding.onset_s - flight.from_s < MARGIN_S]
 
 
@@ -80,7 +80,7 @@ def _less_refuted(flight: Flight, draft: Draft) -> Draft:
     finding, size = draft.finding, errors_of_rivals(draft.finding).get("altitude")
     if size is None or finding.shape != "bias" or "altitude_rate" not in flight.recorded:
         return draft
-    without = held_stretches(flight.held.findings)
+    without = flight.held_stretches
     if size <= altitude_step_within(flight.record, flight.phases, without, finding.onset_ci95):
         return draft
     return replace(draft, finding=replace(finding, among=tuple(name for name in finding.among if name != "altitude")))
@@ -107,7 +107,7 @@ def _stuck(flight: Flight, joined: Draft, members: Sequence[Draft]) -> Draft:
     return replace(joined, finding=finding, window=best.window)
 
 
-def _with_course(flight: Flight, series: Series, draft: Draft) -> Draft:
+def _with_course(flight: Flight, draft: Draft) -> Draft:
     """Return a draft with the course of its error, from the relation that shows it best.
 
     A ramp that still grows where the window ends may stop later: the window goes on while it does.
@@ -115,7 +115,7 @@ def _with_course(flight: Flight, series: Series, draft: Draft) -> Draft:
     finding = draft.finding
     shown = [
         relation_series
-        for relation_series in series[0]
+        for relation_series in flight.series[0]
         if relation_series.relation.declares and finding.fault in relation_series.effects
     ]
     best = max(shown, key=lambda relation_series: finding.evidence.get(relation_series.relation.name, 0.0))
@@ -130,17 +130,17 @@ def _with_course(flight: Flight, series: Series, draft: Draft) -> Draft:
 
 def _stretch(flight: Flight, window: Window) -> Window:
     """Return the stretch of flight that a window lies in."""
-    return next((stretch for stretch in flight_stretches(flight.part_phases) if overlaps(window, [stretch])), window)
+    return next((stretch for stretch in flight.stretches if overlaps(window, [stretch])), window)
 
 
-def _from_the_start(flight: Flight, series: Series, joined: Draft, first: Draft) -> Draft:
+def _from_the_start(flight: Flight, joined: Draft, first: Draft) -> Draft:
     """Return the draft of a run of windows in a longer one, about the first of these, where that names the same."""
     length_s = first.window[1] - first.window[0]
     window = (
         max(_stretch(flight, first.window)[0], first.window[0] - length_s),
         min(joined.until_s, first.window[0] + LONGEST * length_s),
     )
-    answer = find_static(flight.log, *window, series=series)
+    answer = find_static(flight.log, *window, series=flight.series)
     if not answer.findings or not {*answer.findings[0].among} & {*joined.finding.among}:
         return replace(joined, finding=first.finding, window=first.window)
     return replace(joined, finding=answer.findings[0], window=window)

@@ -5,44 +5,32 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ..decision import Proof, State
 from ..decision.implausible import Implausible
 from ..faults import Decision
 from ..faults.shapes import Kind
 from ..flightlog.phases import Phase
+from ..kernels import FloatArray
 from ..model.preprocessing.summary import LogSummary
 from ..notes import Note
 from ..report.presented import Presented
-from .parity.finding import Bound, Stage
-
-FloatArray = NDArray[np.float64]
+from .parity.finding import Bound, Explanation, Stage
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Event:
-    """One fault of the flight, from what every analysis says of it.
+class Event(Explanation):
+    """One fault of the flight, from what every analysis says of it; what explains its window is that which suits it.
 
     Attributes
     ----------
-    fault : a fault of a pressure line by its shape ("pitot_icing"), or the standard name of the channel that errs.
-    among : every fault that explains the log about as well, `fault` first; one alone is an isolation.
-    channels : that err under `fault`.
     state : declared, or suspected where something else may imitate it.
     kind : abrupt, oscillating or slow, by its shape.
     stages : the analyses that saw it, the one that describes it first.
-    shape, magnitude, unit, sd, ci95 : of its course; None for a line that is held, where no size is known.
-    constant_s, frequency_hz : time constant or duration, and frequency of the course, where it has one.
-    effect : by channel the largest error in the window that describes it, in the channel's unit.
-    beyond_tolerance : whether that, counted on to the last window that shows it, is surely more, or surely no more,
-        than what is tolerated of every channel; None where its interval holds that, or it has no size.
-    onset_s, onset_ci95, offset_s : on the log's axis; offset_s is None where it lasts.
+    ci95 : of its magnitude; None for a line that is held, where no size is known.
+    beyond_tolerance : whether its effect, counted on to the last window that shows it, is surely more, or surely no
+        more, than what is tolerated of every channel; None where its interval holds that, or it has no size.
     seen_until_s : end of the last window that shows it.
     window_s : the window that describes it.
-    statistic, threshold, p_value : there.
-    evidence : by residual, what it says for the fault.
     note : what limits the answer, "" for nothing; repeat : what a repeated flight should record, "" for nothing.
     margin : log density of the flight model for the fault over the best ordinary cause; None where it was not weighed.
     refuted_by : channels that speak against it there.
@@ -50,32 +38,15 @@ class Event:
         they last together; None for another fault.
     """
 
-    fault: str
-    among: tuple[str, ...]
-    channels: tuple[str, ...]
     state: State
     kind: Kind
     stages: tuple[Stage, ...]
-    shape: str
-    constant_s: float | None
-    frequency_hz: float | None
-    magnitude: float | None
-    unit: str
-    sd: float | None
-    ci95: tuple[float, float] | None
-    effect: Mapping[str, float]
+    ci95: tuple[float, float] | None = None
     beyond_tolerance: bool | None
-    onset_s: float
-    onset_ci95: tuple[float, float]
-    offset_s: float | None
     seen_until_s: float
     window_s: tuple[float, float]
-    statistic: float
-    threshold: float
-    p_value: float | None
-    evidence: Mapping[str, float]
-    note: str
-    repeat: str
+    note: str = ""
+    repeat: str = ""
     count: int | None = None
     times_s: tuple[float, ...] | None = None
     duration_s: float | None = None

@@ -23,7 +23,7 @@ from .naming import contradicted, finding_of_fit, hypotheses_of, hypothesis_of
 from .parity import LENGTHS_S, Fit, Threshold, WindowScan, explain, scan_window
 from .parity.explain import course_for
 from .parity.scan import without_lasting
-from .parity.windows import Window, flight_stretches, overlaps, windows_in
+from .parity.windows import Window, overlaps, windows_in
 from .relations import StaticWindows, intact_channels
 
 # A fault that the scan sees near a window's start may have begun before it: the window is moved, or begins earlier
@@ -216,7 +216,7 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
         return None
     (fault,) = hypotheses_of(replace(finding, among=(finding.fault,)))
     _, sign = hypothesis_of(finding.fault)
-    stretches = flight_stretches(flight.part_phases)
+    stretches = flight.stretches
     stretch = next((part for part in stretches if overlaps(draft.window, [part])), draft.window)
     length_s = draft.window[1] - draft.window[0]
     last_s = draft.window[1] + length_s if finding.shape == "drift" else stretch[1]
@@ -337,7 +337,7 @@ def _explained(flight: Flight, window: Window, scan: WindowScan, static: StaticW
 
 def _around(flight: Flight, onset_s: float, window: Window, threshold: Threshold) -> tuple[Window, WindowScan | None]:
     """Return the window, moved or begun earlier until the onset lies well inside while it stands out, and its scan."""
-    stretches = flight_stretches(flight.part_phases)
+    stretches = flight.stretches
     low, high = next((stretch for stretch in stretches if stretch[0] <= onset_s < stretch[1]), window)
     # Not back to before a fault that is named already, nor its end: the window would show that.
     known_s = (time_s for fault in flight.lasting for time_s in (fault.from_s, fault.until_s))

@@ -10,11 +10,11 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..airdata import DEPENDS_ON, SENSORS, isa_temperature
 from ..decision import STEPS, OnsetBound
 from ..faults.shapes import SHAPES
+from ..kernels import FloatArray
 from ..kernels.likelihood_ratio import likelihood_ratios
 from .flight import Flight
 from .limits import EXCEEDED_BY, PITOT_LINE, declared_stretches
@@ -22,12 +22,10 @@ from .looks import Scanned
 from .parity import Bound, Record
 from .parity.record import STATIC_LEAK, STEP_S, climbing, hypotheses
 from .parity.scan import WindowScan, fault_signatures
-from .parity.static_relations import Series, hidden_sizes
+from .parity.static_relations import hidden_sizes
 from .parity.windows import Window, overlaps
 from .relations import StaticWindows
 from .result import Event
-
-FloatArray = NDArray[np.float64]
 
 # Lines of pressure by the hypothesis of the scan and by the name of their bounds.
 LINES = (("q_impact", PITOT_LINE), (STATIC_LEAK, STATIC_LEAK))
@@ -67,7 +65,6 @@ def step_bounds(
     scanned: Sequence[Scanned],
     static: StaticWindows,
     events: Sequence[Event],
-    series: Series,
     channels: Sequence[str],
 ) -> tuple[OnsetBound, ...]:
     """Return how large a step, a lag or a ramp of each channel may be unseen, by onset; none where nothing bounds it.
@@ -77,14 +74,14 @@ def step_bounds(
 
     Parameters
     ----------
-    scanned, static, events : of the flight, see `limits.bounds_of`; series : of its relations.
+    scanned, static, events : of the flight, see `limits.bounds_of`.
     """
     left_out, scales = declared_stretches(events), {look.window: look.rule.scale for look in scanned}
     by_window = list[_WindowSizes]()
     for window, answer in static:
         scan = None if flight.lasting_in(window) or overlaps(window, left_out) else flight.scan(window)
         if scan is not None and window in scales and not answer.findings:
-            by_window.append(_sizes_of(flight, scan, window, scales[window], series, channels))
+            by_window.append(_sizes_of(flight, scan, window, scales[window], channels))
     bounds = []
     for channel in channels if by_window else ():
         errors = [
@@ -107,14 +104,12 @@ def _depth(sizes: _WindowSizes) -> FloatArray:
     return np.minimum(sizes.onsets_s - sizes.window[0], sizes.window[1] - sizes.onsets_s)
 
 
-def _sizes_of(
-    flight: Flight, scan: WindowScan, window: Window, scale: float, series: Series, channels: Sequence[str]
-) -> _WindowSizes:
+def _sizes_of(flight: Flight, scan: WindowScan, window: Window, scale: float, channels: Sequence[str]) -> _WindowSizes:
     """Return the largest steps that one window leaves unseen.
 
     Parameters
     ----------
-    scale : by which the flight shows more than those of the tables; series : of the relations.
+    scale : by which the flight shows more than those of the tables.
     """
     record = flight.record.between(*window)
     onsets_s = np.arange(np.ceil(window[0] / STEP_S) * STEP_S, window[1], STEP_S)[1:]
@@ -140,7 +135,7 @@ def _sizes_of(
     related = {
         (channel, bounds): worst(sizes)
         for channel in channels
-        for bounds, sizes in hidden_sizes(series, channel, window, courses).items()
+        for bounds, sizes in hidden_sizes(flight.series, channel, window, courses).items()
     }
     return _WindowSizes(window=window, record=record, onsets_s=onsets_s, by_fault=by_fault, related=related)
 

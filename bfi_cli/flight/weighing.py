@@ -591,7 +591,6 @@ def _event_of_gross(flight: Flight, bench: Bench, gross: Gross) -> Event | None:
     from_s, to_s = max(gross.from_s - AROUND_S, flight.from_s), min(gross.to_s + AROUND_S, flight.to_s)
     tolerances = {name: flight.tolerance(name, (from_s, to_s)) for name in swings.errors}
     return Event(
-        **dict.fromkeys(("constant_s", "frequency_hz", "magnitude", "sd", "ci95", "p_value")),
         fault=best.fault,
         among=tuple(weight.fault for weight in swings.weights if weight.margin >= best.margin - ALIKE),
         channels=channels,
@@ -599,7 +598,6 @@ def _event_of_gross(flight: Flight, bench: Bench, gross: Gross) -> Event | None:
         kind="abrupt",
         stages=(MODEL,),
         shape=best.fault,
-        unit="",
         effect=swings.errors,
         beyond_tolerance=any(abs(swings.errors[name]) > (size or np.inf) for name, size in tolerances.items()),
         onset_s=gross.from_s,
@@ -611,7 +609,6 @@ def _event_of_gross(flight: Flight, bench: Bench, gross: Gross) -> Event | None:
         threshold=float(FEWEST_S),
         evidence=best.shares,
         note="its readings leave the flight and come back, while all that no pressure moves stays",
-        repeat="",
         margin=best.margin,
         refuted_by=_against(best),
     )

@@ -8,13 +8,8 @@ from bfi_cli.flight.result import Event
 
 def event_of(channel: str, at_s: float, state: State = "suspected") -> Event:
     """Return what a finder says of a channel."""
-    nothing = dict.fromkeys(("constant_s", "frequency_hz", "magnitude", "sd", "ci95", "p_value", "offset_s"))
     return Event(
-        **nothing,
-        **dict.fromkeys(("unit", "note", "repeat"), ""),
         **dict.fromkeys(("statistic", "threshold"), 1.0),
-        effect={},
-        evidence={},
         fault=channel,
         among=(channel,),
         channels=(channel,),

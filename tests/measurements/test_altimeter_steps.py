@@ -12,7 +12,6 @@ from shipped_parity import FLIGHTS
 from bfi_cli.config import Config
 from bfi_cli.faults import Fault
 from bfi_cli.flight.flight import flight_of
-from bfi_cli.flight.parity.static_relations import relation_series
 from bfi_cli.flight.parity.windows import flight_stretches
 from bfi_cli.flight.relations import drafts_of_relations, find_relations
 from bfi_cli.flightlog import FlightLog, inject, read_log
@@ -83,8 +82,7 @@ def test_a_small_step_of_cas_is_not_taken_for_a_large_one_of_the_altitude(flight
     for onset_s in onsets(log):
         fault = Fault(shape="bias", channel="cas", onset_s=onset_s, magnitude=0.5)
         flight = flight_of(inject(around(log, onset_s), [fault]), Config())
-        series = relation_series(flight.log)
-        drafts = drafts_of_relations(flight, series, find_relations(flight, series))
+        drafts = drafts_of_relations(flight, find_relations(flight))
         named += [one.finding.among for one in drafts if abs(one.finding.onset_s - onset_s) < 4.0]
     print(f"\n{name}: {named}")
     assert len(named) >= 0.9 * TRIALS

@@ -32,7 +32,7 @@ from ...serialization import from_plain
 from .record import record_of
 from .residuals import RESIDUALS
 from .scan import scan_window
-from .windows import LENGTHS_S, clean_up_time, configuration_changes, overlaps, windows_in, zero_lift_of
+from .windows import LENGTHS_S, configuration_changes, overlaps, windows_in, zero_lift_of
 
 # Windows of a short flight follow each other more closely, so that there are enough for a table.
 CLOSEST_S = 5.0
@@ -84,7 +84,7 @@ def calibrate_air_data(logs: Sequence[FlightLog]) -> AirDataCalibration | None:
     statistics: dict[tuple[tuple[str, ...], float], list[float]] = {}
     for record, parts in zip(records, phases, strict=True):
         for length_s in LENGTHS_S:
-            moved = configuration_changes(parts, clean_up_s=clean_up_time(parts, record))
+            moved = configuration_changes(parts, record)
             for step_s in (None, CLOSEST_S):
                 windows = [
                     interval for interval in windows_in(parts, length_s, step_s=step_s) if not overlaps(interval, moved)

@@ -13,7 +13,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...airdata import EARTH_RADIUS, G
 from ...airdata import relations as table
@@ -21,13 +20,11 @@ from ...airdata.relations import AIRSPEED, LARGEST_SCALE, LEAST_CORRELATION, Fol
 from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.phases import Phase
-from ...kernels import TWO_SIDED_95
+from ...kernels import TWO_SIDED_95, BoolArray, FloatArray
 from ...model.preprocessing.defaults import AIRSPEED_LEAST, FIXED
 from .lines import RENEWED_S, renewed_every_s
 from .record import STEP_S, Record
-from .windows import Window, clean_up_time, configuration_changes, flight_stretches, within
-
-FloatArray = NDArray[np.float64]
+from .windows import Window, configuration_changes, flight_stretches, within
 
 # Length of a piece, V / g (a phugoid takes 4.4), and its bounds, s.
 PIECE, SHORTEST_PIECE_S, LONGEST_PIECE_S = 12.0, 30.0, 120.0
@@ -110,7 +107,7 @@ class Agreement:
         wrong = self._are_wrong(self.moments)
         return bool(len(wrong)) and float(np.mean(wrong)) < 0.5
 
-    def _are_wrong(self, moments: FloatArray) -> NDArray[np.bool_]:
+    def _are_wrong(self, moments: FloatArray) -> BoolArray:
         """Return (...,) where the moments (..., 3) of pieces say that the reading does not follow."""
         lost = ~(_correlation(moments) >= LEAST_CORRELATION)
         reference, product, reading = np.moveaxis(moments, -1, 0)
@@ -157,7 +154,7 @@ def agreements(record: Record, phases: Sequence[Phase], *, without: Sequence[Win
     ----------
     without : stretches that are left out, such as those in which a pressure line is held.
     """
-    moved = configuration_changes(phases, clean_up_s=clean_up_time(phases, record))
+    moved = configuration_changes(phases, record)
     stretches = flight_stretches(phases)
     used = within(record.time_s, stretches) & ~within(record.time_s, (*moved, *without))
     state = record.state
@@ -169,7 +166,7 @@ def agreements(record: Record, phases: Sequence[Phase], *, without: Sequence[Win
 
 
 def _agreement(
-    relation: Relation, following: Following, state: State, used: NDArray[np.bool_], stretches: Sequence[Window]
+    relation: Relation, following: Following, state: State, used: BoolArray, stretches: Sequence[Window]
 ) -> Agreement:
     speeds = state.values["tas"][used] if "tas" in state.values else np.empty(0)
     # An airspeed that is lost for most of the flight tells no speed either.

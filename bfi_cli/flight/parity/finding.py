@@ -18,7 +18,7 @@ CHI_SQUARE = 3.84  # with one degree of freedom, 95 %: twice what a log-likeliho
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
+class Explanation:
     """A fault that explains a window.
 
     Attributes
@@ -26,22 +26,17 @@ class Finding:
     fault : a fault of a pressure line by its shape ("pitot_icing"), or the standard name of the one channel that errs.
     among : every fault that explains the window about as well, `fault` first; more than one is no isolation.
     channels : the recorded channels that err under `fault`.
-    stage : which analysis found it.
-    shape : course of the error over time, by the name of a fault's shape; constant_s : its time constant or duration;
-        frequency_hz : of an oscillation.
-    magnitude, sd : of that shape, in `unit`; None where the fault has none, or none is told.
-    effect : largest error in the window by channel, in the channel's unit.
-    rivals : of other channels in `among`, the error that shows as an error of 1 of `fault` does.
-    onset_s, offset_s : on the log's axis; onset_ci95 : interval of the onset. offset_s is None where it lasts.
+    shape, magnitude, unit, sd : of the course of its error; None where it has no size, or none is told.
+    constant_s, frequency_hz : time constant or duration, and frequency of the course, where it has one.
+    effect : by channel the largest error in the window, in the channel's unit.
+    onset_s, onset_ci95, offset_s : on the log's axis; offset_s is None where it lasts.
     statistic, threshold, p_value : that it was declared by; p_value is None where no distribution is known.
     evidence : by residual, what it says for the fault: a log-likelihood ratio, or the residual's own statistic.
-    doubt : why it is only suspected, "" where nothing speaks against it.
     """
 
     fault: str
     among: tuple[str, ...]
     channels: tuple[str, ...]
-    stage: Stage
     shape: str
     constant_s: float | None = None
     frequency_hz: float | None = None
@@ -55,8 +50,22 @@ class Finding:
     threshold: float
     p_value: float | None = None
     effect: Mapping[str, float] = field(default_factory=dict)
-    rivals: Mapping[str, float] = field(default_factory=dict)
     evidence: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding(Explanation):
+    """What one analysis finds in a window.
+
+    Attributes
+    ----------
+    stage : the analysis.
+    rivals : of other channels in `among`, the error that shows as an error of 1 of `fault` does.
+    doubt : why it is only suspected, "" where nothing speaks against it.
+    """
+
+    stage: Stage
+    rivals: Mapping[str, float] = field(default_factory=dict)
     doubt: str = ""
 
 

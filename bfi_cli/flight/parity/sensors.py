@@ -11,7 +11,6 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ...airdata import G, air_data_of, climb_angle
 from ...airdata.relations import load, vane
@@ -19,15 +18,13 @@ from ...flightlog import FlightLog
 from ...flightlog.defects import FEWEST_REPEATS, STILL, WATCHED, unwatched_in
 from ...flightlog.derived import pressures_of
 from ...flightlog.phases import Phase
-from ...kernels import MAD, TWO_SIDED_95, BoolArray
+from ...kernels import MAD, TWO_SIDED_95, BoolArray, FloatArray, IntArray
 from ...kernels.quantisation import find_quantum
 from ...kernels.runs import Run, is_repeated, repeats
 from ...quantities.channels import quantity_of
 from .finding import Finding, as_good, squares_by_onset
 from .record import STEP_S, Record
 from .windows import Window, flight_stretches, within
-
-FloatArray = NDArray[np.float64]
 
 # s, and samples, that a frozen sensor rests at least, and times the longest rest in 99 % of the flight beside: coarse
 # sensors rest in calm air. Of 50 sensors of six recorders the longest rest of a healthy one is 21 s, of one that rests
@@ -159,7 +156,7 @@ def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> t
     return tuple(findings)
 
 
-def _beside(stretches: Sequence[Run], covered: Run) -> NDArray[np.intp]:
+def _beside(stretches: Sequence[Run], covered: Run) -> IntArray:
     """Return (n, 2) what is left of stretches beside another."""
     first, end = np.array(stretches, dtype=np.intp).reshape(-1, 2).T
     pieces = np.column_stack([np.append(first, np.maximum(first, covered[1])), np.append(end, end)])
@@ -609,7 +606,7 @@ def _difference(values: FloatArray, n: int, gap: int) -> FloatArray:
     if not k.size:
         return change
 
-    def mean(first: NDArray[np.intp]) -> FloatArray:
+    def mean(first: IntArray) -> FloatArray:
         seen = count[first + n] - count[first]
         return np.where(seen >= FEWEST * n, (total[first + n] - total[first]) / np.maximum(seen, 1), np.nan)
 

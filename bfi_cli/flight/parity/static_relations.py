@@ -322,14 +322,11 @@ class StaticRelations:
     findings : none or one, the change that the relations show best.
     relations : of every relation that the log has.
     limits : by channel and shape, what a change of it could not have been.
-    missing : sentences on what was not compared in the log, and why; too_short : on what this window is too short for.
     """
 
     findings: tuple[Finding, ...]
     relations: tuple[RelationAnswer, ...]
     limits: tuple[Limit, ...]
-    missing: tuple[str, ...]
-    too_short: tuple[str, ...] = ()
 
 
 _Stuck = tuple[float, Finding]  # twice the negative log-likelihood, but for a constant, and the sensor that is stuck
@@ -515,16 +512,12 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
     log : the whole log rather than the window, which shows its noise and steps better.
     series : of the same log by `relation_series`, where many windows are looked at; None to make them.
     """
-    every, missing = relation_series(log) if series is None else series
-    too_short: list[str] = []
+    every, _ = relation_series(log) if series is None else series
     scanned: list[_Scanned] = []
     onsets_s = np.arange(np.ceil(from_s + MARGIN_S), to_s - MARGIN_S + 1e-9, BLOCK_S)
     reach = np.concatenate([np.ones(onsets_s.size), to_s - onsets_s])
     for part in (whole.between(from_s, to_s) for whole in every):
-        n = len(part.time_s)
-        if n < FEWEST_BLOCKS or not onsets_s.size:
-            words = part.relation.words
-            too_short.append(f"{words}: {n} s of flight in the window, at least {FEWEST_BLOCKS} are needed")
+        if len(part.time_s) < FEWEST_BLOCKS or not onsets_s.size:
             continue
         candidates = np.hstack(steps_and_ramps(part.time_s, onsets_s))
         scan = part.scan(candidates, declared_at=THRESHOLD)
@@ -553,13 +546,7 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
             findings = (_finding(log, scanned, strongest, onsets_s),)
     # Beside a change that is told no second one is looked for.
     limits = () if findings else _limits(log, scanned, onsets_s)
-    return StaticRelations(
-        findings=findings,
-        relations=answers,
-        limits=limits,
-        missing=tuple(dict.fromkeys(missing)),
-        too_short=tuple(dict.fromkeys(too_short)),
-    )
+    return StaticRelations(findings=findings, relations=answers, limits=limits)
 
 
 def hidden_sizes(

@@ -53,25 +53,20 @@ def windows_in(phases: Sequence[Phase], length_s: float, *, step_s: float | None
     return windows
 
 
-def clean_up_time(phases: Sequence[Phase], record: Record) -> float:
-    """Return the seconds after take-off in which flaps and gear are moved: 10 V / g, two minutes at most.
+def configuration_changes(phases: Sequence[Phase], record: Record | None = None) -> list[Window]:
+    """Return the stretches in which flaps and gear are moved: after take-off, and from the last descent on.
 
     V / g is the time in which an aircraft can gain the better part of its speed: 12 s of a jet, 1 s of a drone.
-    """
-    flown = within(record.time_s, flight_stretches(phases))
-    speeds = record.channels["tas"][flown] if "tas" in record.channels else np.empty(0)
-    known = speeds[np.isfinite(speeds)]
-    return min(CLEAN_UP * float(np.median(known)) / G, CLEAN_UP_S) if known.size else CLEAN_UP_S
-
-
-def configuration_changes(phases: Sequence[Phase], *, clean_up_s: float | None = None) -> list[Window]:
-    """Return the stretches in which flaps and gear are moved: after take-off, and from the last descent on.
 
     Parameters
     ----------
-    clean_up_s : after take-off, see `clean_up_time`; None for two minutes.
+    record : which says how fast the aircraft flies; without an airspeed it takes two minutes.
     """
-    clean_up_s = CLEAN_UP_S if clean_up_s is None else clean_up_s
+    speeds = np.empty(0)
+    if record is not None and "tas" in record.channels:
+        speeds = record.channels["tas"][within(record.time_s, flight_stretches(phases))]
+    known = speeds[np.isfinite(speeds)]
+    clean_up_s = min(CLEAN_UP * float(np.median(known)) / G, CLEAN_UP_S) if known.size else CLEAN_UP_S
     parts = [phase for phase in phases if phase.phase not in ("turn", "stall", "parabola")]
     changes = []
     for k, part in enumerate(parts):
@@ -96,7 +91,7 @@ def zero_lift_of(record: Record, phases: Sequence[Phase], *, without: Sequence[W
         return None
     if not channels.keys() & set(IMPACT_SOURCES):
         return None
-    moved = configuration_changes(phases, clean_up_s=clean_up_time(phases, record))
+    moved = configuration_changes(phases, record)
     used = within(record.time_s, flight_stretches(phases)) & ~within(record.time_s, (*moved, *without))
     if np.count_nonzero(used) < LEAST_S:
         return None

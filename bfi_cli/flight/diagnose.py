@@ -166,16 +166,16 @@ def diagnose_flight(
     )
 
 
-def _suspected(event: Event) -> Event:
-    """Return an event that is declared as suspected, while channels contradict each other."""
-    return replace(event, state="suspected", note=WITHHELD) if event.state == "declared" else event
-
-
 def _summary(flight: Flight) -> LogSummary:
     """Return what of the log was analysed."""
     log = flight.log
     inside = log.window(flight.from_s, flight.to_s)
     return log_summary(log.path, inside.time_s, rate_hz=log.rate_hz, native_rate_hz=log.rate_hz, epoch=log.epoch)
+
+
+def _suspected(event: Event) -> Event:
+    """Return an event that is declared as suspected, while channels contradict each other."""
+    return replace(event, state="suspected", note=WITHHELD) if event.state == "declared" else event
 
 
 def _notes(slow: SlowFaults) -> tuple[Note, ...]:

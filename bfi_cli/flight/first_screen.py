@@ -67,7 +67,7 @@ def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
             doubt = f": {units.sentence(first.note)}"
         if state == "deviation":
             doubt = f", within its tolerance{_tolerance_of(first, result.limits, units)}"
-        headline = Headline(state=state, channel=_channel(first.fault), text=f"{text}{doubt}")
+        headline = Headline(state=state, channel=channel_of(first.fault), text=f"{text}{doubt}")
     bounds = _bounds_in_words(result, units, headline.state)
     seen = [*bounds.pop("Would have been found", ()), *_steps_in_words(result, units, headline.state)]
     seen = [*(["; ".join(seen)] if seen else []), *proof_in_words(result.proved, units)]
@@ -185,11 +185,11 @@ def event_in_words(event: Event, units: Units) -> str:
     subject = channel_in_words(event.fault)
     if event.count:
         return f"{subject} {_short_defects(event)}{_reach(event, event.fault, units)}"
-    shown = units.of(event.unit, channel=_channel(event.fault))
+    shown = units.of(event.unit, channel=channel_of(event.fault))
     shape = event.fault if event.fault in SHAPES else event.shape
     text, size = error_in_words(
         shape if shape in SHAPES else "bias",
-        _channel(event.fault),
+        channel_of(event.fault),
         event.magnitude,
         event.ci95,
         shown,
@@ -222,9 +222,12 @@ def _reach(event: Event, channel: str, units: Units) -> str:
     """Return how large the error of a channel becomes, "" where that is not known."""
     if channel not in event.effect:
         return ""
-    unit = STANDARD[channel].unit if channel in STANDARD else ""
-    error = change(event.effect[channel], units.of(unit, channel=channel))
-    return f"; error of {channel_in_words(channel)} reaches {error}"
+    return f"; error of {channel_in_words(channel)} reaches {error_of(channel, event.effect[channel], units)}"
+
+
+def error_of(channel: str, size: float, units: Units) -> str:
+    """Return an error of a channel: "-19 m/s"."""
+    return change(size, units.of(STANDARD[channel].unit if channel in STANDARD else "", channel=channel))
 
 
 def second(time_s: float | None) -> str:
@@ -232,7 +235,7 @@ def second(time_s: float | None) -> str:
     return "-" if time_s is None else instant(round(time_s, 1))
 
 
-def _channel(fault: str) -> str:
+def channel_of(fault: str) -> str:
     """Return the channel that a fault is named after, "" for a fault of a pressure line."""
     return fault if fault in STANDARD else ""
 

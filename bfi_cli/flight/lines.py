@@ -10,8 +10,9 @@ filter's answer.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -24,6 +25,7 @@ from .seconds import filled, rate_of, smoothed
 from .tables import AIRSPEED_ROWS
 from .weight import Ordinary, Weight, against, beside, dispersion, floored_density
 
+OfCourse = Callable[[FloatArray], FloatArray]
 PITOT_LEAK, PITOT_ICING, PITOT_BLOCKED, STATIC_BLOCKED = "pitot_leak", "pitot_icing", "pitot_blocked", "static_blocked"
 
 
@@ -349,26 +351,20 @@ def _speeds(model: FlightModel, place: Place, row: int) -> FloatArray:
     return np.maximum(values, 0.1 * model.frame.middle_speed)
 
 
-def _pitot_leak(place: Place, corrected: FlightModel, course: FloatArray, _: int) -> _Rows:
-    return _pitot_loss(place, corrected, course, np.ones(place.n), np.exp(course))
-
-
-def _pitot_icing(place: Place, corrected: FlightModel, course: FloatArray, _: int) -> _Rows:
-    return _pitot_loss(place, corrected, course, 1.0 / (1.0 + course), 1.0 + course)
-
-
-def _pitot_loss(place: Place, corrected: FlightModel, course: FloatArray, slope: FloatArray, left: FloatArray) -> _Rows:
+def _pitot_loss(
+    place: Place, corrected: FlightModel, course: FloatArray, _: int, *, slope: OfCourse, left: OfCourse
+) -> _Rows:
     """Return the rows about a course of what is lost of the impact pressure.
 
     Parameters
     ----------
-    slope : (n,) derivative of the logarithm of what is left by the course; left : (n,) what is left, a share.
+    slope : derivative of the logarithm of what is left by the course; left : what is left, a share.
     """
     model, rows = place.bench.model, _start_rows(place, corrected)
     acts = _acts(place)
     for _name, j in _airspeed_rows(model):
-        load = 0.5 * _speeds(model, place, j) * slope * acts
-        rows.Z[:, j] *= np.sqrt(left)[:, None]
+        load = 0.5 * _speeds(model, place, j) * slope(course) * acts
+        rows.Z[:, j] *= np.sqrt(left(course))[:, None]
         rows.extra[:, j, 0] = load
         rows.y[:, j] += load * course
         rows.floored[:, j] = place.during
@@ -492,9 +488,9 @@ def _readings(p_static: FloatArray, q_impact: FloatArray, tat: FloatArray) -> Ma
     return {"tas": made["tas"], "cas": made["cas"], "mach": made["mach"] * sound}
 
 
-_ROWS_OF = {
-    PITOT_LEAK: _pitot_leak,
-    PITOT_ICING: _pitot_icing,
+_ROWS_OF: Mapping[str, Callable[[Place, FlightModel, FloatArray, int], _Rows]] = {
+    PITOT_LEAK: partial(_pitot_loss, slope=lambda course: np.ones(course.shape), left=np.exp),
+    PITOT_ICING: partial(_pitot_loss, slope=lambda course: 1.0 / (1.0 + course), left=lambda course: 1.0 + course),
     PITOT_BLOCKED: _pitot_blocked,
     STATIC_LEAK: _static_leak,
     STATIC_BLOCKED: _static_blocked,

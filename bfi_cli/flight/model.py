@@ -205,11 +205,6 @@ def _airborne(seconds: Seconds, fast: float, height: FloatArray) -> BoolArray:
     return flies
 
 
-def _fast(values: FloatArray) -> float:
-    moving = values[np.isfinite(values) & (values > 3.0)]
-    return float(np.quantile(moving, SHARE)) if moving.size else 1.0
-
-
 def _smooth_airspeed(seconds: Seconds, middle: float) -> FloatArray:
     speed = filled(seconds.channels["tas"])
     about = median_of_neighbours(speed, SLOW_S)
@@ -220,7 +215,8 @@ def _frame(seconds: Seconds, flown: BoolArray | None) -> Frame:
     """Return what is taken from the flight once; its noise follows."""
     channels = seconds.channels
     speed, height = filled(channels["tas"]), _height(seconds)
-    fast = _fast(speed)
+    moving = speed[speed > 3.0]
+    fast = float(np.quantile(moving, SHARE)) if moving.size else 1.0
     airborne = _airborne(seconds, fast, height)
     if flown is not None:
         airborne |= flown
@@ -252,11 +248,8 @@ def _frame(seconds: Seconds, flown: BoolArray | None) -> Frame:
 
 
 def _bank(seconds: Seconds) -> FloatArray:
-    return (
-        np.clip(filled(seconds.channels["roll"]), -1.4, 1.4)
-        if "roll" in seconds.channels
-        else np.zeros(seconds.time_s.size)
-    )
+    roll = seconds.channels.get("roll")
+    return np.zeros(seconds.time_s.size) if roll is None else np.clip(filled(roll), -1.4, 1.4)
 
 
 def _lift(seconds: Seconds) -> FloatArray:
@@ -273,10 +266,13 @@ def _load_over_pressure(seconds: Seconds, airspeed: FloatArray) -> FloatArray:
     return np.asarray(_lift(seconds) / (density * airspeed**2))
 
 
+def _standard_temperature(seconds: Seconds) -> FloatArray:
+    return isa_temperature(np.clip(_height(seconds), -5000.0, 20000.0))
+
+
 def _temperature(seconds: Seconds) -> FloatArray:
     """Return the static temperature without gaps, the standard atmosphere's where none is recorded."""
-    standard = isa_temperature(np.clip(_height(seconds), -5000.0, 20000.0))
-    recorded = temperature_of(seconds)
+    standard, recorded = _standard_temperature(seconds), temperature_of(seconds)
     if recorded is None:
         return standard
     likely = np.where(np.abs(recorded - standard) < 60.0, recorded, np.nan)
@@ -353,9 +349,9 @@ def _measurement(row: str, seconds: Seconds) -> FloatArray | None:
     """Return what a row measures, (n,); None where the log has none of it."""
     channels = seconds.channels
     if row == "altitude":
-        return channels.get("altitude") if "altitude" in channels else _height(seconds)
+        return channels["altitude"] if "altitude" in channels else _height(seconds)
     if row == "cas":
-        return _second_airspeed(seconds)
+        return channels.get(second_airspeed(seconds))
     if row == "mach":
         return _mach_as_airspeed(seconds)
     if row in ("velocity_north", "velocity_east"):
@@ -364,9 +360,7 @@ def _measurement(row: str, seconds: Seconds) -> FloatArray | None:
         return None if "yaw" in channels else ground_speed_of(seconds)
     if row == "sat":
         temperature = temperature_of(seconds)
-        return (
-            None if temperature is None else temperature - isa_temperature(np.clip(_height(seconds), -5000.0, 20000.0))
-        )
+        return None if temperature is None else temperature - _standard_temperature(seconds)
     if row == "normal_acc" and row in channels:
         pitch = filled(channels["pitch"]) if "pitch" in channels else np.zeros(seconds.time_s.size)
         return np.asarray((channels[row] + G) * np.cos(_bank(seconds)) * np.cos(pitch) - G)
@@ -378,11 +372,6 @@ def second_airspeed(seconds: Seconds) -> str:
     if seconds.record.airspeed != "tas":
         return ""
     return next((name for name in ("cas", "ias") if name in seconds.channels), "")
-
-
-def _second_airspeed(seconds: Seconds) -> FloatArray | None:
-    name = second_airspeed(seconds)
-    return seconds.channels[name] if name else None
 
 
 def _mach_as_airspeed(seconds: Seconds) -> FloatArray | None:
@@ -519,11 +508,7 @@ def _widening(model: FlightModel) -> dict[str, FloatArray]:
                 parts.append(np.log(np.clip(moved / usual, CALMEST, ROUGHEST)))
     activity = np.exp(np.mean(parts, axis=0)) if parts else np.ones(model.n)
     name = next((name for name in AIRSPEED_ROWS[::-1] if name in model.rows and name != "mach"), "tas")
-    values = filled(
-        model.seconds.channels.get(second_airspeed(model.seconds), channels["tas"])
-        if name == "cas"
-        else channels["tas"]
-    )
+    values = filled(channels[second_airspeed(model.seconds) if name == "cas" else "tas"])
     moved = median_of_neighbours(np.abs(values - smoothed(values, LOAD_S)), GUSTS_S)
     usual = max(float(np.median(moved[airborne])), LEAST_GUST, 0.003 * model.frame.middle_speed)
     gusts = np.maximum(np.clip(moved / usual, 1.0, GUSTIEST), activity)

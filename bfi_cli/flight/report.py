@@ -11,7 +11,6 @@ import numpy as np
 from ..files import EVENTS
 from ..kernels import TWO_SIDED_95
 from ..notes import Note
-from ..quantities.channels import STANDARD
 from ..quantities.text import SI, Shown, Units, capital, change, duration, instant, number, with_unit
 from ..report.clock import with_clock
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, shown_notes
@@ -19,11 +18,9 @@ from ..report.log import lane_panel
 from ..report.proof import proof_tables
 from ..report.timeline import Happening, bands_of, lanes_of, lines_at, phase_table
 from ..serialization import Provenance, csv_lines, document_of, from_plain, mapping, member, to_plain
-from .first_screen import cause_in_words, diagnose_screen, event_in_words, second
+from .first_screen import cause_in_words, channel_of, diagnose_screen, error_of, event_in_words, second
 from .result import Course, DiagnoseResult, Event, FlightLimit, LimitCourse, OrdinaryEvent
 
-# What a channel does that has short defects of a shape.
-SHORT = {"dropout": "drops out", "frozen": "stays still", "spikes": "jumps out"}
 SERIES = ("time_s", "measured", "corrected", "units", "strips", "limit_courses", "courses")
 # On either side of the window that describes an event.
 AROUND_S = 60.0
@@ -173,14 +170,8 @@ def _name(event: Event | FlightLimit | LimitCourse) -> str:
     return event.fault.replace("_", " ")
 
 
-def _error(channel: str, value: float, units: Units) -> str:
-    """Return the largest error of a channel in words: "tas -19 m/s"."""
-    unit = STANDARD[channel].unit if channel in STANDARD else ""
-    return f"{channel} {change(value, units.of(unit, channel=channel))}"
-
-
 def _magnitude(event: Event, units: Units) -> str:
-    shown = units.of(event.unit, channel=_channel(event.fault))
+    shown = units.of(event.unit, channel=channel_of(event.fault))
     sd = shown.change(event.sd)
     value = number(shown.change(event.magnitude), spread=None if sd is None else TWO_SIDED_95 * sd, extra=1)
     return with_unit(value, shown.unit)
@@ -190,20 +181,10 @@ def _interval(event: Event, units: Units) -> str:
     """Return the 95 % interval of a magnitude in words, "" where none is known."""
     if event.ci95 is None:
         return ""
-    shown = units.of(event.unit, channel=_channel(event.fault))
+    shown = units.of(event.unit, channel=channel_of(event.fault))
     spread = TWO_SIDED_95 * float(shown.change(event.sd) or 0.0)
     low, high = (number(shown.change(value), spread=spread, extra=1) for value in event.ci95)
     return f" ({low} to {high})"
-
-
-def _lasts(event: Event) -> str:
-    """Return the time constant or the duration of a course in words, "" where it has none."""
-    return "" if event.constant_s is None else f" over {duration(event.constant_s)}"
-
-
-def _channel(fault: str) -> str:
-    """Return the channel that a fault is named after, "" for a fault of a pressure line."""
-    return fault if fault in STANDARD else ""
 
 
 def _event_tables(name: str, title: str, events: Sequence[Event], units: Units) -> tuple[Table, ...]:
@@ -211,15 +192,16 @@ def _event_tables(name: str, title: str, events: Sequence[Event], units: Units) 
     for event in events:
         low, high = event.onset_ci95
         among = ", ".join(event.among)
+        lasts = "" if event.constant_s is None else f" over {duration(event.constant_s)}"
         evidence = ", ".join(f"{name} {value:.3g}" for name, value in event.evidence.items())
-        effect = ", ".join(_error(name, value, units) for name, value in list(event.effect.items())[:3])
+        effect = ", ".join(f"{name} {error_of(name, value, units)}" for name, value in list(event.effect.items())[:3])
         rows.append(
             (
                 among,
                 event.state,
                 f"{second(event.onset_s)} ({second(low)} to {second(high)})",
                 "may last" if event.offset_s is None else second(event.offset_s),
-                f"{event.shape} {_magnitude(event, units)}{_interval(event, units)}{_lasts(event)}"
+                f"{event.shape} {_magnitude(event, units)}{_interval(event, units)}{lasts}"
                 if event.magnitude is not None
                 else f"{event.shape}, {event.count} in all"
                 if event.count
@@ -239,7 +221,7 @@ def _ordinary_table(ordinary: Sequence[OrdinaryEvent], units: Units) -> tuple[Ta
     """Return what looked like a fault and is explained by what happens in any flight."""
     rows = []
     for event in ordinary:
-        shown = units.of(event.unit, channel=_channel(event.looks_like))
+        shown = units.of(event.unit, channel=channel_of(event.looks_like))
         size = "-" if event.magnitude is None else with_unit(number(shown.change(event.magnitude)), shown.unit)
         evidence = ", ".join(f"{name} {value:+.3g}" for name, value in event.evidence.items())
         times = second(event.from_s), "-" if event.to_s is None else second(event.to_s)
@@ -302,7 +284,7 @@ def _limit_row(limits: Sequence[FlightLimit], units: Units) -> tuple[str, ...]:
     return (
         worst.fault,
         worst.shape,
-        change(worst.excluded_above, units.of(worst.unit, channel=_channel(worst.fault))),
+        change(worst.excluded_above, units.of(worst.unit, channel=channel_of(worst.fault))),
         hidden(worst),
         f"{instant(round(worst.from_s))} to {instant(round(worst.to_s))}",
         hidden(mostly),
@@ -373,7 +355,7 @@ def _limits_figure(result: DiagnoseResult, units: Units) -> Drawing:
     limits = (result.log.start_s, result.log.stop_s)
     panels = []
     for course in result.limit_courses:
-        shown = units.of(course.unit, channel=_channel(course.fault))
+        shown = units.of(course.unit, channel=channel_of(course.fault))
         slopes = shown.changes(course.excluded_above)
         levels = (
             ("95 %", float(shown.change(course.mostly) or 0.0)),
@@ -428,7 +410,7 @@ def _course_panel(
     result: DiagnoseResult, course: Course, limits: tuple[float, float], bands: tuple[Block, ...], units: Units
 ) -> Panel:
     """Return the course of an event beside its named shape."""
-    shown = units.of(course.unit, channel=_channel(course.channel))
+    shown = units.of(course.unit, channel=channel_of(course.channel))
     time_s, named = course.time_s, result.events[course.event].shape
     low, high = (shown.changes(getattr(course, end)) for end in ("low", "high"))
     free = shown.changes(course.free)

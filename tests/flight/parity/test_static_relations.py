@@ -214,8 +214,7 @@ def test_a_stuck_sensor_is_diagnosed_from_its_onset_to_its_end():
     stuck = np.where(flight.time_s < until_s, stuck_values(flight, "tas", "pitot_blocked"), healthy)
     log = with_channel(made_flight(names=("altitude", "tas")), "tas_2", stuck)
     part = flight_of(log, Config())
-    series = relation_series(log)
-    (draft,) = drafts_of_relations(part, series, find_relations(part, series))
+    (draft,) = drafts_of_relations(part, find_relations(part))
     found = draft.finding
     assert (found.among, found.shape) == (("tas_2",), "pitot_blocked")
     assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]

@@ -1,8 +1,7 @@
 """Which fields of a recorder's messages, or columns of its tables, are channels, and under which names.
 
-One table serves every recorder, those whose messages have separate clocks and those that write tables (`layouts`).
-`scale * value + offset` of a field is the channel in the unit of the table, with the signs and conventions of
-`bfi_cli.quantities.channels`.
+One table, `recorders.txt`, serves every recorder, those whose messages have separate clocks and those that write tables
+(`layouts`); signs and conventions are those of `bfi_cli.quantities.channels`.
 """
 
 from __future__ import annotations
@@ -10,7 +9,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from fractions import Fraction
+from pathlib import Path
+from typing import Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,27 +20,12 @@ from ..epoch import Epoch, epoch_of_clock, utc_of_gps
 from ..errors import LogError
 from ..notes import Note
 from ..quantities.channels import REPEATED, STANDARD
-from ..quantities.units import DEGREE, G
+from ..quantities.units import DEGREE
 from .raw import Asked, FloatArray, RawLog, Track
 
 Recorder = Literal[
     "px4", "ardupilot", "mavlink", "garmin", "dynon", "xplane", "inav", "flightgear", "igc", "dashlink", "sidpac"
 ]
-RECORDERS: dict[Recorder, str] = {
-    "px4": "PX4",
-    "ardupilot": "ArduPilot",
-    "mavlink": "MAVLink",
-    "garmin": "Garmin",
-    "dynon": "Dynon SkyView",
-    "xplane": "X-Plane",
-    "inav": "INAV blackbox",
-    "flightgear": "FlightGear",
-    "igc": "IGC",
-    "dashlink": "DASHlink",
-    "sidpac": "SIDPAC",
-}
-
-
 # Fields that hold UTC: microseconds since 1970 (PX4, and SYSTEM_TIME of MAVLink), or weeks and ms of GPS (ArduPilot).
 UTC = frozenset({"time_utc_usec", "unix_usec", "GWk", "GMS"})
 
@@ -87,430 +73,21 @@ class ChannelMap:
     offset: float = 0.0
 
 
-# A line with the recorder, then lines of topic.field, channel, unit, and scale and offset if they are not 1 and 0.
-# The first source of a channel that is as fast as the log's time base is used, see `rates.one_base`.
-# PX4: message definitions of PX4-Autopilot (msg/*.msg), 1.9 to 1.15. Body axes are forward, right, down. The control of
-# pitch is positive nose up, an elevator positive trailing edge down.
-# ArduPilot: messages of ArduPlane 3.9 to 4.5 (LogStructure.h). Angles of ATT are degrees, their scale makes them rad.
-# Commands of AETR run to 4500, positive nose up.
-# MAVLink: common.xml; the airspeed of VFR_HUD is the indicated one of a fixed wing, accelerations are in 1e-3 g.
-# Tables (topic `csv`, `mat` or `B`): the first of the table that a log has is the channel; names are compared by
-# `layouts.plain_name`, and the unit is that of the file where the channel can have it, then without the scale but for
-# its sign. A channel "-" says that a column is none. Of `normal_acc` the level-flight median tells the convention.
-# Garmin G1000, Perspective, NXi, G3X, GDU 460, TXi: short names, and the long ones of G3X. AOA is an index, no angle;
-# Flaps are notches. HDG and TRK are magnetic: on two flights of a Cessna 172 with a G1000 the direction of the
-# positions less TRK is MagVar within 0.1 degree. The GPS Ground Track of a G3X is true: with a variation of -12.8
-# degrees it is that of the positions within 0.5.
-# Dynon: SkyView user data logs (SkyView Classic and HDX system installation guide). Its angle of attack is a share.
-# X-Plane 10 to 12: Data.txt. Of two clocks the simulated time is that of the flight.
-# INAV: Blackbox.md, blackbox.c and osd.c, `blackbox_decode` of blackbox-tools. Body axes are forward, left, up, so that
-# pitch and its rate are positive nose down; an acceleration unit is 1/2048 g, the airspeed that of air at sea level.
-# FlightGear: paths of the property tree, and names of the protocol `playback`. `airspeed-kt` is the calibrated one,
-# body axes are forward, right, down.
-# IGC: FAI, Technical Specification for GNSS Flight Recorders, appendix A: km/h, m, degrees, degrees Celsius.
-# DASHlink: parameters of NASA's sample flight data of a BAe 146; temperatures state DEG, static pressure IN.
-# SIDPAC: `fdata` of Klein and Morelli, Aircraft System Identification: feet, degrees, g.
-_TABLE = f"""
-px4
-airspeed_validated.true_airspeed_m_s          tas               m/s
-airspeed.true_airspeed_m_s                    tas               m/s
-airspeed_validated.calibrated_airspeed_m_s    cas               m/s
-airspeed_validated.equivalent_airspeed_m_s    cas               m/s
-airspeed_validated.indicated_airspeed_m_s     ias               m/s
-airspeed.indicated_airspeed_m_s               ias               m/s
-airspeed_validated.airspeed_sensor_measurement_valid  valid_airspeed  1
-differential_pressure.differential_pressure_pa           q_impact  Pa
-differential_pressure.differential_pressure_filtered_pa  q_impact  Pa
-vtol_vehicle_status.hover                     hover             1
-vehicle_status.hover                          hover             1
-vehicle_air_data.baro_alt_meter               baro_altitude     m
-vehicle_air_data.baro_pressure_pa             p_static          Pa
-vehicle_attitude.pitch                        pitch             rad
-vehicle_attitude.roll                         roll              rad
-vehicle_attitude.yaw                          yaw               rad
-vehicle_angular_velocity.xyz[0]               roll_rate         rad/s
-vehicle_angular_velocity.xyz[1]               pitch_rate        rad/s
-vehicle_angular_velocity.xyz[2]               yaw_rate          rad/s
-sensor_combined.gyro_rad[0]                   roll_rate         rad/s
-sensor_combined.gyro_rad[1]                   pitch_rate        rad/s
-sensor_combined.gyro_rad[2]                   yaw_rate          rad/s
-vehicle_acceleration.xyz[0]                   longitudinal_acc  m/s^2
-vehicle_acceleration.xyz[1]                   lateral_acc       m/s^2
-vehicle_acceleration.xyz[2]                   normal_acc        m/s^2   -1  {-G}
-sensor_combined.accelerometer_m_s2[0]         longitudinal_acc  m/s^2
-sensor_combined.accelerometer_m_s2[1]         lateral_acc       m/s^2
-sensor_combined.accelerometer_m_s2[2]         normal_acc        m/s^2   -1  {-G}
-vehicle_local_position.vx                     velocity_north    m/s
-vehicle_local_position.vy                     velocity_east     m/s
-vehicle_local_position.vz                     gps_altitude_rate  m/s    -1
-vehicle_gps_position.vel_n_m_s                velocity_north    m/s
-vehicle_gps_position.vel_e_m_s                velocity_east     m/s
-vehicle_gps_position.vel_d_m_s                gps_altitude_rate  m/s    -1
-vehicle_gps_position.vel_m_s                  ground_speed      m/s
-vehicle_gps_position.altitude_msl_m           gps_altitude      m
-vehicle_gps_position.alt                      gps_altitude      m       1e-3
-vehicle_gps_position.latitude_deg             latitude          deg
-vehicle_gps_position.longitude_deg            longitude         deg
-vehicle_gps_position.lat                      latitude          deg     1e-7
-vehicle_gps_position.lon                      longitude         deg     1e-7
-airspeed_wind.windspeed_north                 wind_north        m/s
-airspeed_wind.windspeed_east                  wind_east         m/s
-wind.windspeed_north                          wind_north        m/s
-wind.windspeed_east                           wind_east         m/s
-wind_estimate.windspeed_north                 wind_north        m/s
-wind_estimate.windspeed_east                  wind_east         m/s
-actuator_controls_0.control[0]                aileron           1
-actuator_controls_0.control[1]                elevator          1       -1
-actuator_controls_0.control[2]                rudder            1
-actuator_controls_0.control[3]                throttle          1
-vehicle_torque_setpoint.xyz[0]                aileron           1
-vehicle_torque_setpoint.xyz[1]                elevator          1       -1
-vehicle_torque_setpoint.xyz[2]                rudder            1
-vehicle_thrust_setpoint.xyz[0]                throttle          1
-ardupilot
-ARSP.Airspeed       ias               m/s
-ARSP.DiffPress      q_impact          Pa
-ATT.Pitch           pitch             rad     {DEGREE}
-ATT.Roll            roll              rad     {DEGREE}
-ATT.Yaw             yaw               rad     {DEGREE}
-IMU.GyrX            roll_rate         rad/s
-IMU.GyrY            pitch_rate        rad/s
-IMU.GyrZ            yaw_rate          rad/s
-IMU.AccX            longitudinal_acc  m/s^2
-IMU.AccY            lateral_acc       m/s^2
-IMU.AccZ            normal_acc        m/s^2   -1  {-G}
-BARO.Alt            baro_altitude     m
-BARO.Press          p_static          Pa
-GPS.VelN            velocity_north    m/s
-GPS.VelE            velocity_east     m/s
-GPS.Spd             ground_speed      m/s
-GPS.Lat             latitude          deg
-GPS.Lng             longitude         deg
-GPS.Alt             gps_altitude      m
-GPS.VZ              gps_altitude_rate  m/s    -1
-XKF1.VN             velocity_north    m/s
-XKF1.VE             velocity_east     m/s
-XKF1.VD             gps_altitude_rate  m/s    -1
-NKF1.VN             velocity_north    m/s
-NKF1.VE             velocity_east     m/s
-NKF1.VD             gps_altitude_rate  m/s    -1
-XKF2.VWN            wind_north        m/s
-XKF2.VWE            wind_east         m/s
-NKF2.VWN            wind_north        m/s
-NKF2.VWE            wind_east         m/s
-AOA.AOA             aoa               deg
-AOA.SSA             sideslip          deg
-QTUN.hover          hover             1
-AETR.Ail            aileron           1       {1 / 4500}
-AETR.Elev           elevator          1       {-1 / 4500}
-AETR.Rudd           rudder            1       {1 / 4500}
-AETR.Thr            throttle          1       0.01
-mavlink
-VFR_HUD.airspeed           ias               m/s
-VFR_HUD.groundspeed        ground_speed      m/s
-VFR_HUD.throttle           throttle          1       0.01
-EXTENDED_SYS_STATE.hover   hover             1
-HEARTBEAT.hover            hover             1
-ATTITUDE.pitch             pitch             rad
-ATTITUDE.roll              roll              rad
-ATTITUDE.yaw               yaw               rad
-ATTITUDE.rollspeed         roll_rate         rad/s
-ATTITUDE.pitchspeed        pitch_rate        rad/s
-ATTITUDE.yawspeed          yaw_rate          rad/s
-SCALED_IMU.xacc            longitudinal_acc  m/s^2   {1e-3 * G}
-SCALED_IMU.yacc            lateral_acc       m/s^2   {1e-3 * G}
-SCALED_IMU.zacc            normal_acc        m/s^2   {-1e-3 * G}  {-G}
-LOCAL_POSITION_NED.vx      velocity_north    m/s
-LOCAL_POSITION_NED.vy      velocity_east     m/s
-LOCAL_POSITION_NED.vz      gps_altitude_rate  m/s    -1
-GLOBAL_POSITION_INT.vx     velocity_north    m/s     0.01
-GLOBAL_POSITION_INT.vy     velocity_east     m/s     0.01
-GLOBAL_POSITION_INT.vz     gps_altitude_rate  m/s    -0.01
-GLOBAL_POSITION_INT.alt    gps_altitude      m       1e-3
-GLOBAL_POSITION_INT.lat    latitude          deg     1e-7
-GLOBAL_POSITION_INT.lon    longitude         deg     1e-7
-SCALED_PRESSURE.press_abs  p_static          hPa
-SCALED_PRESSURE.press_diff  q_impact         hPa
-AOA_SSA.AOA                aoa               deg
-AOA_SSA.SSA                sideslip          deg
-garmin
-csv.TAS                  tas                 kt
-csv.True_Airspeed        tas                 kt
-csv.IAS                  ias                 kt
-csv.Indicated_Airspeed   ias                 kt
-csv.GndSpd               ground_speed        kt
-csv.GPS_Ground_Speed     ground_speed        kt
-csv.GPSVelN              velocity_north      m/s
-csv.GPS_Velocity_N       velocity_north      m/s
-csv.GPSVelE              velocity_east       m/s
-csv.GPS_Velocity_E       velocity_east       m/s
-csv.TRK                  magnetic_track      deg
-csv.GPS_Ground_Track     track               deg
-csv.MagVar               magnetic_variation  deg
-csv.Magnetic_Variation   magnetic_variation  deg
-csv.AltP                 altitude            ft
-csv.AltPress             altitude            ft
-csv.Pressure_Altitude    altitude            ft
-csv.AltB                 baro_altitude       ft
-csv.AltInd               baro_altitude       ft
-csv.Baro_Altitude        baro_altitude       ft
-csv.BaroA                baro_setting        inHg
-csv.Baro                 baro_setting        inHg
-csv.Baro_Setting         baro_setting        inHg
-csv.AltMSL               gps_altitude        ft
-csv.AltGPS               gps_altitude        ft
-csv.GPS_Altitude         gps_altitude        ft
-csv.RALT                 radio_altitude      ft
-csv.Radar_Altitude       radio_altitude      ft
-csv.VSpd                 altitude_rate       ft/min
-csv.Vertical_Speed       altitude_rate       ft/min
-csv.VSpdG                gps_altitude_rate   ft/min
-csv.GPSVelU              gps_altitude_rate   m/s
-csv.GPS_Velocity_U       gps_altitude_rate   m/s
-csv.Pitch                pitch               deg
-csv.Roll                 roll                deg
-csv.HDG                  yaw                 deg
-csv.Magnetic_Heading     yaw                 deg
-csv.LatAc                lateral_acc         g
-csv.Lateral_Acceleration  lateral_acc        g
-csv.NormAc               normal_acc          g
-csv.Normal_Acceleration  normal_acc          g
-csv.OAT                  sat                 degC
-csv.Outside_Air_Temp     sat                 degC
-csv.Latitude             latitude            deg
-csv.Longitude            longitude           deg
-csv.AOA                  -                   1
-csv.AOA_Cp               -                   1
-csv.Flaps                -                   1
-csv.Flap_Position        -                   1
-dynon
-csv.Session_Time         time                s
-csv.True_Airspeed        tas                 kt
-csv.Indicated_Airspeed   ias                 kt
-csv.Ground_Speed         ground_speed        kt
-csv.Ground_Track         track               deg
-csv.Mag_Var              magnetic_variation  deg
-csv.Pressure_Altitude    altitude            ft
-csv.GPS_Altitude         gps_altitude        ft
-csv.Barometer_Setting    baro_setting        inHg
-csv.Vertical_Speed       altitude_rate       ft/min
-csv.Pitch                pitch               deg
-csv.Roll                 roll                deg
-csv.Magnetic_Heading     yaw                 deg
-csv.Lateral_Accel        lateral_acc         g
-csv.Vertical_Accel       normal_acc          g
-csv.OAT                  sat                 degC
-csv.Latitude             latitude            deg
-csv.Longitude            longitude           deg
-csv.Angle_of_Attack      -                   %
-csv.Turn_Rate            -                   deg/s
-xplane
-csv.totl_time            time                s
-csv.missn_time           time                s
-csv.real_time            time                s
-csv.Vtrue_ktas           tas                 kt
-csv.Vind_kias            ias                 kt
-csv.Vtrue_ktgs           ground_speed        kt
-csv.Mach_ratio           mach                1
-csv.VVI_fpm              altitude_rate       ft/min
-csv.p-alt_ftMSL          altitude            ft
-csv.alt_ind              baro_altitude       ft
-csv.alt_ftmsl            gps_altitude        ft
-csv.CG_ftMSL             gps_altitude        ft
-csv.alt_ftagl            radio_altitude      ft
-csv.gear_ftagl           radio_altitude      ft
-csv.pitch_deg            pitch               deg
-csv.roll_deg             roll                deg
-csv.hding_true           yaw                 deg
-csv.hding_mag            yaw                 deg
-csv.hpath_true           track               deg
-csv.vpath_deg            flight_path_angle   deg
-csv.alpha_deg            aoa                 deg
-csv.beta_deg             sideslip            deg
-csv.Q_rad/s              pitch_rate          rad/s
-csv.P_rad/s              roll_rate           rad/s
-csv.R_rad/s              yaw_rate            rad/s
-csv.Gload_axial          longitudinal_acc    g
-csv.Gload_side           lateral_acc         g
-csv.Gload_norml          normal_acc          g
-csv.AMprs_inHG           p_static            inHg
-csv.AMtmp_degC           sat                 degC
-csv.lat_deg              latitude            deg
-csv.lon_deg              longitude           deg
-csv.elev_surf            elevator            1
-csv.ailrn_surf           aileron             1
-csv.ruddr_surf           rudder              1
-csv.thro1_part           throttle            1
-inav
-csv.time                 time                us
-csv.AirSpeed             ias                 cm/s
-csv.BaroAlt              baro_altitude       cm
-csv.GPS_altitude         gps_altitude        m
-csv.GPS_speed            ground_speed        cm/s
-csv.GPS_ground_course    track               deg
-csv.GPS_velned[0]        velocity_north      cm/s
-csv.GPS_velned[1]        velocity_east       cm/s
-csv.navVel[0]            velocity_north      cm/s
-csv.navVel[1]            velocity_east       cm/s
-csv.navVel[2]            altitude_rate       cm/s
-csv.GPS_coord[0]         latitude            deg
-csv.GPS_coord[1]         longitude           deg
-csv.wind[0]              wind_north          cm/s
-csv.wind[1]              wind_east           cm/s
-csv.attitude[0]          roll                deg     0.1
-csv.attitude[1]          pitch               deg    -0.1
-csv.attitude[2]          yaw                 deg     0.1
-csv.gyroADC[0]           roll_rate           deg/s
-csv.gyroADC[1]           pitch_rate          deg/s  -1
-csv.gyroADC[2]           yaw_rate            deg/s  -1
-csv.accSmooth[0]         longitudinal_acc    g       {1 / 2048}
-csv.accSmooth[1]         lateral_acc         g      -{1 / 2048}
-csv.accSmooth[2]         normal_acc          g       {1 / 2048}
-csv.rcCommand[3]         throttle            1       1e-3  -1
-flightgear
-csv.Time                                                        time               s
-csv./instrumentation/airspeed-indicator/true-speed-kt           tas                kt
-csv./fdm/jsbsim/velocities/vtrue-kts                            tas                kt
-csv./velocities/airspeed-kt                                     cas                kt
-csv./fdm/jsbsim/velocities/vc-kts                               cas                kt
-csv./instrumentation/airspeed-indicator/indicated-speed-kt      ias                kt
-csv.airspeed-kt                                                 cas                kt
-csv.airspeed-indicator_indicated-speed-kt                       ias                kt
-csv./velocities/mach                                            mach               1
-csv./velocities/groundspeed-kt                                  ground_speed       kt
-csv.groundspeed-kt                                              ground_speed       kt
-csv.gps_indicated-ground-speed-kt                               ground_speed       kt
-csv./velocities/speed-north-fps                                 velocity_north     ft/s
-csv./velocities/speed-east-fps                                  velocity_east      ft/s
-csv./velocities/vertical-speed-fps                              altitude_rate      ft/s
-csv.vertical-speed-fps                                          altitude_rate      ft/s
-csv./instrumentation/altimeter/pressure-alt-ft                  altitude           ft
-csv.altimeter_pressure-alt-ft                                   altitude           ft
-csv./instrumentation/altimeter/indicated-altitude-ft            baro_altitude      ft
-csv.altimeter_indicated-altitude-ft                             baro_altitude      ft
-csv./instrumentation/altimeter/setting-inhg                     baro_setting       inHg
-csv./position/altitude-ft                                       gps_altitude       ft
-csv.altitude-ft                                                 gps_altitude       ft
-csv./position/altitude-agl-ft                                   radio_altitude     ft
-csv./position/latitude-deg                                      latitude           deg
-csv./position/longitude-deg                                     longitude          deg
-csv.latitude-deg                                                latitude           deg
-csv.longitude-deg                                               longitude          deg
-csv.pitch-deg                                                   pitch              deg
-csv.roll-deg                                                    roll               deg
-csv.heading-deg                                                 yaw                deg
-csv.side-slip-deg                                               sideslip           deg
-csv./orientation/pitch-deg                                      pitch              deg
-csv./orientation/roll-deg                                       roll               deg
-csv./orientation/heading-deg                                    yaw                deg
-csv./orientation/track-deg                                      track              deg
-csv./orientation/alpha-deg                                      aoa                deg
-csv./orientation/side-slip-deg                                  sideslip           deg
-csv./orientation/p-body                                         roll_rate          rad/s
-csv./orientation/q-body                                         pitch_rate         rad/s
-csv./orientation/r-body                                         yaw_rate           rad/s
-csv./accelerations/pilot/x-accel-fps_sec                        longitudinal_acc   ft/s^2
-csv./accelerations/pilot/y-accel-fps_sec                        lateral_acc        ft/s^2
-csv./accelerations/pilot/z-accel-fps_sec                        normal_acc         ft/s^2
-csv./accelerations/nlf                                          normal_acc         g
-csv./environment/pressure-inhg                                  p_static           inHg
-csv./environment/temperature-degc                               sat                degC
-csv./environment/wind-from-north-fps                            wind_north         ft/s   -1
-csv./environment/wind-from-east-fps                             wind_east          ft/s   -1
-csv./surface-positions/elevator-pos-norm                        elevator           1
-csv./surface-positions/rudder-pos-norm                          rudder             1
-csv.elevator                                                    elevator           1
-csv.rudder                                                      rudder             1
-csv.aileron                                                     aileron            1
-csv.throttle                                                    throttle           1
-csv.flaps                                                       -                  1
-csv./controls/engines/engine/throttle                           throttle           1
-csv./controls/engines/engine[0]/throttle                        throttle           1
-igc
-B.pressure_altitude      altitude            m
-B.gnss_altitude          gps_altitude        m
-B.latitude               latitude            deg
-B.longitude              longitude           deg
-B.TAS                    tas                 km/h
-B.IAS                    ias                 km/h
-B.GSP                    ground_speed        km/h
-B.TRT                    track               deg
-B.TRM                    magnetic_track      deg
-B.HDT                    yaw                 deg
-B.HDM                    yaw                 deg
-B.OAT                    sat                 degC
-dashlink
-mat.ALT       altitude            ft
-mat.BAL1      baro_altitude       ft
-mat.RALT      radio_altitude      ft
-mat.TAS       tas                 kt
-mat.CAS       cas                 kt
-mat.MACH      mach                1
-mat.GS        ground_speed        kt
-mat.TRK       track               deg
-mat.TRKM      magnetic_track      deg
-mat.ALTR      altitude_rate       ft/min
-mat.IVV       gps_altitude_rate   ft/min
-mat.PTCH      pitch               deg
-mat.ROLL      roll                deg
-mat.TH        yaw                 deg
-mat.MH        yaw                 deg
-mat.AOAC      aoa                 deg
-mat.AOA1      aoa                 deg
-mat.AOA1      aoa_1               deg
-mat.AOA2      aoa_2               deg
-mat.VRTG      normal_acc          g
-mat.LONG      longitudinal_acc    g
-mat.LATG      lateral_acc         g
-mat.PS        p_static            inHg
-mat.PSA       p_static            hPa
-mat.PT        p_total             hPa
-mat.PI        q_impact            hPa
-mat.TAT       tat                 degC
-mat.SAT       sat                 degC
-mat.LATP      latitude            deg
-mat.LONP      longitude           deg
-mat.ELEV.1    elevator            deg
-mat.AIL.1     aileron             deg
-mat.RUDD      rudder              deg
-mat.PTRM      elevator_trim       deg
-mat.LGDN      gear                1
-mat.FF.1      fuel_flow           lb/h
-mat.DA        -                   deg
-mat.FLAP      -                   1
-sidpac
-mat.fdata(:,1)   time              s
-mat.fdata(:,2)   tas               ft/s
-mat.fdata(:,3)   sideslip          deg
-mat.fdata(:,4)   aoa               deg
-mat.fdata(:,5)   roll_rate         deg/s
-mat.fdata(:,6)   pitch_rate        deg/s
-mat.fdata(:,7)   yaw_rate          deg/s
-mat.fdata(:,8)   roll              deg
-mat.fdata(:,9)   pitch             deg
-mat.fdata(:,10)  yaw               deg
-mat.fdata(:,11)  longitudinal_acc  g
-mat.fdata(:,12)  lateral_acc       g
-mat.fdata(:,13)  normal_acc        g
-mat.fdata(:,14)  elevator          deg
-mat.fdata(:,15)  aileron           deg
-mat.fdata(:,16)  rudder            deg
-mat.fdata(:,28)  mach              1
-mat.fdata(:,30)  altitude          ft
-"""
-
-
 # Quantities whose topics have an instance for each sensor; instances of attitude and climb are cores of one estimator.
 SENSED = frozenset(REPEATED) - {"pitch", "roll", "yaw", "altitude_rate", "gps_altitude_rate"}
-_MAPS: dict[str, list[ChannelMap]] = {}
-for _line in _TABLE.strip().splitlines():
-    _place, *_words = _line.split()
-    if not _words:
-        _rows = _MAPS.setdefault(_place, [])
-        continue
-    _channel, _unit, *_numbers = _words
-    _topic, _, _field = _place.partition(".")
-    _rows.append(ChannelMap(_topic, _field, _channel.strip("-"), _unit, *map(float, _numbers)))
+# By recorder its name, and the rows of its table.
+RECORDERS: dict[Recorder, str] = {}
+_MAPS: dict[Recorder, list[ChannelMap]] = {}
+for _line in Path(__file__).with_name("recorders.txt").read_text("utf-8").splitlines():
+    _place, *_words = _line.split() or ["#"]
+    if _place.startswith("["):
+        _recorder = cast(Recorder, _place.strip("[]"))
+        RECORDERS[_recorder], _MAPS[_recorder] = " ".join(_words), []
+    elif _place != "#":
+        _channel, _unit, *_numbers = _words
+        _topic, _, _field = _place.partition(".")
+        _scales = (float(Fraction(_number)) for _number in _numbers)
+        _MAPS[_recorder].append(ChannelMap(_topic, _field, _channel.strip("-"), _unit, *_scales))
 
 
 def maps_of(recorder: Recorder) -> tuple[ChannelMap, ...]:

@@ -41,7 +41,7 @@ KINDS = {
 STORED = {"montecarlo": "summary.json"}
 # Documents whose report is made from the document itself. The others are read back into their result, which names the
 # place of any damage.
-NOT_READ_BACK = ("dictionary", "montecarlo")
+NOT_READ_BACK = ("dictionary",)
 # Documents of shares, counts and published numbers, which are shown in one unit.
 WITHOUT_UNITS = ("calibration", "montecarlo", "reproduce")
 

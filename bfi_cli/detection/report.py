@@ -11,25 +11,10 @@ from ..notes import Note
 from ..printable import shortened
 from ..quantities.channels import LARGEST_ERROR, channel_in_words
 from ..quantities.text import SI, Units, change, instant, interval, number, with_unit
-from ..report.claims import (
-    candidate_columns,
-    candidate_tables,
-    hidden_drawing,
-)
+from ..report.claims import candidate_columns, candidate_tables, hidden_drawing
 from ..report.clock import with_clock
 from ..report.content import Drawing, Panel, ReportContent, Span, Table, curve, shown_notes
-from ..report.first_screen import (
-    Headline,
-    Screen,
-    candidate_lines,
-    contradiction,
-    error_in_words,
-    intervals,
-    lines_of,
-    note_lines,
-    suspect_in_words,
-    undeclared,
-)
+from ..report.first_screen import Screen, error_in_words, intervals, screen_of
 from ..serialization import Provenance, document_of, from_plain, member, to_plain
 from .result import Alarm, ChannelSeries, DetectResult
 
@@ -53,29 +38,9 @@ def detect_document(result: DetectResult, provenance: Provenance) -> dict[str, A
 
 def detect_screen(result: DetectResult, units: Units = SI) -> Screen:
     """Return the first screen of a detection, in `units`."""
-    contradicted = contradiction(result.plausibility, result.notes, units)
-    if contradicted is not None:
-        return contradicted
     failing = [_alarm_in_words(alarm, units) for alarm in result.alarms]
-    suspects = [suspect_in_words(candidate) for candidate in result.candidates if candidate.state == "suspected"]
-    claims = candidate_lines(result.candidates, units)
-    if failing:
-        headline = Headline(state="fault", channel=result.alarms[0].channel, text=failing[0])
-    else:
-        headline = undeclared(result.decision, result.candidates, suspects, claims, units)
-    notes = note_lines(result.notes, units)
-    return Screen(
-        headline=headline,
-        name="",
-        lines=lines_of(
-            {
-                "Also": [*failing[1:], *(f"suspected: {suspect}" for suspect in suspects[0 if failing else 1 :])],
-                **claims,
-                **notes,
-                "To decide": [*result.commands, *notes["To decide"]],
-            }
-        ),
-    )
+    channel = result.alarms[0].channel if result.alarms else ""
+    return screen_of(result, failing, channel, units, commands=result.commands)
 
 
 def _alarm_in_words(alarm: Alarm, units: Units) -> str:

@@ -250,24 +250,16 @@ def suspect_in_words(candidate: Candidate) -> str:
     )
 
 
-class OfWindow(Protocol):
-    """The answer of an analysis of a window, as `identify` and `start-time` give it."""
+class Concluded(Protocol):
+    """The answer of an analysis that looks for candidates."""
 
     @property
     def decision(self) -> Decision:
         """Limits of the kinds of fault that are required."""
 
     @property
-    def faults(self) -> tuple[FaultEstimate, ...]:
-        """Declared."""
-
-    @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Looked for."""
-
-    @property
-    def proved(self) -> tuple[Proof, ...]:
-        """What the limits are worth on the log."""
 
     @property
     def notes(self) -> tuple[Note, ...]:
@@ -276,6 +268,52 @@ class OfWindow(Protocol):
     @property
     def plausibility(self) -> tuple[Implausible, ...]:
         """What is wrong with channels throughout."""
+
+
+class OfWindow(Concluded, Protocol):
+    """The answer of an analysis of a window, as `identify` and `start-time` give it."""
+
+    @property
+    def faults(self) -> tuple[FaultEstimate, ...]:
+        """Declared."""
+
+    @property
+    def proved(self) -> tuple[Proof, ...]:
+        """What the limits are worth on the log."""
+
+
+def screen_of(
+    answer: Concluded,
+    declared: Sequence[str],
+    channel: str,
+    units: Units,
+    *,
+    name: str = "",
+    proved: Sequence[str] = (),
+    commands: Sequence[str] = (),
+) -> Screen:
+    """Return the first screen of an answer: what is declared in it, and what could be there.
+
+    Parameters
+    ----------
+    declared : each fault in words; channel, name : of the first, "" for none.
+    proved : what the limits are worth, in words; commands : to run next.
+    """
+    if contradicted := contradiction(answer.plausibility, answer.notes, units):
+        return contradicted
+    suspects = [suspect_in_words(candidate) for candidate in answer.candidates if candidate.state == "suspected"]
+    claims, notes = candidate_lines(answer.candidates, units), note_lines(answer.notes, units)
+    if declared:
+        headline = Headline(state="fault", channel=channel, text=declared[0])
+    else:
+        headline = undeclared(answer.decision, answer.candidates, suspects, claims, units)
+    also = [*declared[1:], *(f"suspected: {suspect}" for suspect in suspects[0 if declared else 1 :])]
+    lines: dict[Label, Iterable[str]] = {"Also": also, **claims, "Would have been found": proved, **notes}
+    return Screen(
+        headline=headline,
+        name=name,
+        lines=lines_of({**lines, "To decide": [*commands, *notes["To decide"]]}),
+    )
 
 
 def window_screen(
@@ -289,40 +327,22 @@ def window_screen(
     named : whether faults have names of a dictionary.
     """
     # What surely lies within its tolerance comes last.
-    faults, candidates = (
-        sorted(answer.faults, key=lambda estimate: estimate.beyond_tolerance is False),
-        answer.candidates,
-    )
-    if contradicted := contradiction(answer.plausibility, answer.notes, units):
-        return contradicted
-    tolerances = {candidate.channel: candidate.tolerance for candidate in candidates if candidate.tolerance is not None}
-    texts = [
-        estimate_in_words(
-            estimate, units, channel_units.get(estimate.fault.channel, ""), tolerances.get(estimate.fault.channel)
-        )
-        for estimate in faults
-    ]
-    suspects = [suspect_in_words(candidate) for candidate in candidates if candidate.state == "suspected"]
-    claims = candidate_lines(candidates, units)
-    name = faults[0].name if faults and named else ""
-    others = [
-        f"{text} [{estimate.name}]" if named else text for text, estimate in zip(texts[1:], faults[1:], strict=True)
-    ]
-    if texts:
-        headline = Headline(state="fault", channel=faults[0].fault.channel, text=texts[0])
-    else:
-        headline = undeclared(answer.decision, candidates, suspects, claims, units)
-    return Screen(
-        headline=headline,
-        name=name,
-        lines=lines_of(
-            {
-                "Also": [*others, *(f"suspected: {suspect}" for suspect in suspects[0 if texts else 1 :])],
-                **claims,
-                "Would have been found": proof_in_words(answer.proved, units),
-                **note_lines(answer.notes, units),
-            }
-        ),
+    faults = sorted(answer.faults, key=lambda estimate: estimate.beyond_tolerance is False)
+    tolerances = {
+        candidate.channel: candidate.tolerance for candidate in answer.candidates if candidate.tolerance is not None
+    }
+    texts = []
+    for i, estimate in enumerate(faults):
+        channel = estimate.fault.channel
+        text = estimate_in_words(estimate, units, channel_units.get(channel, ""), tolerances.get(channel))
+        texts.append(f"{text} [{estimate.name}]" if named and i else text)
+    return screen_of(
+        answer,
+        texts,
+        faults[0].fault.channel if faults else "",
+        units,
+        name=faults[0].name if faults and named else "",
+        proved=proof_in_words(answer.proved, units),
     )
 
 

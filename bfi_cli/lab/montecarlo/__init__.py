@@ -3,9 +3,10 @@
 `definition` is a sweep's YAML, `scenarios` what it means, `trial` one draw, `summary` what all of them say.
 """
 
+from .proportion import wilson
 from .running import check_records, digest_of, open_journal, run_sweep
 from .scenarios import Sweep, load_sweep
-from .summary import Summary, montecarlo_content, summarise, summary_document, wilson
+from .summary import Summary, montecarlo_content, summarise, summary_document
 from .trial import run_trial
 
 __all__ = ["Summary", "Sweep", "check_records", "digest_of", "load_sweep", "montecarlo_content", "open_journal"]

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ...quantities.text import number
-from ...report.content import Curve, Drawing, Panel, Style, Table, curve
+from ...report.content import Curve, Drawing, Panel, Table, curve
+from .proportion import curve_of_shares, proportion, share_cell
 
-Plain = Mapping[str, Any]
+if TYPE_CHECKING:
+    from .summary import ScenarioSummary
 
 TABLES, DRAWINGS = ("equal_rate", "isolated", "own_threshold"), ("detection", "rates")
 # Methods of a panel: that many can be told apart by colour and marker.
@@ -27,46 +29,45 @@ RATES_CAPTION = (
 )
 
 
-def comparison_tables(scenarios: Sequence[Plain]) -> tuple[Table, ...]:
+def comparison_tables(scenarios: Sequence[ScenarioSummary]) -> tuple[Table, ...]:
     """Return the tables of a sweep of methods: a row per method, a column per fault."""
     rows = _by_method(scenarios)
     faults = list(dict.fromkeys(_fault(scenario) for scenario in scenarios))
-    known = [scenario["equal_rate"] for scenario in scenarios if scenario["equal_rate"]]
+    equal = next((scenario.equal_rate for scenario in scenarios if scenario.equal_rate), None)
     tables = []
-    if known:
-        percent = number(100.0 * known[0]["false_alarm"])
+    if equal is not None:
+        percent = number(100.0 * equal.false_alarm)
         title = f"Detected, % of the trials, at false alarms in {percent} % of those without a fault"
         heads = ("method", "false alarms", *(fault for fault in faults if fault != "none"))
-        cells = [
-            (
-                method,
-                share_cell(
-                    next((scenario["equal_rate"] for scenario in of.values() if scenario["equal_rate"]), None), "alarms"
-                ),
-                *(share_cell(of[fault]["equal_rate"] if fault in of else None, "detected") for fault in heads[2:]),
-            )
-            for method, of in rows.items()
-        ]
+        cells = []
+        for method, of in rows.items():
+            rates = {fault: scenario.equal_rate for fault, scenario in of.items() if scenario.equal_rate}
+            detected = {fault: rate.detected for fault, rate in rates.items()}
+            alarms = next((rate.alarms for rate in rates.values()), None)
+            cells.append((method, share_cell(alarms), *(share_cell(detected.get(fault)) for fault in heads[2:])))
         tables.append(Table(name="equal_rate", title=title, heads=heads, rows=tuple(cells)))
-    for name, key, title in (
-        ("isolated", "isolation_rate", "Named with channel and kind and nothing else, % of the trials"),
-        ("own_threshold", "decisions", "Declared by the method's own threshold, % of the trials"),
+    isolated = {method: {fault: s.isolation_rate for fault, s in of.items()} for method, of in rows.items()}
+    declared = {method: {fault: s.decisions["fault"] for fault, s in of.items()} for method, of in rows.items()}
+    for name, shares, title in (
+        ("isolated", isolated, "Named with channel and kind and nothing else, % of the trials"),
+        ("own_threshold", declared, "Declared by the method's own threshold, % of the trials"),
     ):
-        cells = [
-            (method, *(share_cell(of.get(fault), key) if fault in of else "-" for fault in faults))
-            for method, of in rows.items()
-        ]
-        tables.append(Table(name=name, title=title, heads=("method", *faults), rows=tuple(cells)))
+        body = tuple((method, *(share_cell(of.get(fault)) for fault in faults)) for method, of in shares.items())
+        tables.append(Table(name=name, title=title, heads=("method", *faults), rows=body))
     return tuple(tables)
 
 
-def comparison_drawings(scenarios: Sequence[Plain]) -> tuple[Drawing, ...]:
+def comparison_drawings(scenarios: Sequence[ScenarioSummary]) -> tuple[Drawing, ...]:
     """Return the figures of a sweep of methods."""
     rows = _by_method(scenarios)
     faults = [fault for fault in dict.fromkeys(_fault(scenario) for scenario in scenarios) if fault != "none"]
     ticks = tuple((fault, float(k)) for k, fault in enumerate(faults))
     shares = {
-        method: [(k, of[fault]["equal_rate"]["detected"]) for k, fault in enumerate(faults) if _has(of, fault)]
+        method: [
+            (k, rate.detected)
+            for k, fault in enumerate(faults)
+            if fault in of and (rate := of[fault].equal_rate) and rate.detected.rate is not None
+        ]
         for method, of in rows.items()
     }
     shares = {method: of for method, of in shares.items() if of}
@@ -107,54 +108,24 @@ def _per_panel(n: int) -> int:
     return math.ceil(n / math.ceil(n / MOST_CURVES)) if n else 1
 
 
-def _rates(method: str, of: Mapping[str, Plain], faults: Sequence[str]) -> Curve:
+def _rates(method: str, of: Mapping[str, ScenarioSummary], faults: Sequence[str]) -> Curve:
     """Return the point of a method: false alarms with their interval, and what it declares of all faults."""
-    without = of["none"]["decisions"]["fault"]
-    declared = [of[fault]["decisions"]["fault"] for fault in faults if fault in of]
-    total = sum(share["of"] for share in declared)
-    low, high = without["ci95"] or (math.nan, math.nan)
-    y = 100.0 * sum(share["count"] for share in declared) / total if total else math.nan
-    x = 100.0 * (math.nan if without["rate"] is None else without["rate"])
+    without, declared = of["none"].decisions["fault"], [of[fault].decisions["fault"] for fault in faults if fault in of]
+    every = proportion(sum(share.count for share in declared), sum(share.of for share in declared))
+    low, high = without.ci95 or (math.nan, math.nan)
+    x, y = (100.0 * (math.nan if share.rate is None else share.rate) for share in (without, every))
     return curve(method, [x], [y], style="intervals", low=[100.0 * low], high=[100.0 * high])
 
 
-def share_cell(scenario: Plain | None, key: str) -> str:
-    """Return a share of a scenario in percent with its interval: "96 (90-98)", "-" where there is none."""
-    if scenario is None:
-        return "-"
-    share = scenario[key]["fault"] if key == "decisions" else scenario[key]
-    if share["rate"] is None or share["ci95"] is None:
-        return "-"
-    low, high = (f"{100.0 * end:.0f}" for end in share["ci95"])
-    return f"{100.0 * share['rate']:.0f} ({low}-{high})"
-
-
-def _has(of: Mapping[str, Plain], fault: str) -> bool:
-    return fault in of and bool(of[fault]["equal_rate"]) and of[fault]["equal_rate"]["detected"]["rate"] is not None
-
-
-def curve_of_shares(label: str, x: Sequence[float], shares: Sequence[Plain], *, style: Style) -> Curve:
-    """Return the curve of proportions in percent, with their intervals."""
-    ends = [share["ci95"] or (math.nan, math.nan) for share in shares]
-    return curve(
-        label,
-        x,
-        [100.0 * (math.nan if share["rate"] is None else share["rate"]) for share in shares],
-        style=style,
-        low=[100.0 * low for low, _ in ends],
-        high=[100.0 * high for _, high in ends],
-    )
-
-
-def _fault(scenario: Plain) -> str:
+def _fault(scenario: ScenarioSummary) -> str:
     """Return what faults a scenario has, and what else it varies beside the method."""
-    words = [word for word in str(scenario["name"]).split(" ") if not word.startswith("compare=")]
+    words = [word for word in scenario.name.split(" ") if not word.startswith("compare=")]
     return " ".join(word.removeprefix("inject=") for word in words) or "all"
 
 
-def _by_method(scenarios: Sequence[Plain]) -> dict[str, dict[str, Plain]]:
+def _by_method(scenarios: Sequence[ScenarioSummary]) -> dict[str, dict[str, ScenarioSummary]]:
     """Return the scenarios by method, then by fault."""
-    rows: dict[str, dict[str, Plain]] = {}
+    rows: dict[str, dict[str, ScenarioSummary]] = {}
     for scenario in scenarios:
-        rows.setdefault(str(scenario["axes"]["compare"]), {})[_fault(scenario)] = scenario
+        rows.setdefault(str(scenario.axes["compare"]), {})[_fault(scenario)] = scenario
     return rows

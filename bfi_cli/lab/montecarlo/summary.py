@@ -13,13 +13,13 @@ import numpy as np
 from ...decision import KINDS
 from ...faults import Decision
 from ...faults.shapes import Kind
-from ...kernels import TWO_SIDED_95
 from ...notes import Note, unique
 from ...quantities.text import counted, number
 from ...report.content import Curve, Drawing, Panel, ReportContent, Table, curve, notes_of
-from ...serialization import SCHEMA, Provenance, to_plain
+from ...serialization import SCHEMA, Provenance, from_plain, to_plain
 from . import comparison
-from .comparison import MOST_CURVES, comparison_drawings, comparison_tables, curve_of_shares
+from .comparison import MOST_CURVES, comparison_drawings, comparison_tables
+from .proportion import Proportion, curve_of_shares, proportion, share_cell
 from .scenarios import Sweep
 from .trial import Row, rounded
 
@@ -44,16 +44,6 @@ ERROR_CAPTION = (
 DECISIONS: tuple[Decision, ...] = get_args(Decision)
 # Those of a box and its whiskers, and the largest.
 QUANTILES = {"p05": 0.05, "p25": 0.25, "p50": 0.5, "p75": 0.75, "p95": 0.95, "max": 1.0}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Proportion:
-    """So many of so many, with the 95 % Wilson interval; None where there are none to count."""
-
-    count: int
-    of: int
-    rate: float | None
-    ci95: tuple[float, float] | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,17 +110,6 @@ class Summary:
 
     scenarios: tuple[ScenarioSummary, ...]
     notes: tuple[Note, ...]
-
-
-def wilson(count: int, of: int) -> tuple[float, float] | None:
-    """Return the 95 % interval of a proportion (Wilson 1927), None without trials."""
-    if of == 0:
-        return None
-    share, z2 = count / of, TWO_SIDED_95**2
-    middle = share + z2 / (2 * of)
-    half = TWO_SIDED_95 * math.sqrt(share * (1 - share) / of + z2 / (4 * of**2))
-    low = 0.0 if count == 0 else (middle - half) / (1 + z2 / of)
-    return low, 1.0 if count == of else (middle + half) / (1 + z2 / of)
 
 
 def summarise(sweep: Sweep, done: Sequence[tuple[Row, float]]) -> Summary:
@@ -236,11 +215,6 @@ def _share(hits: Iterable[object]) -> Proportion:
     return proportion(sum(flags), len(flags))
 
 
-def proportion(count: int, of: int) -> Proportion:
-    """Return so many of so many with their interval."""
-    return Proportion(count=count, of=of, rate=count / of if of else None, ci95=wilson(count, of))
-
-
 def summary_document(summary: Summary, provenance: Provenance, *, digest: str) -> dict[str, Any]:
     """Return the document of `bfi montecarlo --json`, which is `summary.json`.
 
@@ -258,16 +232,21 @@ def summary_document(summary: Summary, provenance: Provenance, *, digest: str) -
     }
 
 
-def montecarlo_content(document: Plain) -> ReportContent:
-    """Return what the report of a document of `bfi montecarlo` holds."""
-    scenarios = document["scenarios"]
-    if all("compare" in scenario["axes"] for scenario in scenarios):
-        return _content(document, comparison_tables(scenarios), comparison_drawings(scenarios))
-    curves: dict[str, list[Plain]] = {}
+def montecarlo_content(document: Plain, *, where: str = "result") -> ReportContent:
+    """Return what the report of a document of `bfi montecarlo` holds.
+
+    Raises
+    ------
+    ConfigError : the document, named by `where`, is damaged.
+    """
+    scenarios = from_plain(tuple[ScenarioSummary, ...], document["scenarios"], where=f"{where}: scenarios")
+    if all("compare" in scenario.axes for scenario in scenarios):
+        return _content(document, scenarios, comparison_tables(scenarios), comparison_drawings(scenarios))
+    curves: dict[str, list[ScenarioSummary]] = {}
     for scenario in scenarios:
-        words = [word for word in scenario["name"].split(" ") if not word.startswith("active=")]
+        words = [word for word in scenario.name.split(" ") if not word.startswith("active=")]
         curves.setdefault(" ".join(words) or "all trials", []).append(scenario)
-    active = sorted({int(scenario["axes"]["active"]) for scenario in scenarios})
+    active = sorted({int(scenario.axes["active"]) for scenario in scenarios})
     left = f"first {MOST_CURVES} of {len(curves)} curves" if len(curves) > MOST_CURVES else ""
     axis: dict[str, Any] = {
         "title": left,
@@ -282,14 +261,18 @@ def montecarlo_content(document: Plain) -> ReportContent:
     errors = tuple(curve for curve in _side_by_side(curves, _errors) if curve.x.size)
     rows, decisions = [], []
     for scenario in scenarios:
-        shares = [_percent(scenario[f"{key}_rate"]) for key in ("isolation", "false_alarm", "missed_detection")]
-        error = number((scenario["magnitude_error"] or {}).get("p50"), digits=2)
-        rows.append(
-            (scenario["name"], shares[0], str(scenario["trials"]), *shares[1:], _percent(scenario["coverage"]), error)
+        alarms, missed, covered, wrong = (
+            share_cell(share, digits=3)
+            for share in (
+                *(scenario.false_alarm_rate, scenario.missed_detection_rate),
+                *(scenario.coverage, scenario.wrong_no_fault_rate),
+            )
         )
-        shares = [_percent(scenario["decisions"][key]) for key in DECISIONS]
-        wrong = scenario["wrong_no_fault_rate"]
-        decisions.append((scenario["name"], *shares, str(wrong["of"]), _percent(wrong)))
+        error = number((scenario.magnitude_error or {}).get("p50"), digits=2)
+        isolated = share_cell(scenario.isolation_rate, digits=3)
+        rows.append((scenario.name, isolated, str(scenario.trials), alarms, missed, covered, error))
+        shares = [share_cell(scenario.decisions[key], digits=3) for key in DECISIONS]
+        decisions.append((scenario.name, *shares, str(scenario.wrong_no_fault_rate.of), wrong))
     tables = (
         Table(name="scenarios", title="Scenarios", heads=HEADS, rows=tuple(rows)),
         Table(
@@ -304,12 +287,16 @@ def montecarlo_content(document: Plain) -> ReportContent:
         Drawing(name="isolation", caption=ISOLATION_CAPTION, panels=(rates,)),
         Drawing(name="magnitude_error", caption=ERROR_CAPTION, panels=(magnitudes,)),
     )
-    return _content(document, tables, drawings)
+    return _content(document, scenarios, tables, drawings)
 
 
-def _content(document: Plain, tables: tuple[Table, ...], drawings: tuple[Drawing, ...]) -> ReportContent:
-    scenarios = document["scenarios"]
-    trials = sum(scenario["trials"] for scenario in scenarios)
+def _content(
+    document: Plain,
+    scenarios: Sequence[ScenarioSummary],
+    tables: tuple[Table, ...],
+    drawings: tuple[Drawing, ...],
+) -> ReportContent:
+    trials = sum(scenario.trials for scenario in scenarios)
     return ReportContent(
         category="Monte Carlo sweep",
         title=str(document["provenance"]["command"]),
@@ -322,14 +309,7 @@ def _content(document: Plain, tables: tuple[Table, ...], drawings: tuple[Drawing
     )
 
 
-def _percent(share: Plain) -> str:
-    if share["rate"] is None or share["ci95"] is None:
-        return "-"
-    low, high = (number(100.0 * end, digits=3) for end in share["ci95"])
-    return f"{number(100.0 * share['rate'], digits=3)} ({low}-{high})"
-
-
-def _side_by_side(curves: Mapping[str, Sequence[Plain]], draw: Any) -> list[Curve]:
+def _side_by_side(curves: Mapping[str, Sequence[ScenarioSummary]], draw: Any) -> list[Curve]:
     """Return the first curves, each beside the whole number so that none hides another."""
     n = min(len(curves), MOST_CURVES)
     shifts = SPREAD * (np.arange(n) - 0.5 * (n - 1)) / n
@@ -339,13 +319,12 @@ def _side_by_side(curves: Mapping[str, Sequence[Plain]], draw: Any) -> list[Curv
     ]
 
 
-def _rates(name: str, scenarios: Sequence[Plain], shift: float) -> Curve:
-    active = [scenario["axes"]["active"] + shift for scenario in scenarios]
-    return curve_of_shares(name, active, [scenario["isolation_rate"] for scenario in scenarios], style="bars")
+def _rates(name: str, scenarios: Sequence[ScenarioSummary], shift: float) -> Curve:
+    active = [scenario.axes["active"] + shift for scenario in scenarios]
+    return curve_of_shares(name, active, [scenario.isolation_rate for scenario in scenarios], style="bars")
 
 
-def _errors(name: str, scenarios: Sequence[Plain], shift: float) -> Curve:
-    known = [scenario for scenario in scenarios if scenario["magnitude_error"]]
-    active = np.repeat([float(scenario["axes"]["active"]) + shift for scenario in known], len(QUANTILES))
-    errors = [max(scenario["magnitude_error"][key], FLOOR) for scenario in known for key in QUANTILES]
-    return curve(name, active, errors, style="boxes")
+def _errors(name: str, scenarios: Sequence[ScenarioSummary], shift: float) -> Curve:
+    known = [(scenario.axes["active"], errors) for scenario in scenarios if (errors := scenario.magnitude_error)]
+    active = np.repeat([float(n) + shift for n, _ in known], len(QUANTILES))
+    return curve(name, active, [max(errors[key], FLOOR) for _, errors in known for key in QUANTILES], style="boxes")

@@ -29,10 +29,9 @@ from ...model.preprocessing.window import prepare_window
 from ...model.risro import THRESHOLD
 from ...model.selection import proposals_of, stage_runs
 from ...report.content import Panel, ReportContent, curve
-from ..montecarlo.summary import Proportion, proportion
+from ..montecarlo.proportion import Proportion, curve_of_shares, proportion, with_interval
 from .page import Page, drawing, joined, load, panel, report_content, table
 from .record import Settings, thesis_dictionary, thesis_record, trials_of, with_fault, with_noise
-from .sweeps import rate_curve, with_interval
 
 Support = tuple[int, ...]
 
@@ -277,7 +276,7 @@ def _panels(
             for j in range(first, first + half):
                 beside, values = x * BESIDE ** (j - first), [read(k + i, j) for i in range(len(points))]
                 if isinstance(values[0], Proportion):
-                    curves.append(rate_curve(labels[j], beside.tolist(), values))
+                    curves.append(curve_of_shares(labels[j], beside.tolist(), values, style=joined(x, "bars")))
                 else:
                     curves.append(curve(labels[j], beside, values, style=joined(x, "line")))
             x_label = "noise [m/s]" if noisy else "atoms [-]"

@@ -18,13 +18,13 @@ from ...errors import LogError
 from ...flightlog import write_log
 from ...notes import Note
 from ...quantities.text import number
-from ...report.content import Curve, Drawing, ReportContent, Span, curve
-from ...serialization import to_plain
+from ...report.content import Drawing, ReportContent, Span, curve
 from ..montecarlo import Sweep, check_records, load_sweep, run_sweep, summarise
 from ..montecarlo.comparison import comparison_drawings, comparison_tables
 from ..montecarlo.definition import RecordedLog
+from ..montecarlo.proportion import Proportion, curve_of_shares, proportion, share_cell, with_interval
 from ..montecarlo.scenarios import Scenario, digest_of_parts
-from ..montecarlo.summary import Proportion, ScenarioSummary, proportion
+from ..montecarlo.summary import ScenarioSummary
 from ..montecarlo.trial import Row
 from .page import FOLDER, Page, drawing, fill, joined, load, panel, report_content, table
 from .reconstruction import label_of
@@ -179,31 +179,10 @@ def swept(name: str, settings: Settings, *, compare: Sequence[str], quick: Thin)
     return Swept(cells=tuple(cells), trials=sweep.n_trials, recorded=recorded, notes=summary.notes)
 
 
-def with_interval(share: Proportion) -> str:
-    """Return "96 % (90 to 98)", the rate with its 95 % Wilson interval."""
-    if share.rate is None or share.ci95 is None:
-        return "-"
-    low, high = (100.0 * end for end in share.ci95)
-    return f"{100.0 * share.rate:.0f} % ({low:.0f} to {high:.0f})"
-
-
 def pooled(cells: Sequence[Cell]) -> Proportion:
     """Return how many of all trials of several cells are isolated."""
     count, of = (sum(getattr(cell.summary.isolation_rate, key) for cell in cells) for key in ("count", "of"))
     return proportion(count, of)
-
-
-def rate_curve(label: str, x: Sequence[float], shares: Sequence[Proportion]) -> Curve:
-    """Return rates in % with their intervals as bars; a line only through three points and more."""
-    ends = [share.ci95 or (math.nan, math.nan) for share in shares]
-    return curve(
-        label,
-        x,
-        [100.0 * (math.nan if share.rate is None else share.rate) for share in shares],
-        style=joined(x, "bars"),
-        low=[100.0 * low for low, _ in ends],
-        high=[100.0 * high for _, high in ends],
-    )
 
 
 def thesis_monte_carlo(settings: Settings) -> ReportContent:
@@ -267,7 +246,7 @@ def _isolation(page: Page, name: str, result: Swept, methods: Sequence[str]) -> 
             page,
             "isolation",
             [
-                rate_curve(label, at, [cell.summary.isolation_rate for cell in cells])
+                curve_of_shares(label, at, [cell.summary.isolation_rate for cell in cells], style=joined(at, "bars"))
                 for label, cells, at in _beside(result, methods, noise)
             ],
             title=result.words(noise),
@@ -306,13 +285,9 @@ def _sweep_page(
     body = []
     for cell in result.cells:
         summary = cell.summary
-        rates = [
-            with_interval(share)
-            for share in (summary.isolation_rate, summary.false_alarm_rate, summary.missed_detection_rate)
-        ]
-        bare = [text.replace(" % ", " ").replace(" to ", "-") for text in rates]
+        rates = map(share_cell, (summary.isolation_rate, summary.false_alarm_rate, summary.missed_detection_rate))
         errors = [number(value, digits=2) for value in (cell.mean_error, (summary.magnitude_error or {}).get("p50"))]
-        body.append((label_of(cell.method), f"{cell.noise:g}", str(cell.active), *bare, *errors))
+        body.append((label_of(cell.method), f"{cell.noise:g}", str(cell.active), *rates, *errors))
     active = sorted({cell.active for cell in result.cells})
     return report_content(
         page,
@@ -345,7 +320,7 @@ def isolation_noise(settings: Settings) -> ReportContent:
         for i, method in enumerate(methods):
             at = [max(noise, AT_ZERO) * ASIDE**i for noise in result.noises]
             cells = [[cell for cell in result.of(method, noise) if cell.active in shown] for noise in result.noises]
-            curves.append(rate_curve(label_of(method), at, [pooled(part) for part in cells]))
+            curves.append(curve_of_shares(label_of(method), at, list(map(pooled, cells)), style=joined(at, "bars")))
         panels.append(panel(page, "isolation", curves, title=title, spans=spans))
     rule, *_, ours = (pooled(result.of(method, result.noises[-1])).rate or 0.0 for method in methods)
     drawings = [drawing(page, "isolation_noise", panels, across=2)]
@@ -381,7 +356,6 @@ def benchmark(settings: Settings) -> ReportContent:
 
     sweep, done = run_shipped("benchmark", settings, on_record, quick_trials=QUICK_TRIALS, length_s=page["length_s"])
     summary = summarise(sweep, done)
-    cells = to_plain(summary.scenarios)
     methods, faults = ({scenario.axes[axis] for scenario in sweep.scenarios} for axis in ("compare", "inject"))
     return ReportContent(
         category=page["category"],
@@ -389,8 +363,8 @@ def benchmark(settings: Settings) -> ReportContent:
         heading=page["heading"].format(methods=len(methods), faults=len(faults) - 1),
         verdict=page["verdict"].format(trials=sweep.n_trials),
         facts=(("Record", page["record"] if settings.log is None else settings.log.path), ("Seed", str(settings.seed))),
-        tables=comparison_tables(cells),
-        drawings=comparison_drawings(cells),
+        tables=comparison_tables(summary.scenarios),
+        drawings=comparison_drawings(summary.scenarios),
         notes=(
             *map(Note.method, page["notes"]),
             Note.method(page["simulated" if settings.log is None else "recorded"]),

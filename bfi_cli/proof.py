@@ -31,7 +31,6 @@ from .flight.parity.record import STEP_S
 from .flight.parity.sampled import quanta_of
 from .flightlog import FlightLog, inject
 from .flightlog.derived import with_derived
-from .flightlog.record import frozen_array
 from .flightlog.recorder import recorder_filters
 from .journal import Journal, lines_of_journal
 from .kernels.low_pass import Response
@@ -213,12 +212,8 @@ def _with_components(faulty: FlightLog, log: FlightLog) -> FlightLog:
         return faulty
     with np.errstate(divide="ignore", invalid="ignore"):
         share = np.nan_to_num(speed["faulty"].values / speed["clean"].values, nan=1.0, posinf=1.0, neginf=1.0)
-    components = {
-        name: replace(faulty.channels[name], values=frozen_array(share * faulty.channels[name].values))
-        for name in ("velocity_north", "velocity_east")
-        if name in faulty.channels
-    }
-    return replace(faulty, channels={**faulty.channels, **components})
+    names = [name for name in ("velocity_north", "velocity_east") if name in faulty.channels]
+    return faulty.with_values({name: share * faulty.channels[name].values for name in names})
 
 
 def proofs_of(claims: Sequence[Claim], trials: Sequence[Trial], seen: Sequence[bool | None]) -> Iterator[Proof]:

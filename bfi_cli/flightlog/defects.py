@@ -27,7 +27,7 @@ from .phases import HOVER, TRANSITION, Phase, phases_of
 from .quality import hold_of
 from .rates import AS_FAST
 from .raw import ANGLES
-from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, frozen_array
+from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray
 
 # By half length of the gap, in ticks, the errors (n,) of the cubic, and their ratios to the usual error.
 _Errors = dict[int, tuple[FloatArray, FloatArray]]
@@ -229,11 +229,11 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
         # Errors of other channels at the same time count against an error; the second largest does.
         others = np.sort([values for other, values in loudness.items() if other != name] or [np.ones(1)], axis=0)
         alike = np.maximum(1.0, MOST_ALIKE * others[max(0, len(others) - 2)])
-        is_positive = name in POSITIVE
-        if _may_stand_out(track, loudness[name], alike, is_positive=is_positive):
+        is_positive, loud = name in POSITIVE, loudness[name]
+        may_be_lost = is_positive and (loud.max() > LEAST or (_lost_at_once(track, _usual_size(track)) >= 1.0).any())
+        flaws[name] = []
+        if may_be_lost or (loud / alike).max() > LEAST:
             flaws[name] = _excursions(track, _at_seconds(alike, track, log), width_s, reach_s, is_positive=is_positive)
-        else:
-            flaws[name] = []
     calm = {name: _at_seconds(loudness[name], track, log) <= LEAST for name, track in tracks.items()}
     if (rate := tracks.get("altitude_rate")) is not None:
         tracks = {**tracks, "+altitude_rate": replace(rate, values=rate.step_s * np.cumsum(rate.values))}
@@ -280,15 +280,14 @@ def sentence_of_defect(defect: Defect) -> str:
 
 
 def _replaced(log: FlightLog, defects: Sequence[Defect], *, with_lines: bool) -> FlightLog:
-    channels = dict(log.channels)
     for defect in defects:
         hidden = np.zeros(log.n_samples, dtype=bool)
         for first_s, last_s in defect.hidden:
             hidden |= (log.time_s >= first_s) & (log.time_s <= last_s)
-        values = np.where(hidden, np.nan, channels[defect.channel].values)
+        values = np.where(hidden, np.nan, log.channels[defect.channel].values)
         values = np.where(hidden, bridged(values, log.time_s), values) if with_lines else values
-        channels[defect.channel] = replace(channels[defect.channel], values=frozen_array(values))
-    return replace(log, channels=channels)
+        log = log.with_values({defect.channel: values})
+    return log
 
 
 def _track(log: FlightLog, channel: Channel) -> _Track | None:
@@ -374,18 +373,6 @@ def _at_seconds(seconds: FloatArray, track: _Track, log: FlightLog) -> FloatArra
     """Return (n,) at the ticks of a channel the values that are given by second of the log."""
     at = (track.time_s - log.time_s[0]).astype(np.intp)
     return np.asarray(seconds[np.minimum(at, len(seconds) - 1)])
-
-
-def _may_stand_out(track: _Track, loudness: FloatArray, others: FloatArray, *, is_positive: bool) -> bool:
-    """Return whether a channel may have excursions, by its ratios in every second and by what it loses at once.
-
-    Parameters
-    ----------
-    loudness, others : by second of the log, see `_loudness` and `_excursions`.
-    """
-    if (loudness / others).max() > LEAST:
-        return True
-    return is_positive and bool(loudness.max() > LEAST or (_lost_at_once(track, _usual_size(track)) >= 1.0).any())
 
 
 def _excursions(

@@ -161,10 +161,6 @@ def set_altitude(time_s: FloatArray, baro_altitude: FloatArray, setting: FloatAr
     return values
 
 
-def _magnetic(values: Values) -> FloatArray:
-    return np.asarray((values["magnetic_track"] + values["magnetic_variation"]) % (2.0 * np.pi))
-
-
 def _same(name: str) -> Callable[[Values], FloatArray]:
     return lambda values: values[name]
 
@@ -200,7 +196,7 @@ DIRECT = (
     DirectDerivation(
         name="track",
         needs=("magnetic_track", "magnetic_variation"),
-        make=_magnetic,
+        make=lambda values: np.asarray((values["magnetic_track"] + values["magnetic_variation"]) % (2.0 * np.pi)),
         words="{0} from true north, by {1}",
     ),
     DirectDerivation(

@@ -50,7 +50,9 @@ def read_igc(path: str, _: Asked) -> RawLog:
     with open(path, encoding="latin-1") as file:
         while text := file.readline(LONGEST_RECORD):
             if text.startswith("I") and not fixes:
-                extensions = _extensions(text)
+                # The characters of a B record that hold each extension, by its code.
+                places = EXTENSION.findall(text[3:].strip())
+                extensions = {c: slice(int(a) - 1, int(z)) for a, z, c in places if 36 <= int(a) <= int(z)}
             elif day is None and (stated := DAY.match(text)):
                 day = stated
             elif text.startswith("B"):
@@ -83,12 +85,6 @@ def read_igc(path: str, _: Asked) -> RawLog:
     notes = [Note.limit(f"B records that are damaged are left out: {n_damaged}")] if n_damaged else []
     notes += [Note.limit(f"B records: {why}")] if ordered is not None and why is not None else []
     return RawLog(columns=with_channels(columns, "igc"), notes=tuple(notes), left_out=left_out)
-
-
-def _extensions(text: str) -> dict[str, slice]:
-    """Return the characters of a B record that hold each extension, by its code, of an I record."""
-    places = EXTENSION.findall(text[3:].strip())
-    return {code: slice(int(first) - 1, int(last)) for first, last, code in places if 36 <= int(first) <= int(last)}
 
 
 def _channels(extensions: Mapping[str, slice]) -> list[str]:

@@ -96,7 +96,7 @@ def _with_ordinary(log: FlightLog, occurrence: Occurrence, through: Response) ->
             added[name] = change if through.changes_nothing else through.filtered(longer)
     clean = {name: frozen_array(values + added.get(name, 0.0)) for name, values in before.clean.items()}
     made = (*before.ordinary, replace(occurrence, size=size))
-    return replace(_moved(log, added), truth=replace(before, clean=clean, ordinary=made), sha256="")
+    return replace(log.plus(added), truth=replace(before, clean=clean, ordinary=made), sha256="")
 
 
 def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog:
@@ -130,21 +130,11 @@ def _with_fault(log: FlightLog, declared: Fault, through: Response) -> FlightLog
         log = replace(log, channels=channels)
     clean = {channel: log.channels[channel].values for channel in added}
     truth = replace(before, faults=(*before.faults, fault), clean={**clean, **before.clean})
-    return replace(_moved(log, added), truth=truth, sha256="", notes=notes)
+    return replace(log.plus(added), truth=truth, sha256="", notes=notes)
 
 
 def _place(log: FlightLog, fault: Fault) -> str:
     return f"{log.path}: fault '{fault.name or fault.shape}'"
-
-
-def _moved(log: FlightLog, added: Mapping[str, FloatArray], part: slice = slice(None)) -> FlightLog:
-    """Return the log with changes of its channels, (samples of the part,), added to them."""
-    channels = dict(log.channels)
-    for channel, change in added.items():
-        values = channels[channel].values.copy()
-        values[part] += change
-        channels[channel] = replace(channels[channel], values=frozen_array(values))
-    return replace(log, channels=channels)
 
 
 def added_by(log: FlightLog, fault: Fault, through: Response) -> Mapping[str, FloatArray]:
@@ -422,6 +412,5 @@ def without_line_fault(log: FlightLog, fault: Fault, through: Response) -> Fligh
         signals = line_signals(log, fault, through, size=fault.magnitude, with_slopes=False)
     except DictionaryError:
         signals = line_signals(log, fault, through, with_slopes=False)
-    return replace(
-        _moved(log, {name: -fault.magnitude * signal.values for name, signal in signals.items()}), truth=None
-    )
+    changes = {name: -fault.magnitude * signal.values for name, signal in signals.items()}
+    return replace(log.plus(changes), truth=None)

@@ -11,7 +11,7 @@ of CAST and ICAO, "Phase of flight: definitions and usage notes" (2013), where t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -330,8 +330,8 @@ def airborne_stretches(log: FlightLog, *, suspects: Collection[str] = ()) -> lis
 
 
 def airborne_phases(phases: Sequence[Phase]) -> list[tuple[float, float]]:
-    """Return (from_s, to_s) of the stretches of a flight from take-off to landing."""
-    return _stretches(phases, (*STEADY_PARTS, "approach"))
+    """Return (from_s, to_s) of the stretches of a flight from take-off to landing, successive phases joined."""
+    return joined(sorted(spans_of(phases, (*STEADY_PARTS, "approach"))), APART_S)
 
 
 def airborne(log: FlightLog, time_s: FloatArray, phases: Sequence[Phase] | None = None) -> BoolArray:
@@ -345,12 +345,7 @@ def airborne(log: FlightLog, time_s: FloatArray, phases: Sequence[Phase] | None 
 def flight_stretches(phases: Sequence[Phase]) -> list[tuple[float, float]]:
     """Return the stretches of flight without take-off, landing and parabolas."""
     parabolas = [(phase.from_s - RECOVERY_S, phase.to_s + RECOVERY_S) for phase in phases if phase.phase == "parabola"]
-    return left_of(_stretches(phases, (*STEADY_PARTS, "approach")), parabolas)
-
-
-def _stretches(phases: Sequence[Phase], parts: Collection[str]) -> list[tuple[float, float]]:
-    """Return the stretches covered by the phases of some kinds, successive phases joined."""
-    return joined(sorted(spans_of(phases, parts)), APART_S)
+    return left_of(airborne_phases(phases), parabolas)
 
 
 def _on_grid(
@@ -367,7 +362,11 @@ def _on_grid(
     speeds : (n_samples,) airspeeds, the one that is used first; over_ground : ground speed; cruise : of the first.
     """
     step_s = max(BLOCK * cruise / G, 1.0 / log.rate_hz)
-    mean, long = _block_means(log.time_s, step_s), max(2, round(LONG * cruise / G / step_s))
+    block = np.floor((log.time_s - float(log.time_s[0])) / step_s + 1e-6).astype(np.intp)
+    long = max(2, round(LONG * cruise / G / step_s))
+
+    def mean(values: FloatArray) -> FloatArray:
+        return bridged(block_means(values, block, int(block[-1]) + 1), most=max(1, round(0.5 / BLOCK)))
 
     def channel(name: str) -> FloatArray | None:
         if name in suspects or name not in log.channels:
@@ -421,13 +420,6 @@ def _on_grid(
         incidence=aoa,
         configured=sum((_is_out(position) for position in out), np.zeros(speed.size)) if out else None,
     )
-
-
-def _block_means(time_s: FloatArray, step_s: float) -> Callable[[FloatArray], FloatArray]:
-    """Return a function from (n_samples,) values to the means of blocks of `step_s`, NaN for a block without values."""
-    block = np.floor((time_s - float(time_s[0])) / step_s + 1e-6).astype(np.intp)
-    n, most = int(block[-1]) + 1, max(1, round(0.5 / BLOCK))
-    return lambda values: bridged(block_means(values, block, n), most=most)
 
 
 def _right_speed(means: Mapping[str, FloatArray], verdict: SignsVerdict) -> tuple[FloatArray, BoolArray]:

@@ -307,6 +307,15 @@ class FlightLog:
         truth = self.truth and replace(self.truth, clean=clean)
         return replace(self, time_s=frozen_array(self.time_s[rows]), channels=channels, truth=truth)
 
+    def with_values(self, values: Mapping[str, object]) -> FlightLog:
+        """Return the log with other values of some channels, (n_samples,) each; clean signals stay."""
+        changed = {name: replace(self.channels[name], values=frozen_array(new)) for name, new in values.items()}
+        return replace(self, channels={**self.channels, **changed})
+
+    def plus(self, changes: Mapping[str, FloatArray]) -> FlightLog:
+        """Return the log with changes of some channels, (n_samples,) each, added to them; clean signals stay."""
+        return self.with_values({name: self.channels[name].values + change for name, change in changes.items()})
+
     def changed(self, change: Callable[[str, FloatArray], FloatArray], **more: Any) -> FlightLog:
         """Return the log with `change(name, values)` in place of the values of every channel and every clean signal."""
 

@@ -75,7 +75,13 @@ def _read(path: str, encoding: str, asked: Asked) -> RawLog:
         table = Table(path, heading.names, heading.delimiter, comma=comma)
         table.read(lines)
     table.require_numbers(asked.sources)
-    return _log_of(path, table, heading, _comments(lines.comments))
+    comments = {
+        key: text.removeprefix(key)
+        for text in reversed(lines.comments)  # the first of each counts
+        for key in (FAULTS, ORDINARY, SEGMENTS, FILTERS, CLOCK)
+        if text.startswith(key)
+    }
+    return _log_of(path, table, heading, comments)
 
 
 def _log_of(path: str, table: Table, heading: Heading, comments: Mapping[str, str]) -> RawLog:
@@ -112,16 +118,6 @@ def _log_of(path: str, table: Table, heading: Heading, comments: Mapping[str, st
         notes=(*table.notes, *made.notes),
         left_out={**left_out, **made.left_out},
     )
-
-
-def _comments(lines: Sequence[str]) -> dict[str, str]:
-    """Return the comments on faults, ordinary causes, segments, filters and clock."""
-    comments: dict[str, str] = {}
-    for text in lines:
-        for key in (FAULTS, ORDINARY, SEGMENTS, FILTERS, CLOCK):
-            if text.startswith(key):
-                comments.setdefault(key, text.removeprefix(key))
-    return comments
 
 
 def _is_time(column: Track) -> bool:

@@ -20,7 +20,6 @@ import numpy as np
 
 from ..config import Config
 from ..faults import Fault, active_samples
-from ..flightlog.record import frozen_array
 from ..kernels import TINY, BoolArray, FloatArray
 from ..kernels.free_course import CourseFit, course_problem, fit_course, redrawn, walk_columns
 from ..kernels.low_pass import decimate
@@ -279,9 +278,8 @@ def _without_course(window: PreparedWindow, course: FreeOutcome) -> PreparedWind
     """Return the window less a course, which between the samples of the analysis is a straight line."""
     signals, log = window.signals, window.native.log
     between, channel = np.interp(log.time_s, signals.time_s, course.value), log.channel(window.outputs[0])
-    corrected = replace(channel, values=frozen_array(channel.values - between))
     return replace(
         window,
         signals=replace(signals, y=signals.y - course.value[:, None]),
-        native=replace(window.native, log=replace(log, channels={**log.channels, channel.name: corrected})),
+        native=replace(window.native, log=log.plus({channel.name: -between})),
     )

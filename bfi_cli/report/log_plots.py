@@ -15,7 +15,7 @@ from ..errors import ConfigError, LogError
 from ..flightlog.derived import DERIVED, with_derived
 from ..flightlog.phases import Phase, phases_of
 from ..flightlog.quality import ExcitedWindow, ranked_windows
-from ..flightlog.record import LARGEST_VALUE, Channel, FlightLog, FloatArray, frozen_array
+from ..flightlog.record import LARGEST_VALUE, Channel, FlightLog, FloatArray
 from ..notes import Note
 from ..quantities.text import SI, Units, change, instant
 from ..serialization import (
@@ -299,12 +299,12 @@ def _measured(log: FlightLog, names: Sequence[str]) -> tuple[FlightLog, list[Not
 
     One of them would make a line of the rest, and near the largest float no axis can be numbered.
     """
-    channels, notes = dict(log.channels), []
-    for name in (name for name in names if name in channels):
-        values = channels[name].values
+    measured, notes = dict[str, FloatArray](), []
+    for name in (name for name in names if name in log.channels):
+        values = log.channels[name].values
         absurd = np.abs(values) > LARGEST_VALUE
         if absurd.any():
-            channels[name] = replace(channels[name], values=frozen_array(np.where(absurd, np.nan, values)))
+            measured[name] = np.where(absurd, np.nan, values)
             first = int(np.argmax(absurd))
             notes.append(
                 Note.limit(
@@ -312,7 +312,7 @@ def _measured(log: FlightLog, names: Sequence[str]) -> tuple[FlightLog, list[Not
                     f"{instant(log.time_s[first])} s ({values[first]:.3g}): these are not drawn"
                 )
             )
-    return (replace(log, channels=channels), notes) if notes else (log, [])
+    return log.with_values(measured), notes
 
 
 def plot_document(result: PlotResult, provenance: Provenance) -> dict[str, Any]:

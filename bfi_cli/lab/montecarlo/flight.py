@@ -15,7 +15,6 @@ from ...faults.filters import recorded_signal, response_of
 from ...faults.shapes import LINE_SHAPES, SHAPES
 from ...flightlog import FlightLog, read_log
 from ...flightlog.injection import added_by
-from ...flightlog.record import frozen_array
 from ...flightlog.recorder import recorder_filters
 from ...kernels import FloatArray
 from ...quantities.text import instant
@@ -80,19 +79,13 @@ def faulty(log: FlightLog, setting: Setting, faults: Sequence[Fault], rng: np.ra
     for (name, sd), stream in zip(setting.noise, rng.spawn(len(setting.noise)), strict=True):
         channel = log.channel(name)
         noisy[channel.name] = noisy.get(channel.name, channel.values) + sd * stream.standard_normal(log.n_samples)
-    return _with_faults(_with_values(log, noisy), setting, held)
+    return _with_faults(log.with_values(noisy), setting, held)
 
 
 def _with_faults(log: FlightLog, setting: Setting, faults: Sequence[Fault]) -> FlightLog:
     for fault in faults:
-        added = {name: log.channels[name].values + change for name, change in _changes(log, setting, fault).items()}
-        log = _with_values(log, added)
+        log = log.plus(_changes(log, setting, fault))
     return log
-
-
-def _with_values(log: FlightLog, values: Mapping[str, FloatArray]) -> FlightLog:
-    channels = {name: replace(log.channels[name], values=frozen_array(samples)) for name, samples in values.items()}
-    return replace(log, channels={**log.channels, **channels})
 
 
 def largest_errors(log: FlightLog, setting: Setting, fault: Fault) -> dict[str, float]:

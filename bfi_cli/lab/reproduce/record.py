@@ -15,7 +15,6 @@ from ...engine import in_order
 from ...errors import LogError
 from ...faults import Fault
 from ...flightlog import FlightLog, inject
-from ...flightlog.record import frozen_array
 from ...kernels import FloatArray
 from ...report.content import Curve, Panel, Span, curve
 
@@ -107,8 +106,7 @@ def with_noise(log: FlightLog, sd: float, *, seed: int) -> FlightLog:
     """Return the log with white noise of standard deviation `sd` (m/s) on its airspeed."""
     channel = log.channel("tas")
     noise = np.random.default_rng(seed).standard_normal(log.n_samples)
-    noisy = replace(channel, values=frozen_array(channel.values + sd * noise))
-    return replace(log, channels={**log.channels, channel.name: noisy})
+    return log.plus({channel.name: sd * noise})
 
 
 def records_of(log: FlightLog, settings: Settings) -> dict[str, FlightLog]:

@@ -59,11 +59,8 @@ def detectable_at(penalty: Penalty) -> float:
 
 def without_injected_faults(log: FlightLog) -> FlightLog:
     """Return the log with the clean signals it carries in place of those with injected faults."""
-    channels = dict(log.channels)
-    for name, values in (log.truth.clean if log.truth else {}).items():
-        channel = log.channel(name)
-        channels[channel.name] = replace(channel, values=values)
-    return replace(log, channels=channels, truth=None)
+    clean = {log.channel(name).name: values for name, values in (log.truth.clean if log.truth else {}).items()}
+    return replace(log.with_values(clean), truth=None)
 
 
 def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:

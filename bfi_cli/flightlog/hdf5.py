@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..errors import LogError
-from ..faults.filters import filters_from_json
 from ..notes import Note
 from ..quantities.text import instant
 from ..quantities.units import si_unit, to_si
 from . import raw
+from .annotations import ATTRIBUTES, TRUTH_KEYS, annotated
 from .raw import LARGEST, LARGEST_CHUNK, Asked, FloatArray, RawLog, Track
-from .record import CLEAN, faults_from_json, nothing_between, ordinary_from_json, segments_from_json
+from .record import CLEAN, nothing_between
 
 if TYPE_CHECKING:
     import h5py
@@ -152,23 +152,18 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
             columns.append(Track(source=name, values=spread, unit=signal.unit))
         else:
             unlike[name] = raw.unlike_time(name, signal.data.size, n)
-    texts = (_text(_attribute(group, "segments")) or "[]" for group in (node, file))
-    segments = next(filter(None, (segments_from_json(text, where=f"{path}: segments") for text in texts)), ())
-    has_filters = any("filters" in group.attrs for group in (node, file))
-    has_truth = isinstance(truth, h5py.Group)
-    faults, made = (_text(_attribute(truth, key)) or "[]" if has_truth else "" for key in ("faults", "ordinary"))
-    return RawLog(
-        columns=raw.with_stated_clock(columns, _text(stated("clock"))),
+    texts = {key: _text(stated(key)) for key in ATTRIBUTES if any(key in group.attrs for group in (node, file))}
+    if isinstance(truth, h5py.Group):
+        texts |= {key: _text(_attribute(truth, key)) for key in TRUTH_KEYS}
+    log = RawLog(
+        columns=columns,
         sample_rate_hz=rate,
         first_sample=rows.start,
-        segments=segments,
-        filters=filters_from_json(_text(stated("filters")), where=f"{path}: filters") if has_filters else None,
-        faults=faults_from_json(faults, where=f"{path}: /truth faults") if has_truth else None,
-        ordinary=ordinary_from_json(made, where=f"{path}: /truth ordinary") if has_truth else (),
         clean={name: signal.track(rows) for name, signal in clean.items()},
         notes=notes,
         left_out=unlike,
     )
+    return annotated(log, texts, where=path, truth="/truth ")
 
 
 def _log_of_parameters(path: str, signals: Mapping[str, _Signal], unlike: Mapping[str, str]) -> RawLog:

@@ -199,15 +199,6 @@ def time_column(columns: Sequence[Track], asked: Asked) -> Track | None:
     return None
 
 
-def with_stated_clock(columns: Sequence[Track], stated: str) -> list[Track]:
-    """Return columns with the epoch of `time` as a file states it, see `Epoch.iso`; unchanged where it does not."""
-    try:
-        epoch = Epoch.from_iso(stated)
-    except ValueError:  # an attribute of another program
-        return list(columns)
-    return [replace(column, epoch=epoch) if column.source == "time" else column for column in columns]
-
-
 def unlike(kind: str, shape: tuple[int, ...]) -> str | None:
     """Return why an array of this numpy kind and shape is no signal; None of a vector, a row or a column of numbers."""
     if kind in "SU":

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import json
 import weakref
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..epoch import Epoch
-from ..errors import DictionaryError, LogError, first_line
-from ..faults import Fault, fault_from_dict, fault_to_dict
+from ..errors import LogError
+from ..faults import Fault
 from ..faults.filters import Filter
 from ..faults.ordinary import Occurrence
 from ..kernels.quantisation import find_quantum, quantum_of_plateaus
@@ -327,78 +326,3 @@ class FlightLog:
         channels = {name: of(channel) for name, channel in self.channels.items()}
         clean = {name: change(name, values) for name, values in (self.truth.clean if self.truth else {}).items()}
         return replace(self, channels=channels, truth=self.truth and replace(self.truth, clean=clean), **more)
-
-
-def segments_to_json(segments: Sequence[Segment]) -> str:
-    """Return the JSON list of `{label, t_start, t_end, note}`."""
-    return json.dumps([{"label": s.label, "t_start": s.start_s, "t_end": s.stop_s, "note": s.note} for s in segments])
-
-
-def segments_from_json(text: str, *, where: str) -> tuple[Segment, ...]:
-    """Read the JSON list of `{label, t_start, t_end, note}`.
-
-    Raises
-    ------
-    LogError : the text is not such a list.
-    """
-    segments = []
-    for entry in _objects(text, where):
-        try:
-            start, stop = float(entry["t_start"]), float(entry["t_end"])
-        except (KeyError, TypeError, ValueError, OverflowError):
-            raise LogError(
-                f"{where}: a segment needs the numbers t_start and t_end, got {str(entry)[:80]}; mend the file"
-            ) from None
-        words = {key: str(entry.get(key, "")) for key in ("label", "note")}
-        segments.append(Segment(start_s=start, stop_s=stop, **words))
-    return tuple(segments)
-
-
-def faults_to_json(faults: Sequence[Fault]) -> str:
-    """Return the JSON list of fault objects, keys that are None left out."""
-    objects = (fault_to_dict(fault) for fault in faults)
-    return json.dumps([{key: value for key, value in entry.items() if value is not None} for entry in objects])
-
-
-def faults_from_json(text: str, *, where: str) -> tuple[Fault, ...]:
-    """Read a JSON list of fault objects.
-
-    Raises
-    ------
-    LogError : the text is not such a list, or an entry is no fault.
-    """
-    try:
-        return tuple(fault_from_dict(entry, where=where) for entry in _objects(text, where))
-    except DictionaryError as error:
-        raise LogError(str(error)) from None
-
-
-def ordinary_to_json(ordinary: Sequence[Occurrence]) -> str:
-    """Return the JSON list of `{cause, at_s, size}`."""
-    return json.dumps([asdict(occurrence) for occurrence in ordinary])
-
-
-def ordinary_from_json(text: str, *, where: str) -> tuple[Occurrence, ...]:
-    """Read a JSON list of ordinary causes.
-
-    Raises
-    ------
-    LogError : the text is not such a list.
-    """
-    try:
-        return tuple(
-            Occurrence(cause=str(entry["cause"]), at_s=float(entry["at_s"]), size=float(entry["size"]))
-            for entry in _objects(text, where)
-        )
-    except (KeyError, TypeError, ValueError):
-        raise LogError(f"{where}: an entry needs cause, and the numbers at_s and size; mend the file") from None
-
-
-def _objects(text: str, where: str) -> list[dict[str, Any]]:
-    try:
-        entries = json.loads(text)
-    except (ValueError, RecursionError) as error:
-        raise LogError(f"{where}: not JSON, {first_line(error)}; mend the file") from None
-    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-        raise LogError(f"{where}: not a JSON list of objects; mend the file")
-    return entries

@@ -14,21 +14,16 @@ import numpy as np
 
 from ..epoch import DAY_S, Epoch, epoch_of_clock
 from ..errors import LogError
-from ..faults.filters import filters_from_json
-from ..faults.ordinary import Occurrence
 from ..notes import Note
 from ..quantities.channels import match_name
 from ..quantities.units import si_unit, to_si
+from .annotations import KEYS, annotated
 from .axis import made_regular, note_on_order, out_of_order, with_midnights, without_jumps
 from .cells import Kind, Lines, Table
 from .layouts import Heading, heading_of, with_channels
-from .raw import BESIDE_TIME, Asked, FloatArray, RawLog, Track, with_stated_clock
-from .record import CLEAN, faults_from_json, ordinary_from_json, segments_from_json
+from .raw import BESIDE_TIME, Asked, FloatArray, RawLog, Track
+from .record import CLEAN
 
-FAULTS, ORDINARY = "# faults: ", "# ordinary: "
-SEGMENTS = "# segments: "
-FILTERS = "# filters: "
-CLOCK = "# clock: "
 # s, and share of the record: by so much a clock of whole seconds may run apart from the time axis beside it.
 ALIKE_S, ALIKE = 2.0, 0.01
 # Limit of a text, bytes: a cell of two characters becomes a number of eight bytes, and assembling holds a log twice.
@@ -76,10 +71,10 @@ def _read(path: str, encoding: str, asked: Asked) -> RawLog:
         table.read(lines)
     table.require_numbers(asked.sources)
     comments = {
-        key: text.removeprefix(key)
+        key: text.removeprefix(f"# {key}: ")
         for text in reversed(lines.comments)  # the first of each counts
-        for key in (FAULTS, ORDINARY, SEGMENTS, FILTERS, CLOCK)
-        if text.startswith(key)
+        for key in KEYS
+        if text.startswith(f"# {key}: ")
     }
     return _log_of(path, table, heading, comments)
 
@@ -96,24 +91,16 @@ def _log_of(path: str, table: Table, heading: Heading, comments: Mapping[str, st
     if heading.recorder is not None:
         tracks = with_channels(tracks, heading.recorder)
     made = in_seconds(tracks, kinds)
-    columns = with_stated_clock(made.columns, comments.get(CLOCK, "").strip())
-    if min((column.values.size for column in columns), default=2) < 2:
+    if min((column.values.size for column in made.columns), default=2) < 2:
         raise LogError(f"{path}: less than 2 samples with a time, at least 2 are needed; give a recorded log")
-    segments = segments_from_json(comments.get(SEGMENTS, "[]"), where=f"{path}: segments")
-    filters = filters_from_json(comments[FILTERS], where=f"{path}: filters") if FILTERS in comments else None
-    faults, ordinary, clean = None, tuple[Occurrence, ...](), dict[str, Track]()
-    if FAULTS in comments:
-        faults = faults_from_json(comments[FAULTS], where=f"{path}: faults")
-        ordinary = ordinary_from_json(comments.get(ORDINARY, "[]"), where=f"{path}: ordinary")
+    log = annotated(made, comments, where=path)
+    columns, clean = log.columns, dict[str, Track]()
+    if log.faults is not None:
         clean = {c.source.removesuffix(CLEAN): c for c in columns if c.source.endswith(CLEAN)}
         columns = [c for c in columns if not c.source.endswith(CLEAN)]
     return replace(
-        made,
+        log,
         columns=columns,
-        segments=segments,
-        filters=filters,
-        faults=faults,
-        ordinary=ordinary,
         clean=clean,
         notes=(*table.notes, *made.notes),
         left_out={**left_out, **made.left_out},

@@ -6,7 +6,7 @@ import csv
 import json
 import re
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from math import isfinite
 from pathlib import Path
@@ -15,11 +15,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..errors import ConfigError
-from ..faults.filters import filters_to_json
 from ..files import ATTRIBUTE, MARK, MCAP, OWNER, aside
 from ..printable import SHOWN, printable
-from .record import CLEAN, FlightLog, FloatArray, Truth, faults_to_json, ordinary_to_json, segments_to_json
-from .text import CLOCK, FAULTS, FILTERS, ORDINARY, SEGMENTS
+from .annotations import TRUTH_KEYS, annotations_of
+from .record import CLEAN, FlightLog, FloatArray
 
 if TYPE_CHECKING:
     import h5py
@@ -77,17 +76,10 @@ def _write_hdf5(log: FlightLog, path: Path) -> None:
         add(file, "time", log.time_s, "s")
         for name, channel in log.channels.items():
             add(file, names[name], channel.values, channel.unit)
-        if log.filters is not None:
-            file.attrs["filters"] = filters_to_json(log.filters)
-        if log.epoch is not None:
-            file.attrs["clock"] = log.epoch.iso
-        if log.segments:
-            file.attrs["segments"] = segments_to_json(log.segments)
-        if log.truth is not None:
-            truth = file.create_group("truth")
-            truth.attrs["faults"] = _faults(log.truth, names)
-            if log.truth.ordinary:
-                truth.attrs["ordinary"] = ordinary_to_json(log.truth.ordinary)
+        truth = None if log.truth is None else file.create_group("truth")
+        for key, text in annotations_of(log, names).items():
+            (truth if truth is not None and key in TRUTH_KEYS else file).attrs[key] = text
+        if truth is not None and log.truth is not None:
             for name, clean in log.truth.clean.items():
                 add(truth, names[name] + CLEAN, clean, log.channels[name].unit if name in log.channels else "")
         file.flush()
@@ -105,16 +97,7 @@ def _write_csv(log: FlightLog, path: Path) -> None:
         columns[f"{title} [{unit}]" if unit else title] = values
     with open(path, "w", encoding="utf-8", errors=SHOWN, newline="") as file:
         file.write(f"{MARK}\n")
-        if log.filters is not None:
-            file.write(f"{FILTERS}{filters_to_json(log.filters)}\n")
-        if log.epoch is not None:
-            file.write(f"{CLOCK}{log.epoch.iso}\n")
-        if log.segments:
-            file.write(f"{SEGMENTS}{segments_to_json(log.segments)}\n")
-        if log.truth is not None:
-            file.write(f"{FAULTS}{_faults(log.truth, names)}\n")
-            if log.truth.ordinary:
-                file.write(f"{ORDINARY}{ordinary_to_json(log.truth.ordinary)}\n")
+        file.writelines(f"# {key}: {text}\n" for key, text in annotations_of(log, names).items())
         csv.writer(file, lineterminator="\n").writerow(columns)
         for row in np.column_stack(list(columns.values())).tolist():
             file.write(",".join(map(repr, row)) + "\n")
@@ -162,7 +145,3 @@ def _names(log: FlightLog, allowed: Callable[[str], str]) -> dict[str, str]:
                 new += "_"
             names[name] = new
     return names
-
-
-def _faults(truth: Truth, names: Mapping[str, str]) -> str:
-    return faults_to_json([replace(fault, channel=names.get(fault.channel, fault.channel)) for fault in truth.faults])

@@ -100,7 +100,7 @@ def tables() -> dict[str, dict[str, str]]:
             "contradiction": attributes_table("bfi_cli.decision.implausible", "Implausible"),
             "event": attributes_table("bfi_cli.flight.result", "Event"),
             "limit": attributes_table("bfi_cli.flight.result", "FlightLimit"),
-            "scenario": attributes_table("bfi_cli.lab.montecarlo.summary", "ScenarioSummary"),
+            "scenario": attributes_table("bfi_cli.lab.montecarlo.counts", "ScenarioSummary"),
             "trial": attributes_table("bfi_cli.lab.montecarlo.trial", "Row"),
             "ordinary": table(("cause", "in words"), [(f"`{name}`", cause.text) for name, cause in ORDINARY.items()]),
         },

@@ -19,8 +19,7 @@ from ..notes import Note
 from ..quantities.text import instant
 from ..quantities.units import si_unit, to_si
 from . import raw
-from .annotations import ATTRIBUTES, TRUTH_KEYS, annotated
-from .raw import LARGEST, LARGEST_CHUNK, Asked, FloatArray, RawLog, Track
+from .raw import ATTRIBUTES, LARGEST, LARGEST_CHUNK, TRUTH_KEYS, Asked, FloatArray, RawLog, Track, annotated
 from .record import CLEAN, nothing_between
 
 if TYPE_CHECKING:

@@ -17,11 +17,10 @@ from ..errors import LogError
 from ..notes import Note
 from ..quantities.channels import match_name
 from ..quantities.units import si_unit, to_si
-from .annotations import KEYS, annotated
 from .axis import made_regular, note_on_order, out_of_order, with_midnights, without_jumps
 from .cells import Kind, Lines, Table
 from .layouts import Heading, heading_of, with_channels
-from .raw import BESIDE_TIME, Asked, FloatArray, RawLog, Track
+from .raw import BESIDE_TIME, KEYS, Asked, FloatArray, RawLog, Track, annotated
 from .record import CLEAN
 
 # s, and share of the record: by so much a clock of whole seconds may run apart from the time axis beside it.

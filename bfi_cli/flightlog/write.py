@@ -17,7 +17,7 @@ import numpy as np
 from ..errors import ConfigError
 from ..files import ATTRIBUTE, MARK, MCAP, OWNER, aside
 from ..printable import SHOWN, printable
-from .annotations import TRUTH_KEYS, annotations_of
+from .raw import TRUTH_KEYS, annotations_of
 from .record import CLEAN, FlightLog, FloatArray
 
 if TYPE_CHECKING:

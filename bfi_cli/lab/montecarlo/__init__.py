@@ -3,7 +3,7 @@
 `definition` is a sweep's YAML, `scenarios` what it means, `trial` one draw, `summary` what all of them say.
 """
 
-from .proportion import wilson
+from .counts import wilson
 from .running import check_records, digest_of, open_journal, run_sweep
 from .scenarios import Sweep, load_sweep
 from .summary import Summary, montecarlo_content, summarise, summary_document

@@ -4,14 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...quantities.text import number
 from ...report.content import Curve, Drawing, Panel, Table, curve
-from .proportion import curve_of_shares, proportion, share_cell
-
-if TYPE_CHECKING:
-    from .summary import ScenarioSummary
+from .counts import ScenarioSummary, curve_of_shares, proportion, share_cell
 
 TABLES, DRAWINGS = ("equal_rate", "isolated", "own_threshold"), ("detection", "rates")
 # Methods of a panel: that many can be told apart by colour and marker.

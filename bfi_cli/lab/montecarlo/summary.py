@@ -12,14 +12,13 @@ import numpy as np
 
 from ...decision import KINDS
 from ...faults import Decision
-from ...faults.shapes import Kind
 from ...notes import Note, unique
 from ...quantities.text import counted, number
 from ...report.content import Curve, Drawing, Panel, ReportContent, Table, curve, notes_of
 from ...serialization import SCHEMA, Provenance, from_plain, to_plain
 from . import comparison
 from .comparison import MOST_CURVES, comparison_drawings, comparison_tables
-from .proportion import Proportion, curve_of_shares, proportion, share_cell
+from .counts import EqualRate, Proportion, ScenarioSummary, curve_of_shares, proportion, share_cell
 from .scenarios import Sweep
 from .trial import Row, rounded
 
@@ -44,64 +43,6 @@ ERROR_CAPTION = (
 DECISIONS: tuple[Decision, ...] = get_args(Decision)
 # Those of a box and its whiskers, and the largest.
 QUANTILES = {"p05": 0.05, "p25": 0.25, "p50": 0.5, "p75": 0.75, "p95": 0.95, "max": 1.0}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EqualRate:
-    """A method of `bfi compare` at the same rate of false alarms as the others.
-
-    Attributes
-    ----------
-    false_alarm : the rate wanted.
-    threshold : of the score, from the first half of the trials without a fault: so large that another such trial
-        exceeds it with that probability at most. None where they are too few to tell.
-    alarms : of the second half of the trials without a fault, those beyond it.
-    detected : of this scenario's trials with a score, those beyond it.
-    """
-
-    false_alarm: float
-    threshold: float | None
-    alarms: Proportion
-    detected: Proportion
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScenarioSummary:
-    """A scenario.
-
-    Attributes
-    ----------
-    axes : what it is, value by axis.
-    trials, failed : how many, and how many gave an error instead of an answer.
-    isolation_rate : trials whose declared faults are those added; a failed trial isolates nothing.
-    false_alarm_rate : trials with an answer that declare a fault which was not added.
-    missed_detection_rate : trials with an answer and faults that do not declare one of them.
-    decisions : trials with an answer by their decision; verdicts : by their verdict on each kind of fault.
-    wrong_no_fault_rate : trials with an answer and a fault whose largest error in the window exceeds the channel's
-        tolerance, in which the verdict that covers such a fault is no_fault.
-    coverage : 95 % intervals of rightly declared faults that hold the truth.
-    magnitude_error : quantiles over trials with an answer and faults, relative; None where there are none.
-    onset_error_s : median size of the errors of the onsets of rightly declared faults.
-    seconds : median time of a trial.
-    equal_rate : of a method of `bfi compare` that has scores, where the sweep has the same trials without a fault.
-    """
-
-    name: str
-    axes: Mapping[str, Any]
-    trials: int
-    failed: int
-    isolation_rate: Proportion
-    false_alarm_rate: Proportion
-    missed_detection_rate: Proportion
-    decisions: Mapping[Decision, Proportion]
-    verdicts: Mapping[Kind, Mapping[Decision, Proportion]]
-    wrong_no_fault_rate: Proportion
-    coverage: Proportion
-    magnitude_error: Mapping[str, float] | None
-    detection_delay_s: float | None
-    onset_error_s: float | None
-    seconds: float | None
-    equal_rate: EqualRate | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

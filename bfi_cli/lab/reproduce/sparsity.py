@@ -29,7 +29,7 @@ from ...model.preprocessing.window import prepare_window
 from ...model.risro import THRESHOLD
 from ...model.selection import proposals_of, stage_runs
 from ...report.content import Panel, ReportContent, curve
-from ..montecarlo.proportion import Proportion, curve_of_shares, proportion, with_interval
+from ..montecarlo.counts import Proportion, curve_of_shares, proportion, with_interval
 from .page import Page, drawing, joined, load, panel, report_content, table
 from .record import Settings, thesis_dictionary, thesis_record, trials_of, with_fault, with_noise
 

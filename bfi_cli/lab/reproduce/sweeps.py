@@ -21,10 +21,16 @@ from ...quantities.text import number
 from ...report.content import Drawing, ReportContent, Span, curve
 from ..montecarlo import Sweep, check_records, load_sweep, run_sweep, summarise
 from ..montecarlo.comparison import comparison_drawings, comparison_tables
+from ..montecarlo.counts import (
+    Proportion,
+    ScenarioSummary,
+    curve_of_shares,
+    proportion,
+    share_cell,
+    with_interval,
+)
 from ..montecarlo.definition import RecordedLog
-from ..montecarlo.proportion import Proportion, curve_of_shares, proportion, share_cell, with_interval
 from ..montecarlo.scenarios import Scenario, digest_of_parts
-from ..montecarlo.summary import ScenarioSummary
 from ..montecarlo.trial import Row
 from .page import FOLDER, Page, drawing, fill, joined, load, panel, report_content, table
 from .reconstruction import label_of

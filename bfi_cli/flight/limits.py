@@ -94,7 +94,7 @@ def bounds_of(
     """
     left_out = declared_stretches(events)
     bounds: dict[tuple[str, str, Bound], tuple[Bounds, list[Hidden]]] = {}
-    largest = cache(partial(_largest_error, flight))
+    largest, plausible = cache(partial(_largest_error, flight)), cache(partial(_plausible, flight))
 
     def offer(
         kind: Bounds,
@@ -107,10 +107,8 @@ def bounds_of(
     ) -> None:
         grows, most = kind.shape == "drift", largest(kind.channel, kind.fault)
         declared = np.maximum(sizes, declared)
-        # No larger error of a channel is taken for one of its sensor.
-        plausible = ROWS[kind.fault].plausible if kind.fault in ROWS else np.inf
         reached = declared * scale * (window[1] - window[0] if grows else 1.0)
-        declared = np.where(reached <= min(most, plausible), declared, np.inf)
+        declared = np.where(reached <= min(most, plausible(kind.fault)), declared, np.inf)
         sizes = np.where(sizes * scale * (window[1] - onsets_s if grows else 1.0) <= most, sizes, np.inf)
         hidden = Hidden(
             window=window,
@@ -154,6 +152,19 @@ def declared_stretches(events: Sequence[Event]) -> list[Window]:
         for event in events
         if event.state == "declared" and event.stages[0] != "sensors"
     ]
+
+
+def _plausible(flight: Flight, fault: str) -> float:
+    """Return the error of a channel beyond which it is not taken for one of its sensor.
+
+    That of the altitude, m, is the height of the impact pressure where a static line errs: then no airspeed is left, or
+    half as much again, which is nothing of what a small fault makes of it.
+    """
+    if fault != STATIC_LEAK:
+        return ROWS[fault].plausible if fault in ROWS else np.inf
+    flown = within(flight.record.time_s, flight.stretches)
+    share = (flight.record.air.q_impact / flight.record.air.p_static)[flown]
+    return METRES * float(np.nanmedian(share)) if np.isfinite(share).any() else np.inf
 
 
 def _is_weighed(fault: str) -> bool:

@@ -70,6 +70,7 @@ LOSSES = ("pitot_icing", "pitot_leak", "pitot_water", "q_impact")  # of an impac
 ENDED_BY = {"q_impact": ("pitot_icing", "pitot_leak", "static_leak"), "static_leak": ("static_leak",)}
 EXACT = {"static relations", "sensors"}  # analyses by what holds exactly, or to the last bit
 AIRSPEEDS = ("tas", "cas", "ias", "mach")
+TEMPERATURES = ("sat", "tat")
 # Of a pressure line its finder describes the course; the model tells which line it is.
 LINES = (frozenset((*LOSSES, "pitot_blocked")), frozenset(("static_blocked", "static_leak")))
 INERTIAL = "kinematics"  # the residual of the parity scan that rests on accelerometers
@@ -361,10 +362,12 @@ def _knows_more(bench: Bench, event: Event) -> bool:
     """Return whether a finder knows what the model does not.
 
     Accelerations at the log's rate, an airspeed that changes faster than any flight, a pitch within a second, in which
-    neither flaps move nor an attitude settles; and without a ground velocity a lost airspeed is as well a change of
-    speed.
+    neither flaps move nor an attitude settles, equations between a temperature and airspeeds, of which the model takes
+    any jump for a cold layer; and without a ground velocity a lost airspeed is as well a change of speed.
     """
     if {AT_ONCE_EVIDENCE, PITCH_EVIDENCE} & event.evidence.keys():
+        return True
+    if event.fault in TEMPERATURES and EXACT & {*event.stages}:
         return True
     by_lift = event.fault in (*LOSSES, *AIRSPEEDS) and not {"velocity_north", "ground_speed"} & {*bench.model.rows}
     inertial = event.evidence.get(INERTIAL, 0.0) > DECLARED

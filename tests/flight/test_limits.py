@@ -26,11 +26,13 @@ from bfi_cli.flight.limits import (
 from bfi_cli.flight.looks import Scanned, rate_of, scan_flight, thresholds_of
 from bfi_cli.flight.parity import LENGTHS_S, ScanKey, shipped_tables
 from bfi_cli.flight.parity.holds import UnseenLine
+from bfi_cli.flight.parity.record import STATIC_LEAK
 from bfi_cli.flight.unwatched import Unwatched, flown_of, unwatched_by_lines, unwatched_by_steps
 from bfi_cli.flight.verdict import evidence_of, sentence_of
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.kernels import ONE_SIDED_95
 from bfi_cli.kernels.runs import left_of
 
 AIRSPEEDS = ("tas", "cas", "mach")
@@ -200,6 +202,8 @@ def test_what_hides_is_the_estimate_and_what_its_noise_allows(flight: Flight):
         held = replace(one, rule=thresholds_of(shipped_tables(), RATES, RATES, scale)(KEY))
         (kind,) = (one for one in bounds_of(flight, [held], (), ()) if one.fault == "tas")
         np.testing.assert_allclose(kind.windows[0].spreads, EXCEEDED_BY * noise * one.sd["tas"])
+        # In one window of twenty, where nine of ten show at most 1.2 times the noise.
+        np.testing.assert_allclose(kind.windows[0].spreads, 1.2 * ONE_SIDED_95 * noise * one.sd["tas"], rtol=0.02)
         np.testing.assert_allclose(kind.windows[0].sizes - kind.windows[0].spreads, [0.2, 0.01])
 
 
@@ -247,6 +251,17 @@ def test_no_size_is_stated_that_no_sensor_errs_by(flight: Flight, slope: float, 
     )
     (tas,) = (bound for bound in bounds_of(flight, [scan], (), ()) if bound.fault == "tas")
     assert np.isfinite(tas.windows[0].declared[0]) is np.bool_(is_seen)
+
+
+@pytest.mark.parametrize(("share", "is_seen"), [(0.9, True), (1.1, False)])
+def test_a_static_line_that_takes_all_of_the_airspeed_is_no_small_fault(flight: Flight, share: float, is_seen: bool):
+    """What a scan of small faults would show of an error as large as the impact pressure it would not."""
+    slope = share * float(np.nanmedian(flight.record.between(240.0, 700.0).air.q_impact)) / 120.0
+    scan = made_scan(from_s=380.0, to_s=500.0, onsets_s=np.array([390.0]), declared=np.array([slope]), sd=np.ones(1))
+    scan = replace(scan, **{key: {STATIC_LEAK: getattr(scan, key)["tas"]} for key in ("magnitude", "sd", "declared")})
+    (leak,) = (bound for bound in bounds_of(flight, [scan], (), ()) if bound.fault == STATIC_LEAK)
+    assert np.isfinite(leak.windows[0].declared[0]) is np.bool_(is_seen)
+    assert np.isfinite(leak.windows[0].sizes[0])
 
 
 def test_a_window_in_which_a_fault_lasts_fits_no_table():

@@ -65,8 +65,11 @@ AIRSPEEDS = ("tas", "cas", "ias", "lift_speed", "ground_airspeed")
 AIRSPEED_SHARE, AIRSPEED_LEAST, AIRSPEED_MOST = 0.03, 5.0 * KNOT, 0.1
 # CS/FAR 25.1325(e): the error of an altitude may be 30 ft per 100 kt, and at least 30 ft.
 ALTITUDE_PER_SPEED, ALTITUDE_LEAST = 30.0 * FOOT / (100.0 * KNOT), 30.0 * FOOT
+# ICAO Annex 6, part I, appendix 8: a recorded outside or total air temperature may err by 2 degrees.
+TEMPERATURE = 2.0
 # No regulation names these; they are what a flight-test engineer would repeat a test point for.
 FIXED = {
+    **dict.fromkeys(("tat", "sat"), TEMPERATURE),
     "mach": 0.01,
     "altitude_rate": 1.5,
     **dict.fromkeys(("aoa", "sideslip", "pitch", "roll", "yaw", "flight_path_angle", "climb_angle"), DEGREE),

@@ -41,3 +41,9 @@ def test_a_channel_that_moves_in_the_window_alone_is_measured_there(outside: flo
 def test_an_altitude_without_an_airspeed_has_the_least_tolerance_of_the_regulation():
     log = made_log(T, {"altitude": "m"}, altitude=1000.0 + T)
     assert tolerance_of(log, log, "altitude") == pytest.approx(30.0 * FOOT)
+
+
+@pytest.mark.parametrize("name", ["tat", "sat"])
+def test_a_probe_that_drifts_raises_no_tolerance_of_its_own(name: str):
+    log = made_log(T, {name: "K"}, **{name: 280.0 + T})
+    assert tolerance_of(log, log.window(20.0, 60.0), name) == 2.0

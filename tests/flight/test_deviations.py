@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from bfi_cli.flight.diagnose import events_of
 from bfi_cli.flight.events import Draft, beyond_its_tolerance, errors_of_rivals, largest_first
 from bfi_cli.flight.looks import rate_of
 from bfi_cli.flight.parity import LENGTHS_S, Finding
@@ -82,3 +83,16 @@ def test_a_healthy_flight_alarms_at_most_at_its_level(counts: tuple[int, ...]):
     of_lengths = sum(n * rate_of(0.05, n) for n in counts)
     assert len(counts) == len(LENGTHS_S)
     assert of_lengths + 44 * rate_of(0.05, 44) == pytest.approx(0.05)
+
+
+@pytest.mark.parametrize(
+    ("statistic", "p_value", "state"), [(33.0, None, "suspected"), (33.1, None, "declared"), (11.0, 0.01, "declared")]
+)
+def test_a_step_that_no_shipped_table_fits_is_doubted_up_to_what_healthy_windows_show(
+    statistic: float, p_value: float | None, state: str
+):
+    """3.3 times the threshold of an aircraft: by so much the largest of 129 healthy windows differs with the inputs."""
+    step = draft(8.0, 0.1, stage="scan", shape="bias", statistic=statistic, threshold=10.0, p_value=p_value)
+    flight: Any = SimpleNamespace(tolerance=FLIGHT.tolerance, recorded=("tas",), moved=())
+    (event,) = events_of(flight, [step])
+    assert event.state == state

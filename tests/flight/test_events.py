@@ -14,6 +14,7 @@ from bfi_cli.flight.events import (
     Draft,
     as_one,
     clusters,
+    explains,
     is_certain,
     is_return,
     join,
@@ -273,3 +274,34 @@ def test_of_two_relations_that_show_one_step_the_one_that_knows_its_size_better_
         (event,) = merge_stages(drafts)
         assert event.finding.magnitude == -60.0
         assert [one.magnitude for one in event.also] == [-56.0]
+
+
+@pytest.mark.parametrize(("until_s", "explained"), [(85.5, True), (84.5, False)])
+def test_what_was_seen_up_to_fifteen_seconds_before_an_event_is_of_it(until_s: float, explained: bool):
+    """Twice the standard deviation that the Cramer-Rao bound leaves the onset of a drift in four minutes."""
+    earlier = replace(draft(60.0, (20.0, 80.0)), until_s=until_s)
+    assert explains(draft(100.0, onset_ci95=(100.0, 103.0)), earlier) == explained
+
+
+@pytest.mark.parametrize(
+    ("back", "sd", "is_end"),
+    [
+        (-3.61, 0.01, True),
+        (-3.59, 0.01, False),  # a tenth of it may be left
+        (-3.41, 0.2, True),
+        (-3.39, 0.2, False),  # three standard deviations where they are more
+        (-2.01, 5.0, True),
+        (-1.99, 5.0, False),  # never more than a half
+    ],
+)
+def test_a_step_back_misses_where_it_came_from_by_little(back: float, sd: float, is_end: bool):
+    step = draft(100.0, shape="bias", magnitude=4.0, sd=0.0).finding
+    returned = draft(200.0, shape="bias", magnitude=back, sd=sd).finding
+    assert is_return(returned, step) == is_end
+
+
+@pytest.mark.parametrize(("ends_hz", "n"), [(0.2095, 1), (0.2105, 2)])
+def test_an_oscillation_ends_with_its_own_frequency(ends_hz: float, n: int):
+    """Of two peaks of two minutes' windows, which are a twentieth of the frequency wide."""
+    swings = [draft(t, (t - 40.0, t + 80.0), shape="sine", frequency_hz=f) for t, f in ((100.0, 0.2), (300.0, ends_hz))]
+    assert len(with_ends(swings)) == n

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from bfi_cli.faults import parse_spec
 from bfi_cli.flight.bench import Bench, bench_of, place_of, run_place
 from bfi_cli.flight.fit import fitted_levels
 from bfi_cli.flight.gross import gross_errors, swings_of
-from bfi_cli.flight.judge import ALIKE, Judgement, explains, is_on_ground, judge, ordinary_of, rows_of
+from bfi_cli.flight.judge import ALIKE, Judgement, explains, is_on_ground, is_set, judge, ordinary_of, rows_of
 from bfi_cli.flight.model import FlightModel, flight_model
 from bfi_cli.flight.seconds import seconds_of
 from bfi_cli.flight.tables import LEVELS
@@ -231,3 +233,26 @@ def test_readings_of_a_line_that_come_and_go_are_found_with_their_ends(journey: 
 
 def test_a_healthy_flight_has_no_gross_errors(healthy: Bench) -> None:
     assert gross_errors(healthy) == ()
+
+
+def stamped(*, airborne_from_s: float = 0.0, knob_s: float = 0.0) -> Any:
+    """Return a model of which only the time in flight, and when a knob is turned, is known."""
+    time_s = np.arange(200.0)
+    frame = SimpleNamespace(airborne=time_s >= airborne_from_s)
+    return SimpleNamespace(model=SimpleNamespace(time_s=time_s, frame=frame, knob=time_s == knob_s))
+
+
+def test_what_begins_within_ten_seconds_of_flight_is_no_matter_of_the_ground():
+    bench = stamped(airborne_from_s=100.0)
+    assert is_on_ground(bench, 99.9)
+    assert not is_on_ground(bench, 100.0)
+    landed: Any = SimpleNamespace(
+        model=SimpleNamespace(**{**vars(bench.model), "frame": SimpleNamespace(airborne=bench.model.time_s < 100.0)})
+    )
+    assert not is_on_ground(landed, 109.0)
+    assert is_on_ground(landed, 110.0)
+
+
+@pytest.mark.parametrize(("at_s", "told"), [(115.0, True), (116.0, False), (85.0, True), (84.0, False)])
+def test_a_setting_is_of_an_onset_within_fifteen_seconds(at_s: float, told: bool):
+    assert is_set(stamped(knob_s=100.0), at_s) == told

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from bfi_cli.decision.calibration import null_from
+from bfi_cli.flight import looks
 from bfi_cli.flight.looks import Scanned, scan_flight
 from bfi_cli.flight.parity import ScanKey, Threshold
+from bfi_cli.flight.parity.windows import Window
+from bfi_cli.flightlog.phases import Phase
 
 AT = Threshold(level=9.0, suspected=6.0, null=null_from({"largest": np.arange(1.0, 100.0)}))
 WINDOW = (0.0, 60.0)
@@ -58,3 +64,30 @@ def test_a_scan_is_made_again_where_other_faults_last(lasting: tuple[str, ...], 
     kept, _ = scanned((), [])
     _, asked = scanned(lasting, [kept])
     assert len(asked) == n_made
+
+
+@dataclass(frozen=True)
+class Rough:
+    """A flight whose windows show 1, 2, 3 times what the table does, and so on; the angle of zero lift is free."""
+
+    statistics: Iterator[int]
+    phases: tuple[Phase, ...]
+    zero_lift: float | None = 0.1
+    tables: tuple[()] = ()
+
+    def scan(self, window: Window) -> SimpleNamespace:
+        assert self.zero_lift is None
+        return SimpleNamespace(
+            kinds=(), statistic=float(next(self.statistics)), constants=SimpleNamespace(knows_zero_lift=False)
+        )
+
+
+@pytest.mark.parametrize(("n_windows", "scale"), [(9, 1.0), (10, 3.25), (21, 6.0)])
+def test_the_calmest_quarter_of_ten_windows_says_how_rough_a_flight_is(
+    monkeypatch: pytest.MonkeyPatch, n_windows: int, scale: float
+):
+    """A fault fills fewer of them, and what fills most but not the calmest quarter raises no threshold."""
+    monkeypatch.setattr(looks, "table_for", lambda tables, key: SimpleNamespace(statistics=np.ones(5)))
+    flown = Phase(phase="cruise", from_s=0.0, to_s=120.0 * n_windows)
+    rough: Any = Rough(statistics=iter(range(1, n_windows + 1)), phases=(flown,))
+    assert looks.scale_of(rough) == pytest.approx(scale)

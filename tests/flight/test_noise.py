@@ -63,3 +63,27 @@ def test_what_is_declared_of_the_airspeed_disturbs_it(state: State, looks_like: 
     log = stirred({"tas": 0.5})
     events = noisy_events(log, phases_of(log), [event_of("tas", FROM_S, state)])
     assert [event.looks_like for event in events] == looks_like
+
+
+def rattling(sizes: tuple[float, float, float]) -> FlightLog:
+    """Return a flight whose airspeed jumps to and fro by sizes, of which the second and the third are for a while."""
+    log = made_journey(rate_hz=2.0)
+    usual, beside, inside = sizes
+    t, sign = log.time_s, (-1.0) ** np.arange(log.n_samples)
+    size = np.where((t >= FROM_S) & (t < TO_S), inside, np.where((t >= FROM_S - 40) & (t < TO_S + 40), beside, usual))
+    steady = replace(log.channels["tas"], values=frozen_array(100.0 + size * sign))
+    return replace(log, channels={"tas": steady, **{name: log.channels[name] for name in ("altitude", "cas", "pitch")}})
+
+
+@pytest.mark.parametrize(("ratio", "told"), [(2.08, True), (1.9, False)])
+def test_eddies_are_told_from_a_log_density_of_forty_on(ratio: float, told: bool) -> None:
+    """In 45 s 45/2 (r^2 - 1 - ln r^2) nats: 42 of 2.08 times the noise beside, 30 of 1.9."""
+    log = rattling((1.0, 1.0, ratio))
+    gains = [event.evidence["gain"] for event in noisy_events(log, phases_of(log), ())]
+    assert [40.0 < gain < 46.0 for gain in gains] == ([True] if told else [])
+
+
+def test_a_calm_that_is_rounding_is_no_calmer_than_a_fifth_of_the_noise() -> None:
+    log = rattling((1.0, 0.0, 1.0))
+    (event,) = noisy_events(log, phases_of(log), ())
+    assert event.magnitude == pytest.approx(5.0, rel=0.1)

@@ -7,11 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from bfi_cli.airdata import isa_temperature, speed_of_sound
 from bfi_cli.config import Config
 from bfi_cli.decision import STEPS, Evidence
 from bfi_cli.faults import Fault
 from bfi_cli.faults.shapes import SHAPES
 from bfi_cli.flight.evidence import physics_evidence
+from bfi_cli.flight.parity.record import Record
+from bfi_cli.flight.step_bounds import error_of_probe
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.record import frozen_array
@@ -92,3 +95,16 @@ def test_an_oscillation_that_is_older_than_the_window_is_shown_by_a_relation(
     assert [*since_start] == (["tas"] if is_shown else [])
     if is_shown:
         assert "at 0.21 Hz since the start" in since_start["tas"]
+
+
+@pytest.mark.parametrize(("climb_m", "warmer_k"), [(0.0, 3.0), (1000.0, 13.0)])
+def test_a_probe_errs_by_no_more_than_air_departs_from_the_standard_one(climb_m: float, warmer_k: float):
+    """A front of 3 K; an inversion of 3.5 K in 1000 m, in which the standard atmosphere cools by 6.5."""
+    time_s = np.arange(60.0)
+    height = np.linspace(1000.0, 1000.0 + climb_m, 60)
+    sat, tas = isa_temperature(height) + 5.0, np.full(60, 100.0)
+    channels = {"altitude": height, "tas": tas, "sat": sat, "mach": tas / speed_of_sound(sat)}
+    part = Record(time_s=time_s, channels=channels, gained=None, airspeed="tas")
+    coldest = float(sat.min())
+    assert error_of_probe(part, "tas") == pytest.approx(0.5 * 100.0 / coldest * warmer_k, rel=1e-6)
+    assert error_of_probe(part, "cas") == np.inf

@@ -1,13 +1,15 @@
 """Which changes of lines that decide the fast tests notice: `python tests/measurements/mutations.py [WORD ...]`.
 
-Every entry changes one line of a copy of the repository and runs the tests named beside it, the fast ones of these
-files; a change that they pass is printed as NOT CAUGHT. Lines are found by their text: an entry whose text is gone, or
-stands in its file more than once, is stale and wants to be written again. With WORDs only the entries run whose file or
-line has one of them. The exit code is 1 where anything is not caught, stale or without tests.
+Every entry changes one line of a copy of the repository, or makes a constant 30 % larger, and runs the tests named
+beside it, the fast ones of these files; a change that they pass is printed as NOT CAUGHT. Lines are found by their
+text: an entry whose text is gone, or stands in its file more than once, is stale and wants to be written again. With
+WORDs only the entries run whose file or line has one of them. The exit code is 1 where anything is not caught, stale or
+without tests.
 """
 
 from __future__ import annotations
 
+import ast
 import os
 import shutil
 import subprocess
@@ -32,6 +34,29 @@ class Line:
     tests: tuple[str, ...]
 
 
+BY = 1.3  # times as much, of a constant
+
+
+def constant(file: str, name: str, tests: Sequence[str]) -> Line:
+    """Return the line of a constant of a module, with the one in which it is 30 % larger."""
+    source = (ROOT / "bfi_cli" / file).read_text(encoding="utf-8")
+    for statement in ast.parse(source).body:
+        if not isinstance(statement, ast.Assign):
+            continue
+        target, value = statement.targets[0], statement.value
+        together = isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple)
+        pairs = zip(target.elts, value.elts, strict=True) if together else [(target, value)]
+        for named, number in pairs:
+            if not (isinstance(named, ast.Name) and named.id == name):
+                continue
+            whole, part = (ast.get_source_segment(source, node) or "" for node in (statement, number))
+            counts = isinstance(number, ast.Constant) and isinstance(number.value, int)
+            larger = str(round(BY * int(part))) if counts else f"{BY} * ({part})"
+            at = number.col_offset - statement.col_offset
+            return Line(file, whole, (whole[:at] + larger + whole[at + len(part) :],), tuple(tests))
+    raise ValueError(f"{file} has no constant {name}")
+
+
 FLIGHT_LIMITS = (
     "tests/flight/test_*limits*.py",
     "tests/flight/test_*looks*.py",
@@ -45,7 +70,67 @@ ONSET_CLAIMS = (
 )
 MAGNITUDES = ("tests/model/preprocessing/test_*magnitudes*.py", "tests/model/preprocessing/test_*limits*.py")
 SINES = ("tests/kernels/onset/test_sines.py",)
+# By file, the constants that decide what is declared, suspected, told, joined or claimed, and the tests that hold them.
+FLIGHT, PARITY = "tests/flight/test_{}.py", "tests/flight/parity/test_{}.py"
+CONSTANTS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
+    (
+        "flight/weighing.py",
+        (
+            *("DECLARED", "SURE", "APART_S", "ABOUT_S"),
+            *("LOUD", "AUDIBLE", "MOVES", "RESTS_S", "UNDESCRIBED"),
+        ),
+        (FLIGHT.format("weighing_rules"),),
+    ),
+    ("flight/judge.py", ("ALIKE", "BEFORE_NEXT_S", "AFTER_END_S"), (FLIGHT.format("weighing_rules"),)),
+    ("flight/judge.py", ("GROUND_BEFORE_S", "SET_WITHIN_S"), (FLIGHT.format("judge"),)),
+    ("flight/gross.py", ("HEIGHTS", "SPEEDS", "STAYS", "FEWEST_S", "APART_S", "SETTLED_S"), (FLIGHT.format("gross"),)),
+    ("flight/noise.py", ("QUIETEST",), (FLIGHT.format("noise"),)),
+    ("flight/surprises.py", ("TOLD",), (FLIGHT.format("noise"),)),
+    ("flight/surprises.py", ("PROPOSED", "LEADS", "LARGEST"), (FLIGHT.format("surprises"),)),
+    ("flight/timing.py", ("REACH_S", "TAIL", "EARLIER_S"), (FLIGHT.format("timing"),)),
+    ("flight/oscillations.py", ("PROPOSED", "LEAST", "KNOWN", "WEIGHED_S"), (FLIGHT.format("oscillations"),)),
+    ("flight/bench.py", ("ZERO",), (FLIGHT.format("judge"),)),
+    ("flight/limits.py", ("EXCEEDED_BY", "MOSTLY"), (FLIGHT.format("limits"),)),
+    ("flight/step_bounds.py", ("FRONT", "INVERSION"), (FLIGHT.format("step_bounds"),)),
+    ("flight/looks.py", ("CALM", "ENOUGH_WINDOWS"), (FLIGHT.format("looks"),)),
+    (
+        "flight/events.py",
+        ("BEFORE_S", "FREQUENCY_TOLERANCE", "STEP_BACK", "SURE", "MOST_LEFT"),
+        (FLIGHT.format("events"),),
+    ),
+    ("flight/diagnose.py", ("UNLIKE",), (FLIGHT.format("deviations"),)),
+    ("flight/slow_faults.py", ("MOST_LOST",), (FLIGHT.format("lasting_faults"),)),
+    ("flight/relations.py", ("LONGEST",), (FLIGHT.format("lasting_faults"), PARITY.format("static_relations"))),
+    ("flight/flight.py", ("MEAN_RATE",), (FLIGHT.format("flight"),)),
+    (
+        "flight/parity/sensors.py",
+        ("RESTS", "FASTEST", "ALTIMETER_M", "AT_ONCE", "UNUSUAL", "UNUSUAL_PITCH"),
+        (PARITY.format("sensors"),),
+    ),
+    (
+        "flight/parity/static_relations.py",
+        ("THRESHOLD", "LEAST_STEPS", "POSITION_ERROR", "UNSEEN_STEPS"),
+        (PARITY.format("static_relations"), PARITY.format("relation_limits")),
+    ),
+    ("flight/parity/explain.py", ("RARER",), (PARITY.format("explain"),)),
+    ("flight/parity/holds.py", ("STILL", "HIDDEN", "LEVEL_M"), (PARITY.format("holds"),)),
+    ("flight/parity/leaks.py", ("LEFT", "BRAKING", "SAME_LEVEL"), (PARITY.format("holds"),)),
+    ("flight/parity/relaxation.py", ("MISFIT_OF_CHANGE",), (PARITY.format("relaxation"), PARITY.format("holds"))),
+    (
+        "flight/parity/residuals.py",
+        ("DISPERSION_GROWTH", "BIAS_SD"),
+        (PARITY.format("residuals"), PARITY.format("thresholds")),
+    ),
+    ("flight/parity/credibility.py", ("MOVES", "GUSTS"), (PARITY.format("credibility"),)),
+    (
+        "flight/plausibility/search.py",
+        ("HOLDING", "SIMPLER", "LARGE", "BETTER"),
+        ("tests/flight/plausibility/test_*.py",),
+    ),
+    ("flight/plausibility/circling.py", ("TURN",), ("tests/flight/plausibility/test_circling.py",)),
+)
 LINES = (
+    *(constant(file, name, tests) for file, names, tests in CONSTANTS for name in names),
     Line(
         "flight/parity/static_relations.py",
         "half = max(1, n // 2)",
@@ -345,9 +430,9 @@ def tried(copy: Path, line: Line, sound: dict[tuple[str, ...], bool]) -> list[st
     """Return what becomes of each change of a line: "caught", or what is wrong."""
     path = copy / "bfi_cli" / line.file
     before = path.read_text(encoding="utf-8") if path.is_file() else ""
-    found = [one for one in before.splitlines() if line.text in one]
-    if len(found) != 1:
-        return [f"stale: {len(found)} lines have the text"]
+    n_found = before.count(line.text)
+    if n_found != 1:
+        return [f"stale: {n_found} lines have the text"]
     files = tuple(sorted({str(one.relative_to(copy)) for pattern in line.tests for one in copy.glob(pattern)}))
     if not files:
         return ["no test file"]

@@ -148,3 +148,21 @@ def test_two_airspeeds_of_one_sensor_bound_no_error():
     assert {one.channel for one in limits} == {"cas", "ias"}
     assert {one.bounds for one in limits} == {"disagreement"}
     assert min(one.effect for one in limits) < 1e-3
+
+
+def test_a_change_is_told_from_a_statistic_of_twenty_five_on():
+    """The largest of 1554 healthy windows is 17."""
+    one, told = series(noise("white"), noise_sd=0.01), {}
+    for size in np.linspace(0.14, 0.24, 21):
+        changed = replace(one, values=one.values + size * (TIME_S >= 60.0))
+        answer = find_static(LOG, FROM_S, TO_S, series=((changed,), ()))
+        told[answer.relations[0].statistic] = bool(answer.findings)
+    assert all(found == (statistic >= 25.0) for statistic, found in told.items())
+    assert any(25.0 <= statistic < 32.5 for statistic in told)
+    assert any(17.5 < statistic < 25.0 for statistic in told)
+
+
+@pytest.mark.parametrize(("size", "told"), [(0.0702, True), (0.0690, False)])
+def test_a_change_is_none_below_a_whole_step_of_a_quantisation(size: float, told: bool):
+    """12^0.5 = 3.46 standard deviations of its rounding."""
+    assert found(series(noise("none"), noise_sd=0.02), size, "bias", 60.0) == told

@@ -104,7 +104,7 @@ def with_airspeeds(sizes: dict[str, float], *, within_s: float = 0.0, until_s: f
     ("sizes", "fault", "among"),
     [
         ({"tas": -40.0}, "tas", ("tas", "pitot_icing")),
-        ({"tas": 40.0}, "tas", ("tas",)),
+        ({"tas": 31.0}, "tas", ("tas",)),  # 3 g over a second are 29.4 m/s
         ({"tas": -40.0, "cas": 0.0}, "tas", ("tas",)),
         ({"tas": 0.0, "cas": 40.0}, "cas", ("cas",)),
         ({"tas": -40.0, "cas": -40.0}, "pitot_icing", ("pitot_icing",)),
@@ -398,3 +398,12 @@ def test_a_rest_of_a_sensor_that_often_rests_is_not_frozen():
     values = np.round(log.channels["tas"].values + np.repeat(np.arange(log.n_samples // 50 + 1), 50)[: log.n_samples])
     log = held(with_values(log, "tas", values), "tas", until_s=ONSET_S + 25.0)
     assert frozen_sensors(log, record_of(log), FLIGHT) == ()
+
+
+@pytest.mark.parametrize(("lasts_s", "names"), [(46.0, ["tas"]), (38.0, [])])
+def test_a_rest_of_five_times_the_usual_is_frozen(lasts_s: float, names: list[str]):
+    """Of a sensor that is renewed every eight seconds."""
+    log = lively()
+    renewed = np.repeat(log.channels["tas"].values[:: round(8.0 * RATE_HZ)], round(8.0 * RATE_HZ))
+    log = held(with_values(log, "tas", renewed[: log.n_samples].copy()), "tas", until_s=ONSET_S + lasts_s)
+    assert [finding.fault for finding in frozen_sensors(log, record_of(log), FLIGHT)] == names

@@ -326,3 +326,21 @@ def test_a_pair_without_physics_is_diagnosed_as_a_pair():
     log = _with_two("tas", made_flight(names=("tas", "altitude")), 0.3)
     answer = diagnose_flight(with_error(log, "tas_2", 0.1, "drift"), Config(window={"from_s": FROM_S, "to_s": TO_S}))
     assert {name for event in answer.events for name in event.among} == {"tas_1", "tas_2"}
+
+
+def test_what_no_recorded_step_explains_counts_three_times():
+    """The steps of a temperature that rests for a minute have 3 times the standard deviation of pieces of 20 s."""
+    log = made_flight()
+    noise = 0.2 * np.random.default_rng(3).standard_normal(log.n_samples)
+    noisy = with_channel(log, "tas", log.channels["tas"].values + noise)
+    (shown,) = (series for series in relation_series(noisy)[0] if series.relation.name == "tas")
+    a_second = (
+        noise[: noise.size // round(log.rate_hz) * round(log.rate_hz)].reshape(-1, round(log.rate_hz)).mean(axis=1)
+    )
+    assert shown.noise_sd == pytest.approx(3.0 * np.std(a_second), rel=0.15)
+
+
+def test_an_indicated_airspeed_may_err_with_the_coefficient_of_lift_as_handbooks_have_it():
+    """By 0.1 m/s per m/s; what a relation may follow else is in m/s per m/s, m, m/s^2 and m/s of climb."""
+    series = {one.relation.name: one for one in relation_series(light_aircraft(LIGHT))[0]}
+    np.testing.assert_allclose(series["tas"].sizes[1:], [0.05, 2e-4, 0.1, 0.02, 0.1])

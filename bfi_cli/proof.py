@@ -401,7 +401,10 @@ def _flight_fault(
     assert limit.seen_within_s is not None
     length_s = limit.seen_within_s
     onset_s = float(rng.uniform(result.log.start_s, result.log.stop_s - length_s))
-    is_watched = any(look.from_s <= onset_s <= look.to_s for look in result.windows)
+    # What grows, or is to be seen, within so many seconds has these in flight.
+    is_watched = all(
+        any(look.from_s <= at_s <= look.to_s for look in result.windows) for at_s in (onset_s, onset_s + length_s)
+    )
     if not is_watched or any(from_s <= onset_s + length_s and onset_s <= to_s for from_s, to_s, _ in result.unwatched):
         return None
     sign = 1.0 if SHAPES[shape].is_loss else float(rng.choice([-1.0, 1.0]))

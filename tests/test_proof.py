@@ -21,7 +21,7 @@ from bfi_cli.faults.shapes import Kind
 from bfi_cli.journal import Journal, lines_of_journal
 from bfi_cli.model.onset import OnsetResult, onset_content, onset_document
 from bfi_cli.model.onset.report import onset_from_document
-from bfi_cli.proof import JOURNAL, Proving, Sighting, sees, sightings_of
+from bfi_cli.proof import JOURNAL, Proving, Sighting, flight_claims, sees, sightings_of
 from bfi_cli.quantities.text import SI
 from bfi_cli.report.first_screen import proof_in_words
 from bfi_cli.serialization import from_plain, provenance, to_plain
@@ -220,3 +220,18 @@ def test_what_is_added_lies_where_the_answer_claims_something_and_not_at_a_decla
         assert not sees(before, claim.kind, claim.channel, trial.fault)
         signal = trial.fault.magnitude * unit_signal(trial.fault, result.time_s, window_start_s=result.log.start_s)
         assert np.abs(signal).max() == pytest.approx(claim.size, rel=0.01)
+
+
+def test_a_fault_of_a_flight_has_its_seconds_within_what_was_watched():
+    """What would be seen within a minute is no promise for the last half minute of a flight."""
+    limit = SimpleNamespace(fault="tas", shape="drift", holds_in=0.95, seen_above=0.1, seen_within_s=60.0, unit="m/s^2")
+    looks = [SimpleNamespace(from_s=100.0, to_s=220.0), SimpleNamespace(from_s=160.0, to_s=280.0)]
+    summary = SimpleNamespace(start_s=0.0, stop_s=1000.0)
+    result: Any = SimpleNamespace(limits=[limit], windows=looks, log=summary, unwatched=[(100.0, 130.0, "")])
+    log: Any = SimpleNamespace(find=lambda name: name)
+    (claim,) = flight_claims(result, log)
+    rng = np.random.default_rng(0)
+    drawn = [fault for _ in range(500) if (fault := claim.draw(rng)) is not None]
+    assert len(drawn) > 20
+    assert all(130.0 < fault.onset_s <= 220.0 for fault in drawn)
+    assert all(abs(fault.magnitude) == pytest.approx(6.0) for fault in drawn)

@@ -289,3 +289,7 @@ def test_the_duration_of_a_ramp_is_fitted_with_its_onset(seconds: float):
     assert fit.constant_s == pytest.approx(seconds, rel=0.1)
     assert abs(fit.magnitude - 9.0) < 1.96 * fit.sd < 2.0
     assert fit.onset_ci95[0] <= 1040.3 <= fit.onset_ci95[1]
+
+
+def test_a_rarer_course_is_ten_times_as_rare():
+    assert pytest.approx(2.0 * np.log(10.0), rel=1e-2) == RARER

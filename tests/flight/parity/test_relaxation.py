@@ -43,3 +43,12 @@ def test_missing_samples_are_no_relaxation():
     broken = course(80.0, 5.0, 75_000.0)
     broken[165] = np.nan
     assert all(abs(TIME_S[one.onset] - 80.0) > 5.0 for one in relaxations(TIME_S, broken, EVERYWHERE, JUMP))
+
+
+@pytest.mark.parametrize(("share", "is_found"), [(0.0245, True), (0.028, False)])
+def test_a_course_strays_from_its_fit_by_three_hundredths_of_the_change(share: float, is_found: bool):
+    """Of swings of this share of 5 500 Pa the fit leaves 1.2 times as much of the change that it takes for one."""
+    flown = course(80.0, 5.0, 75_000.0)
+    swings = share * np.sqrt(2.0) * 5_500.0 * np.sin(2.0 * np.pi * TIME_S / 2.3) * (TIME_S > 81.0)
+    near = np.abs(TIME_S - 80.0) < 0.25
+    assert bool(relaxations(TIME_S, flown + swings, near, JUMP)) == is_found

@@ -10,7 +10,7 @@ from made_flight import WIND, ZERO_LIFT, made_record
 
 from bfi_cli.airdata import G
 from bfi_cli.flight.parity.record import with_fault
-from bfi_cli.flight.parity.residuals import RESIDUALS, available, constants_of
+from bfi_cli.flight.parity.residuals import RESIDUALS, available, constants_of, weights_of
 from bfi_cli.flight.parity.scan import residual_values
 
 RECORD = made_record()
@@ -138,3 +138,9 @@ def test_the_slow_noise_is_that_of_the_theory():
     walk = KINDS["kinematics"].slow(at)
     steps = np.diff(np.diff(walk, axis=0), axis=1)
     np.testing.assert_allclose(steps, np.diag(0.3**2 * np.diff(at)), atol=1e-12)
+
+
+def test_the_dispersion_of_a_residual_grows_with_the_length_of_its_window():
+    """By the power 0.3 of it, as on the flights that the dispersions are of."""
+    np.testing.assert_allclose(weights_of(RESIDUALS, 240.0) / weights_of(RESIDUALS, 120.0), 2.0**-0.6)
+    np.testing.assert_allclose(weights_of(RESIDUALS, 120.0), [kind.dispersion**-2.0 for kind in RESIDUALS])

@@ -53,3 +53,8 @@ def test_a_right_airspeed_and_a_flight_without_circles_give_no_finding():
     assert scale_by_circles(flight(0.8, turn_s=900.0)) is None
     log = flight(0.8)
     assert scale_by_circles(FlightLog(path="made", time_s=log.time_s, channels={"tas": log.channels["tas"]})) is None
+
+
+def test_a_scale_is_told_by_half_circles():
+    """Ten circles of 40 s: over the ground a half takes 20 s, and the first sample of the next is no part of it."""
+    assert 18 <= circle_scales(flight()).size <= 20

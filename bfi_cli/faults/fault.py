@@ -179,7 +179,10 @@ def unit_signal(
     `ramp_hold` and `samples` keep their last value until the offset; `samples` is zero before its first time.
     """
     time_s = np.asarray(time_s, dtype=np.float64)
-    active = active_samples(fault, time_s, tolerance_s)
+    tolerance_s = time_tolerance_s(time_s) if tolerance_s is None else tolerance_s
+    end_s = math.inf if fault.offset_s is None else fault.offset_s
+    # What `active_samples` says, of times in order.
+    active = slice(*np.searchsorted(time_s, (fault.onset_s - tolerance_s, end_s - tolerance_s)).tolist())
     for key in SHAPES[fault.shape].keys:
         if key.required and getattr(fault, key.name) in (None, ""):
             raise DictionaryError(f"{fault.called}: {_missing(key.name, fault.shape)}")

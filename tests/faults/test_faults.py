@@ -107,6 +107,12 @@ def test_an_onset_written_in_decimals_hits_its_sample(k, rate_hz, start_s):
     assert np.flatnonzero(active_samples(Fault(shape="bias", onset_s=written), axis))[0] == k
 
 
+@given(st.floats(-5.0, 40.0), st.none() | st.floats(-5.0, 45.0))
+def test_a_step_is_where_its_fault_is_active(onset_s, offset_s):
+    fault = Fault(shape="bias", onset_s=onset_s, offset_s=offset_s)
+    np.testing.assert_array_equal(unit_signal(fault, TIME_S, window_start_s=0.0), active_samples(fault, TIME_S))
+
+
 def test_onset_13_8_is_sample_1380_at_100_hz():
     assert np.flatnonzero(signal("bias", onset_s=13.8))[0] == 1380
 

@@ -100,7 +100,8 @@ class ScanRecord:
 
     def onsets_s(self, samples: IntArray) -> FloatArray:
         """Return the times of conditioned samples."""
-        return np.array([self.onset_s(int(k)) for k in samples])
+        times_s = float(self.time_s[0]) + samples / self.sampling.rate_hz
+        return np.array([round(time_s, DECIMALS) for time_s in times_s.tolist()])
 
     def native(self, time_s: float) -> int:
         """Return the sample of the log's own rate at a time, counted from the first conditioned one."""

@@ -121,7 +121,15 @@ def _looked_at(channel: Channel, n_samples: int) -> FloatArray:
 def _changed(channel: Channel, convention: Convention) -> Channel:
     unit = convention.unit or channel.source_unit
     if not isinstance(channel, StoredChannel):
-        return replace(channel, values=convention.change(channel.values), unit="m/s^2", source_unit=unit)
+        step = channel.own_step
+        ends = None if step is None else convention.change(np.array([0.0, step]))
+        return replace(
+            channel,
+            values=convention.change(channel.values),
+            unit="m/s^2",
+            source_unit=unit,
+            own_step=None if ends is None else abs(float(ends[1] - ends[0])),
+        )
     return StoredChannel(
         name=channel.name,
         unit="m/s^2",

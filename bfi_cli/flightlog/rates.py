@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from ..errors import LogError
 from ..kernels.low_pass import WHITE, lowpass_taps
+from ..kernels.quantisation import find_quantum
 from ..kernels.regular_clock import regular_times
 from ..notes import Note
 from ..quantities.channels import match_name
@@ -99,13 +100,14 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
     columns = [replace(time, why=f"at the mean rate of '{base.source}'")]
     slow = [t for t in ranked if t.channel in FLAGS or rates[t] < AS_FAST * rate_hz]
     for t in ranked:
+        step = None
         if t in slow:  # the last value at or before each time, NaN before the first and in gaps
             before = np.searchsorted(t.time_s, grid, side="right") - 1
             late = grid - t.time_s[before.clip(0)] > _patience(t)
             values = np.where((before < 0) | late, np.nan, t.values[before.clip(0)])
         else:
-            values = _filtered(t, grid, rate_hz)
-        columns.append(replace(t, values=values, time_s=np.empty(0), rate_hz=rates[t]))
+            values, step = _filtered(t, grid, rate_hz), find_quantum(t.values)
+        columns.append(replace(t, values=values, time_s=np.empty(0), rate_hz=rates[t], step=step))
     reasons: dict[str, list[str]] = {}
     for track, (_, why) in zip(tracks, mended, strict=True):
         if why is not None:

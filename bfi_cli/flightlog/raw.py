@@ -70,6 +70,7 @@ class Track:
     time_s : (n_samples,) times of a signal with a separate clock; empty where all signals of the file share one axis.
         Either all signals of a file have such times, or none.
     rate_hz : of a signal with a separate rate, None for the rate of the file.
+    step : in which a signal was recorded that went through a low-pass since, None of one that did not, or without one.
     turn : a full turn in the unit of an angle that wraps around, None for other signals.
     epoch : from which `time_s` counts, or the values of a time axis; None of one that no clock has set.
     why : the channel is that, in words, "" where its name alone tells it; unit_from : where the unit is stated.
@@ -82,6 +83,7 @@ class Track:
     channel: str | None = None
     time_s: FloatArray = field(default_factory=lambda: np.empty(0))
     rate_hz: float | None = None
+    step: float | None = None
     turn: float | None = None
     epoch: Epoch | None = None
     why: str = ""

@@ -414,8 +414,15 @@ def _channel(path: str, name: str, column: Track, unit: str | None, stated: str 
     values, si = to_si(column.values, unit or "", where=where)
     values.setflags(write=False)
     if read is None:
+        ends, _ = to_si(np.array([0.0, np.nan if column.step is None else column.step]), unit or "", where=where)
         return Channel(
-            name=name, values=values, unit=si, source=column.source, source_unit=stated, own_rate_hz=column.rate_hz
+            name=name,
+            values=values,
+            unit=si,
+            source=column.source,
+            source_unit=stated,
+            own_rate_hz=column.rate_hz,
+            own_step=None if column.step is None else abs(float(ends[1] - ends[0])),
         )
 
     def in_si(rows: slice) -> FloatArray:

@@ -54,6 +54,7 @@ class Channel:
     source : the name in the file.
     source_unit : the unit stated in the file (or by the user), None where none was.
     own_rate_hz : rate of a signal with a separate clock in the file, None where the clock is that of the log.
+    own_step : in which it was recorded, of a signal that was low-passed to the clock of the log; None elsewhere.
     derived_from : the channels that it follows from; () of one that the file holds.
     """
 
@@ -63,6 +64,7 @@ class Channel:
     source: str
     source_unit: str | None = None
     own_rate_hz: float | None = None
+    own_step: float | None = None
     derived_from: tuple[str, ...] = ()
     # The steps in which it was recorded, after their first use.
     _steps: dict[str, float | None] = field(init=False, repr=False, default_factory=dict)
@@ -81,6 +83,8 @@ class Channel:
 
     def plateau_step(self, rate_hz: float) -> float | None:
         """Return the step of the levels at which it rests, behind a recorder's low-pass too; None where none shows."""
+        if self.own_step is not None:
+            return self.own_step
         if "of plateaus" not in self._steps:
             self._steps["of plateaus"] = quantum_of_plateaus(self.values, rate_hz)
         return self._steps["of plateaus"]
@@ -118,7 +122,14 @@ class StoredChannel(Channel):
         values: FloatArray | None = None,
         **stated: Any,
     ) -> None:
-        stated = {"source_unit": None, "own_rate_hz": None, "derived_from": (), "_steps": {}, **stated}
+        stated = {
+            "source_unit": None,
+            "own_rate_hz": None,
+            "own_step": None,
+            "derived_from": (),
+            "_steps": {},
+            **stated,
+        }
         for key, value in {**stated, "_held": values, "_in_use": lambda: None, "_read": read, "_rows": rows}.items():
             object.__setattr__(self, key, value)
 
@@ -149,7 +160,8 @@ class StoredChannel(Channel):
         """Return the channel restricted to the samples of a slice, still unread, or where `keep` is true."""
         if not isinstance(keep, slice) or self._held is not None:
             return replace(self, values=frozen_array(self.values[keep]))
-        stated = {key: getattr(self, key) for key in ("name", "unit", "source", "source_unit", "own_rate_hz")}
+        names = ("name", "unit", "source", "source_unit", "own_rate_hz", "own_step")
+        stated = {key: getattr(self, key) for key in names}
         return StoredChannel(**stated, read=self._read, rows=self._in_file(keep))
 
     def _in_file(self, rows: slice) -> slice:

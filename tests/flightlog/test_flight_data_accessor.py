@@ -57,6 +57,18 @@ def test_parameters_come_on_the_clock_of_the_airspeed_with_units_names_and_masks
     assert log.channel("normal_acc").unit == "m/s^2"
 
 
+def test_the_steps_of_a_parameter_are_those_of_its_own_rate_in_the_unit_of_the_channel(tmp_path: Path):
+    path = written(tmp_path / "flight.hdf5")
+    with h5py.File(path, "a") as file:
+        force = file["series/Acceleration Normal/data"]
+        force[...] = np.round(force[...] / 0.004) * 0.004
+    log = read_log(path)
+    channel = log.channel("normal_acc")
+    assert channel.step is None
+    assert channel.plateau_step(log.rate_hz) == pytest.approx(0.004 * 9.80665, rel=1e-4)
+    assert log.window(0.0, 30.0).channel("normal_acc").own_step == channel.own_step
+
+
 def test_the_clock_of_another_airspeed_is_taken_where_it_is_asked_for(tmp_path: Path):
     log = read_log(written(tmp_path / "flight.hdf5"), channel_map={"tas": "Airspeed"})
     known = np.isfinite(log.channel("tas").values)

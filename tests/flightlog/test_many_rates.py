@@ -19,6 +19,7 @@ from bfi_cli.flightlog.quality import is_uniform
 from bfi_cli.flightlog.rates import in_order, mean_rate, one_base
 from bfi_cli.flightlog.raw import Track
 from bfi_cli.flightlog.topics import RECORDERS, Topic, completed, maps_of, tracks_of
+from bfi_cli.kernels.quantisation import find_quantum
 
 
 def track(time_s, values, *, channel: str | None = "tas", source: str = "", **more) -> Track:
@@ -390,3 +391,15 @@ def test_the_states_of_a_vtol_tell_what_carries_it(fields: dict[str, list[int]],
     values = {name: np.array(one) for name, one in fields.items()}
     made = completed(Topic(name="status", instance=0, time_s=np.arange(n, dtype=float), fields=values)).fields
     assert (None if "hover" not in made else made["hover"].tolist()) == hover
+
+
+def test_a_signal_that_is_low_passed_to_the_clock_of_the_log_keeps_its_steps():
+    """An airliner's vane, 8 Hz in steps of 0.25 degrees, beside an airspeed of 1 Hz: no level of it is left."""
+    slow, fast = np.arange(120.0), np.arange(960.0) / 8.0
+    angle = np.round((4.0 + 2.0 * np.sin(0.3 * fast)) / 0.25) * 0.25
+    speed = track(slow, 70.0 + np.sin(slow))
+    log = one_base("a.log", [speed, track(fast, angle, channel="aoa")])
+    by_source = {column.source: column for column in log.columns}
+    assert find_quantum(by_source["aoa"].values) is None
+    assert by_source["aoa"].step == pytest.approx(0.25)
+    assert one_base("a.log", [speed, track(slow, angle[::8], channel="aoa")]).columns[2].step == pytest.approx(0.25)

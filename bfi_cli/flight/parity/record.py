@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -33,6 +33,7 @@ from ...flightlog.derived import pressures_of
 from ...kernels import FloatArray, IntArray
 from ...kernels.running import block_means
 from ...kernels.runs import bridged
+from .sampled import quanta_of
 
 STEP_S = 1.0  # faults of interest last tens of seconds; a sample per second holds all that tells them
 LONGEST_GAP_S = 3.0  # bridged by a straight line before an acceleration is integrated
@@ -46,6 +47,30 @@ USED = (
 )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rounding:
+    """The error of a channel by the steps in which it was recorded.
+
+    The error of a signal that moves by a part d of a step has the correlation 1 - 6 d (1 - d) with what it was: that of
+    a channel at rest stays, which looks like a fault where it moves on.
+
+    Attributes
+    ----------
+    sd : (n,) standard deviation of the mean of a second, in the unit of the channel.
+    moved : (n,) steps that it has travelled since the start.
+    """
+
+    sd: FloatArray
+    moved: FloatArray
+
+    def factor(self) -> FloatArray:
+        """Return (n, n) L with covariance L L'."""
+        keeps = np.exp(-6.0 * np.diff(self.moved, prepend=-np.inf))
+        new = np.sqrt(1.0 - keeps**2)
+        apart = np.maximum(self.moved[:, None] - self.moved, 0.0)
+        return np.asarray(np.tril(np.exp(-6.0 * apart)) * new * self.sd[:, None])
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)  # without slots, so that it keeps its air data
 class Record:
     """Samples a second apart.
@@ -57,6 +82,7 @@ class Record:
     gained : (n,) integral of the kinematic acceleration, m/s, taken at the log's rate; None where the log has none.
     airspeed : the channel that the true airspeed comes from, itself ("tas") or another; "" where there is none.
     is_inertial : whether the rate of climb is one that no pressure moves.
+    rounding : by channel, of those that were recorded in steps.
     """
 
     time_s: FloatArray
@@ -64,6 +90,7 @@ class Record:
     gained: FloatArray | None
     airspeed: str
     is_inertial: bool = False
+    rounding: Mapping[str, Rounding] = field(default_factory=dict)
 
     @cached_property
     def air(self) -> AirData:
@@ -112,6 +139,7 @@ class Record:
             time_s=self.time_s[rows],
             channels={name: values[rows] for name, values in self.channels.items()},
             gained=None if self.gained is None else self.gained[rows],
+            rounding={name: Rounding(sd=x.sd[rows], moved=x.moved[rows]) for name, x in self.rounding.items()},
         )
         if "air" in vars(self):
             vars(part)["air"] = self.air.taken(rows)
@@ -188,7 +216,33 @@ def record_of(log: FlightLog) -> Record:
         channels["tas"] = _true_airspeed(channels)
     time_s = float(log.time_s[0]) - _half(log) + STEP_S * (np.arange(n, dtype=np.float64) + 0.5)
     is_inertial = "altitude_rate" in log.channels and not pressures_of(log, "altitude_rate")
-    return Record(time_s=time_s, channels=channels, gained=gained, airspeed=airspeed, is_inertial=is_inertial)
+    return Record(
+        time_s=time_s,
+        channels=channels,
+        gained=gained,
+        airspeed=airspeed,
+        is_inertial=is_inertial,
+        rounding=_roundings(log, seconds, n),
+    )
+
+
+def _roundings(log: FlightLog, seconds: IntArray, n: int) -> dict[str, Rounding]:
+    """Return what the steps of the channels that may err leave of a mean over a second."""
+    names = [hypothesis.fault for hypothesis in HYPOTHESES if hypothesis.fault in log.channels]
+    roundings = {}
+    for name, step in quanta_of(log, names).items():
+        changes = np.abs(np.nan_to_num(np.diff(bridged(log.channels[name].values), prepend=np.nan))) / step
+        # Between two changes of its reading it has moved on all the same.
+        at = np.flatnonzero(changes > 0.0)
+        travelled = np.interp(np.arange(changes.size), at, np.cumsum(changes)[at], left=0.0) if at.size else changes
+        last = np.searchsorted(seconds, np.arange(n), side="right") - 1
+        # Within a second a signal that crosses steps averages its error, at most over its samples.
+        within = 6.0 * np.diff(travelled[last], prepend=0.0)
+        counts = np.maximum(np.bincount(seconds, minlength=n), 1)
+        shared = np.where(within > 1e-3, 2.0 * (within - 1.0 + np.exp(-within)) / np.maximum(within, 1e-3) ** 2, 1.0)
+        sd = step / np.sqrt(12.0) * np.sqrt(np.maximum(shared, 1.0 / counts))
+        roundings[name] = Rounding(sd=sd, moved=travelled[last])
+    return roundings
 
 
 def _true_airspeed(channels: Mapping[str, FloatArray]) -> FloatArray:

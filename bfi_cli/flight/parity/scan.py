@@ -25,6 +25,8 @@ LARGE = 300.0
 FIRST_ONSET_S, LAST_ONSET_S = 10.0, 20.0
 # MOVED [rad, 1]: deflection of flaps, and of a gear that is down at 1: more is no play of a sensor. Chosen by hand.
 MOVED = {"flaps": 0.02, "gear": 0.2}
+# LOST: share of the least noise of a residual below which that of steps changes nothing: a variance of 1 %.
+LOST = 0.1
 # FEWEST: share of a window's sampled seconds in which a residual must be known. Chosen by hand.
 FEWEST = 0.7
 
@@ -75,10 +77,35 @@ class WindowScan:
 
 @lru_cache(maxsize=64)  # 0.5 MB each at 240 s
 def _noise(kind: str, n: int, missing: bytes, levels: tuple[float, ...]) -> NoiseModel:
-    known = ~np.frombuffer(missing, dtype=bool)
     model = next(residual for residual in RESIDUALS if residual.name == kind)
-    time_s = STEP_S * np.arange(n, dtype=np.float64)
-    return noise_model(time_s[known], np.array(levels), model.slow(time_s)[np.ix_(known, known)])
+    return _noise_beside(model, ~np.frombuffer(missing, dtype=bool), 0.0, np.array(levels))
+
+
+def _noise_beside(kind: ResidualKind, known: BoolArray, rounding: FloatArray | float, levels: FloatArray) -> NoiseModel:
+    """Return the noise of the known seconds of a residual, (n, n) covariance of its rounding beside its own."""
+    time_s = STEP_S * np.arange(known.size, dtype=np.float64)
+    return noise_model(time_s[known], levels, (kind.slow(time_s) + rounding)[np.ix_(known, known)])
+
+
+def _levels_beside(kind: ResidualKind, rounding: FloatArray) -> FloatArray:
+    """Return the levels of a residual that may be its fast noise, which rests where a reading does.
+
+    A sensor that rests within a step shows no noise there: the level of the flight is not below what the steps make.
+    """
+    least = 0.0 if kind.rate is not None else float(np.sqrt(np.median(rounding.diagonal())))
+    return np.maximum(kind.levels, min(least, kind.levels[-1]))
+
+
+def rounding_of(kind: ResidualKind, record: Record, constants: Constants) -> FloatArray | None:
+    """Return (n, n) covariance of a residual by the steps of its channels, None where it is lost in its least noise."""
+    covariance = np.zeros((len(record.time_s), len(record.time_s)))
+    for hypothesis in hypotheses(record):
+        if hypothesis.fault in record.rounding:
+            slopes = slopes_of(kind, record, [hypothesis], constants)
+            if slopes.acting.size:
+                made = slopes.signatures(record.rounding[hypothesis.fault].factor())[:, 0]
+                covariance += made @ made.T
+    return covariance if np.median(covariance.diagonal()) > (LOST * kind.levels[0]) ** 2 else None
 
 
 def scan_window(
@@ -132,7 +159,11 @@ def scan_window(
         if np.count_nonzero(known) < fewest:
             lacking[kind.name] = _gaps(record, kind, fewest)
             continue
-        noise = _noise(kind.name, n, (~known).tobytes(), tuple(kind.levels.tolist()))
+        rounding = rounding_of(kind, record, constants) if record.rounding else None
+        if rounding is None:
+            noise = _noise(kind.name, n, (~known).tobytes(), tuple(kind.levels.tolist()))
+        else:
+            noise = _noise_beside(kind, known, rounding, _levels_beside(kind, rounding))
         residual = Residual.of(noise, values[known], columns[known], prior_sd, ramps[known])
         used.append((kind, residual, known, columns[known]))
     if not used:

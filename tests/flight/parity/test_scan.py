@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from made_flight import ZERO_LIFT, log_of, made_log, made_record, ratio_of
+from made_flight import ZERO_LIFT, channels_at, log_of, made_log, made_record, ratio_of
 
-from bfi_cli.airdata import KINEMATICS
+from bfi_cli.airdata import KINEMATICS, G
 from bfi_cli.flight.parity import record_of, scan_window
-from bfi_cli.flight.parity.record import HYPOTHESES, Record, hypotheses, with_fault
+from bfi_cli.flight.parity.record import HYPOTHESES, Record, Rounding, hypotheses, with_fault
 from bfi_cli.flight.parity.residuals import RESIDUALS, constants_of
 from bfi_cli.flight.parity.scan import residual_values
 
@@ -299,3 +299,43 @@ def test_the_fault_of_another_sensor_is_still_seen():
     best, _ = scan.strongest
     assert best == "ground_speed"
     assert scan.statistic > 100.0
+
+
+def test_what_steps_leave_of_a_channel_at_rest_stays_and_of_one_that_moves_is_noise():
+    moved = np.array([0.0, 0.0, 0.0, 0.1, 0.1, 3.0, 6.0])
+    factor = Rounding(sd=np.full(7, 0.3), moved=moved).factor()
+    np.testing.assert_allclose(factor @ factor.T, 0.09 * np.exp(-6.0 * np.abs(moved[:, None] - moved)), atol=1e-12)
+    # Over all phases the errors of a signal that moved by a part of a step have this correlation, at its begin.
+    phases = np.linspace(0.0, 1.0, 20_000, endpoint=False)
+    for part in (0.005, 0.01, 0.02):
+        errors = [np.mod(phase, 1.0) - 0.5 for phase in (phases, phases + part)]
+        assert 12.0 * np.mean(errors[0] * errors[1]) == pytest.approx(np.exp(-6.0 * part), abs=3.0 * part**2 * 6.0)
+
+
+def coarse_vane(seed: int, drift: float = 0.0) -> Record:
+    """Return a flight in which a vane in steps of 0.35 degrees rests, moves, and drifts by so many rad/s from 70 s."""
+    rng, time_s, step = np.random.default_rng(seed), np.arange(120.0), np.radians(0.35)
+    calm = {name: np.full(120, values[0]) for name, values in channels_at(time_s[:2]).items()}
+    angle = step * (8.0 + rng.uniform(-0.1, 0.1) - 4.0 * np.clip((time_s - 80.0) / 40.0, 0.0, 1.0))
+    load = (calm["normal_acc"] + G) * (angle - ZERO_LIFT) / (angle[0] - ZERO_LIFT) - G
+    calm["normal_acc"] = load + 0.01 * rng.standard_normal(120)
+    shown = angle + drift * np.maximum(time_s - 70.0, 0.0) + 0.15 * step * rng.standard_normal(120)
+    return record_of(log_of(time_s, {**calm, "aoa": np.round(shown / step) * step}))
+
+
+def test_the_steps_of_a_channel_are_no_fault_that_grows():
+    """Within a step a vane that rests shows no noise, and where it moves on another error than it had."""
+    known, unknown, faulty = [], [], []
+    for seed in range(4):
+        record = coarse_vane(seed)
+        assert record.rounding.keys() == {"aoa"}
+        for statistics, each in (
+            (known, record),
+            (unknown, replace(record, rounding={})),
+            (faulty, coarse_vane(seed, drift=0.001)),
+        ):
+            scan = scan_window(each, zero_lift=ZERO_LIFT, only=("lift",))
+            assert scan is not None
+            statistics.append(scan.statistic)
+    assert sum(known) < 0.3 * sum(unknown)
+    assert min(faulty) > 10.0 * max(known)

@@ -102,6 +102,8 @@ def _share(candidate: Candidate) -> float:
 # Sources that explain the window by a linear model of the aircraft.
 MODELS = ("dictionary", "scan")
 REFUTED = "declared, and refuted by another source: see the notes"
+# s; two faults of a channel are not told apart within the second over which relations take their means.
+TOGETHER_S = 0.5
 WITHHELD = "withheld while channels contradict each other"
 
 
@@ -314,7 +316,7 @@ def _same_fault(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> int | N
             continue
         both_slow = is_slow and SHAPES[other.fault.shape].kind == "slow"
         latest = math.inf if _is_lost(other) else span(other)[1]
-        if both_slow or (span(other)[0] <= high and low <= latest):
+        if both_slow or (span(other)[0] - TOGETHER_S <= high and low - TOGETHER_S <= latest):
             return k
     return None
 

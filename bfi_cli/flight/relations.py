@@ -14,7 +14,7 @@ from .events import Draft, clusters, errors_of_rivals, join
 from .flight import Flight
 from .naming import channels_of
 from .parity import Finding
-from .parity.relation_course import with_course
+from .parity.relation_course import with_course, with_onset_of_samples
 from .parity.sampled import unit_of
 from .parity.sensors import altitude_step_within
 from .parity.static_relations import MARGIN_S, StaticRelations, find_static
@@ -124,7 +124,8 @@ def _with_course(flight: Flight, draft: Draft) -> Draft:
     while True:
         described = with_course(best, finding, (first_s, last_s), unit_of(flight.log, finding.fault))
         if described.shape != "drift" or last_s >= min(end_s, first_s + LONGEST * length_s):
-            return replace(draft, finding=described, window=(first_s, last_s), until_s=max(draft.until_s, last_s))
+            dated = with_onset_of_samples(best, described, flight.log)
+            return replace(draft, finding=dated, window=(first_s, last_s), until_s=max(draft.until_s, last_s))
         last_s = min(last_s + 0.5 * length_s, end_s)
 
 

@@ -26,10 +26,6 @@ STEPPED = ("citation_20190305_v4.h5", "citation_20170308_084248.h5")
 N_STEPPED, N_HEALTHY = (40, 20) if FULL else (2, 1)
 
 
-@pytest.mark.xfail(
-    FULL,
-    reason="found in 40 of 40 at the right onset; intervals of 15, of a relation, are 1.02 to 1.08 s wide",
-)
 def test_a_step_is_found_at_its_onset(flights: Path) -> None:
     found = 0
     for number in range(N_STEPPED):

@@ -2,7 +2,7 @@
 
 `find_static` looks for steps and ramps at whole seconds. A step within a second moves the mean of that second by a part
 only, and noise that hardly changes from one second to the next is scanned by that one; a ramp that stops, and what
-lags, are neither.
+lags, are neither. When a step begins the log's own samples about it tell.
 """
 
 from __future__ import annotations
@@ -12,11 +12,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from ...faults.filters import response_of
 from ...faults.shapes import SHAPES
+from ...flightlog import FlightLog
+from ...flightlog.quality import held_hz
+from ...flightlog.recorder import recorder_filters
 from ...kernels import FloatArray
 from ...kernels.compiled import special
+from ...kernels.low_pass import Kind, Response, low_pass
+from ...kernels.whiteness import autocorrelation
 from .explain import PRICE
-from .finding import CHI_SQUARE, Finding
+from .finding import CHI_SQUARE, Finding, as_good, squares_by_onset
 from .static_relations import AVERAGED, BLOCK_S, MARGIN_S, RelationSeries
 
 Candidate = tuple[str, float | None, float]  # shape; duration, time constant, or what draws a step out; onset; in s
@@ -34,6 +40,13 @@ SHORTEST_S, HELD = {"ramp_hold": 3.0, "lagged_bias": 1.0}, {"ramp_hold": 1.0, "l
 LAGS_S, ABOUT_S = (1.0, 1.5, 2.2, 3.3, 5.0, 7.5, 11.0, 17.0, 25.0, 40.0), 0.25 * np.arange(-12, 13)
 # s, between the onsets and the ends of ramps that are tried first; then about the best of these, so many on both sides.
 COARSE_S, FINER_S, SPREAD = 10.0, (2.0, 0.5, 0.1, 0.02), 6
+# Twice the log-likelihood that a step's onset loses at the ends of 95 %, -2 ln(1 - 0.95^0.5): the time of a sharp step
+# is no regular parameter (B. E. Hansen, Sample splitting and threshold estimation, Econometrica 68, 2000, theorem 1).
+SHARP_CHANGE = 7.35
+# What may draw a step out beside the recorder, such as the sensor, with no delay and with some, Hz of gain one half.
+DRAWN_OUT_BY: tuple[Kind, ...] = ("gaussian", "causal")
+DRAWN_OUT_HZ = (0.4, 0.75, 1.5, 3.0, 6.0)
+FINE, FEWEST_BESIDE = 5, 4  # onsets that are tried in a step of the samples, and samples to both sides that tell one
 
 
 def with_course(series: RelationSeries, finding: Finding, window: tuple[float, float], unit: str) -> Finding:
@@ -131,3 +144,61 @@ def _averaged(candidate: Candidate, time_s: FloatArray) -> FloatArray:
     if shape == "lagged_bias":
         return np.asarray(-np.expm1(-np.maximum(since_s, 0.0) / (constant or 1.0)).mean(axis=1))
     return np.asarray(np.clip(since_s / (constant or 1.0), 0.0, 1.0).mean(axis=1))
+
+
+def with_onset_of_samples(series: RelationSeries, finding: Finding, log: FlightLog) -> Finding:
+    """Return a step with the onset, and its interval, that the samples of its relation show.
+
+    A step beside a line is sought about where means of a second show it, behind the recorder's low-pass, and behind a
+    further one. Slow noise makes fewer samples independent. What a sample is the first to show, or a value that is
+    held, may have begun at any time since the one before, and half a sample later behind a filter of samples.
+
+    Parameters
+    ----------
+    log : of which the relation was made.
+    """
+    first_s, last_s = finding.onset_ci95[0] - BLOCK_S, finding.onset_ci95[1] + BLOCK_S
+    about = slice(*np.searchsorted(log.time_s, (first_s - MARGIN_S, last_s + MARGIN_S)).tolist())
+    values = series.relation.of({name: log.channels[name].between(about) for name in series.relation.needs})
+    known = np.isfinite(values)
+    time_s, y = log.time_s[about][known], values[known]
+    beside = min(np.count_nonzero(time_s < first_s), np.count_nonzero(time_s > last_s))
+    if finding.shape != "bias" or beside < FEWEST_BESIDE:
+        return finding
+    onsets_s = np.arange(first_s, last_s, max(1.0 / (FINE * log.rate_hz), FINER_S[-1]))
+    line = np.column_stack([np.ones(time_s.size), time_s - time_s.mean()])
+
+    def beside_line(x: FloatArray) -> FloatArray:
+        return np.asarray(x - line @ np.linalg.lstsq(line, x, rcond=None)[0])
+
+    y, rest, squares = beside_line(y), y, np.full(onsets_s.size, np.inf)
+    for response in _drawn_out(log):
+        lag_s = (np.arange(len(response.taps)) - response.before) / (FINE * log.rate_hz)
+        steps = np.concatenate([[0.0], np.cumsum(response.taps)])
+        after = np.searchsorted(lag_s, time_s[:, None] - onsets_s + ROUNDING_S, side="right")
+        courses = beside_line(steps[after])
+        left, sizes = squares_by_onset(y, courses)
+        k = int(np.argmin(left))
+        if left[k] < squares.min():
+            rest = y - sizes[k] * courses[:, k]
+        squares = np.minimum(squares, left)
+    if np.argmin(squares) in (0, onsets_s.size - 1):  # no step is there that the samples show
+        return finding
+    alike = autocorrelation(rest, min(int(MARGIN_S * log.rate_hz), rest.size - 2))
+    alike = alike[: np.argmax(np.append(alike, -1.0) <= 0.0)]
+    near = as_good(
+        squares + max(0.0, rest.size * series.noise_sd**2 - float(squares.min())),
+        rest.size,
+        (1.0 + 2.0 * float(alike.sum())) * SHARP_CHANGE / CHI_SQUARE,
+    )
+    own_hz = [held_hz(log, log.channels[name]) or log.rate_hz for name in finding.among if name in series.effects]
+    first_s, last_s = float(onsets_s[near[0]]) - 1.0 / min(own_hz), float(onsets_s[near[-1]]) + 0.5 / log.rate_hz
+    return replace(finding, onset_s=float(onsets_s[np.argmin(squares)]), onset_ci95=(first_s, last_s))
+
+
+def _drawn_out(log: FlightLog) -> list[Response]:
+    """Return what may draw a step out, at `FINE` times the rate of a log: the recorder, and further low-passes."""
+    rate_hz = FINE * log.rate_hz
+    recorder = response_of(recorder_filters(log)[0], rate_hz)
+    others = [low_pass(kind, edge_hz, rate_hz) for kind in DRAWN_OUT_BY for edge_hz in DRAWN_OUT_HZ]
+    return [recorder, *(recorder.then(other) for other in others)]

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from bfi_cli.flight.parity import Finding
-from bfi_cli.flight.parity.relation_course import with_course
+from bfi_cli.flight.parity.relation_course import with_course, with_onset_of_samples
 from bfi_cli.flight.parity.static_relations import Comparison, RelationSeries
+from bfi_cli.flightlog import Channel, FlightLog
 
 T = np.arange(160.0) + 0.45  # means of seconds
 WINDOW = (0.0, 160.0)
@@ -100,6 +101,40 @@ def test_a_drift_that_goes_on_stays_one():
     answer = told(0.1 * np.maximum(RAW - 50.4, 0.0))
     assert (answer.shape, answer.constant_s, answer.unit) == ("drift", None, "m/s^2")
     assert answer.magnitude == pytest.approx(0.1, rel=0.02)
+
+
+@pytest.mark.parametrize("onset_s", [70.02, 70.27, 70.5, 70.98])
+@pytest.mark.parametrize("lasts_s", [0.1, 3.0])
+def test_the_samples_date_a_step_better_than_means_of_a_second(onset_s: float, lasts_s: float):
+    """Means of a second leave a second, whatever the rate of the log."""
+    rng, kept = np.random.default_rng(0), np.exp(-0.1 / lasts_s)
+    noise = 0.05 * rng.standard_normal(RAW.size)
+    for k in range(1, RAW.size):
+        noise[k] = kept * noise[k - 1] + np.sqrt(1.0 - kept**2) * noise[k]
+    values = {"tas": 100.0 + 3.0 * (onset_s <= RAW) + noise, "mach": np.full(RAW.size, 100.0)}
+    log = FlightLog(
+        path="step.csv",
+        time_s=RAW,
+        channels={name: Channel(name=name, values=x, unit="m/s", source=name) for name, x in values.items()},
+        filters=(),
+    )
+    n = T.size
+    series = RelationSeries(
+        relation=Comparison("tas", "m/s", "tas", ("mach",), lambda v: v["mach"]),
+        time_s=T,
+        values=(values["tas"] - values["mach"]).reshape(-1, 10).mean(axis=1),
+        nuisances=np.column_stack([np.ones(n), np.zeros((n, 4))]),
+        sizes=np.array([np.inf, 1.0, 1.0, 1.0, 1.0]),
+        effects={"tas": np.ones(n), "mach": -np.ones(n)},
+        noise_sd=0.01,
+        resting_step=0.0,
+    )
+    coarse = with_course(series, FOUND, WINDOW, "m/s")
+    answer = with_onset_of_samples(series, coarse, log)
+    first_s, last_s = answer.onset_ci95
+    assert coarse.onset_ci95[1] - coarse.onset_ci95[0] > 1.0
+    assert first_s <= onset_s <= last_s
+    assert last_s - first_s < 0.4
 
 
 @pytest.mark.slow

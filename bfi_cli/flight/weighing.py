@@ -155,15 +155,20 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
                     answers[j] = _after(later, answer)
             known.append(answer)
             bench = with_known(bench, answer)
-    stand = (*swinging, *(answer for answer in answers if isinstance(answer, Event)))
+    for k, event in enumerate(events):
+        if event.beyond_tolerance is False and _is_course(event):
+            answers[k] = _small(bench, event, known, flight.to_s)
+    return _sorted(flight, bench, (*swinging, *answers))
+
+
+def _sorted(flight: Flight, bench: Bench, answers: Sequence[Event | OrdinaryEvent | Note]) -> Weighing:
+    """Return the answers by what they are, with what is ordinary where no finder looked."""
+    stand = tuple(answer for answer in answers if isinstance(answer, Event))
     ordinary = [answer for answer in answers if isinstance(answer, OrdinaryEvent)]
     ordinary += [event for event in surprising_events(bench, flight.phases, stand) if not _is_told(event, ordinary)]
     ordinary += noisy_events(flight.log, flight.phases, stand)
-    return Weighing(
-        events=stand,
-        ordinary=tuple(ordinary),
-        notes=tuple(answer for answer in answers if isinstance(answer, Note)),
-    )
+    notes = tuple(answer for answer in answers if isinstance(answer, Note))
+    return Weighing(events=stand, ordinary=tuple(ordinary), notes=notes)
 
 
 def _swinging_events(flight: Flight, bench: Bench, events: Sequence[Event]) -> Iterator[Event]:
@@ -192,9 +197,27 @@ def _has_course(event: Event) -> bool:
 
 
 def _can_be_weighed(event: Event) -> bool:
+    """Return whether an event is weighed against every other: what is surely within its tolerance hides none."""
+    return _is_course(event) and event.beyond_tolerance is not False
+
+
+def _is_course(event: Event) -> bool:
+    """Return whether the seconds of a flight show the course of an event."""
     held = event.shape == "frozen" and "static relations" in event.stages
-    shown = held or event.shape not in UNWEIGHED
-    return shown and event.beyond_tolerance is not False and event.frequency_hz is None
+    return (held or event.shape not in UNWEIGHED) and event.frequency_hz is None
+
+
+def _small(bench: Bench, event: Event, known: Sequence[Event], to_s: float) -> Event | Note:
+    """Return an event within its tolerance with its margin, a note where the model does not confirm it."""
+    cause = next((cause for cause in known if _follows(bench, event, cause)), None)
+    if cause is not None:
+        return _after(event, cause)
+    judgement = _judgement(bench, event, to_s)
+    weights = [] if judgement is None else _weights(judgement, event)
+    if judgement is None or not weights:
+        return event
+    weight = _best_as_named(judgement, event)
+    return replace(event, margin=weight.margin) if weight.margin > DECLARED else _refuted(event, weight)
 
 
 def _bench(flight: Flight, events: Iterable[Event], causes: Iterable[KnownCause]) -> Bench | None:
@@ -448,16 +471,22 @@ def _without_rival(event: Event, weight: Weight) -> Event | Note:
     # What a finder declares is taken back by as much as what it suspects needs to be declared.
     least = -SURE * DECLARED if event.state == "declared" else 0.0
     if (weight.margin < least or weight.refused) and "static relations" not in event.stages:
-        because = f"{' and '.join(against)} contradict it" if against else "a flight without it does as well"
-        return Note.method(
-            f"'{event.fault}' from {event.onset_s:.0f} s was proposed and is refuted: {weight.refused or because} "
-            f"(log density {weight.margin:+.0f} beside no fault)"
-        )
+        return _refuted(event, weight)
     note = (
         f"{' and '.join(against)} contradict it" if weight.margin < 0.0 and against else "no fault explains it as well"
     )
     note += f": log density {weight.margin:+.1f} beside the best ordinary explanation"
     return replace(event, state="suspected", margin=weight.margin, refuted_by=against, note=note)
+
+
+def _refuted(event: Event, weight: Weight) -> Note:
+    """Return what is said of an event that is none."""
+    against = _against(weight)
+    because = f"{' and '.join(against)} contradict it" if against else "a flight without it does as well"
+    return Note.method(
+        f"'{event.fault}' from {event.onset_s:.0f} s was proposed and is refuted: {weight.refused or because} "
+        f"(log density {weight.margin:+.0f} beside no fault)"
+    )
 
 
 def _renamed(bench: Bench, event: Event, best: Weight, among: tuple[str, ...], until_s: float) -> Event:

@@ -9,12 +9,15 @@ from made_journeys import made_journey
 from test_surprises import event_of
 
 from bfi_cli.config import Config
+from bfi_cli.faults import parse_spec
 from bfi_cli.flight.flight import flight_of
 from bfi_cli.flight.weighing import DECLARED, weigh_events
+from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.record import frozen_array
 
 CHANNELS = ("cas", "altitude", "pitch")
 FROM_S, TO_S, STEP_M = 200.0, 230.0, 10.0
+ONSET_S = 420.0
 
 
 def test_a_line_that_seems_to_rest_between_coarse_steps_is_not_declared_against_the_record() -> None:
@@ -35,3 +38,16 @@ def test_a_line_that_seems_to_rest_between_coarse_steps_is_not_declared_against_
     assert answer.margin is not None
     assert -DECLARED < answer.margin < 0.0
     assert answer.state == "suspected"
+
+
+def test_what_is_within_its_tolerance_is_told_where_the_record_confirms_it() -> None:
+    healthy = made_journey(rate_hz=1.0).window(None, 700.0)
+    small = replace(event_of("tas", ONSET_S, "declared"), stages=("static relations",), beyond_tolerance=False)
+    faulty = inject(healthy, [parse_spec(f"bias,channel=tas,magnitude=0.5,onset_s={ONSET_S}")])
+    answers = {log: weigh_events(flight_of(log, Config()), [small], Config().diagnose) for log in (healthy, faulty)}
+    assert answers[healthy].events == ()
+    (refuted,) = answers[healthy].notes
+    assert f"'tas' from {ONSET_S:.0f} s was proposed and is refuted" in refuted.text
+    (event,) = answers[faulty].events
+    assert event.margin is not None
+    assert event.margin > DECLARED

@@ -311,11 +311,12 @@ def _coefficients(seconds: Seconds, frame: Frame) -> Coefficients:
     cas = channels_of(p_static, q_impact, np.full(mach.shape, 288.15))["cas"]
     load = np.clip(_load_over_pressure(seconds, airspeed) / frame.middle_load, -1.0, 4.0)
     load = smoothed(load, LOAD_S)
-    heading = track = np.zeros(height.size)
+    heading = steady = track = np.zeros(height.size)
     if "velocity_north" in channels:
         track = np.unwrap(filled(np.unwrap(_bridged_angle(channels["velocity_north"], channels["velocity_east"]))))
     if "yaw" in channels:
         heading = _bridged_angle(np.cos(channels["yaw"]), np.sin(channels["yaw"])) + frame.heading_offset
+        steady = track + smoothed(heading - track, SLOW_S)
     rates = {}
     for name in ROWS:
         values = _measurement(name, seconds)
@@ -332,6 +333,7 @@ def _coefficients(seconds: Seconds, frame: Frame) -> Coefficients:
         height=height,
         middle=frame.middle_height,
         heading=heading,
+        steady_heading=steady,
         track=track,
         bank=_bank(seconds),
         cos_bank=np.cos(_bank(seconds)),

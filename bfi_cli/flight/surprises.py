@@ -15,22 +15,23 @@ import numpy as np
 from ..airdata import DEPENDS_ON
 from ..flightlog.phases import Phase, spans_of
 from ..kernels import FloatArray
-from ..kernels.bounded_filter import Stack, filter_stack, jump_scores
+from ..kernels.bounded_filter import Stack, change_scores, filter_stack
 from ..kernels.runs import within
 from .bench import CHECK_S, JUMP_S, Bench, Place, place_of, takeoffs_of
 from .judge import ALIKE, REFERENCES, causes_of, explains, judge_place, ordinary_of, rows_of
 from .result import Event, OrdinaryEvent
-from .tables import MANOEUVRE, ORDINARY
+from .tables import MANOEUVRE, ORDINARY, STATES
 from .weight import Ordinary
 
-# Log densities from which on a jump within a second is looked at more closely, and how many of these: a front and flaps
-# take some seconds, and are worth more where the judge spreads them.
+# Log densities from which on a change is looked at more closely, and how many of these. Flaps and a front take some ten
+# seconds: a front of 8 m/s in 10 s, worth 71 so, is worth 9 as a jump.
 PROPOSED, MOST_PLACES = 20.0, 8
+GRADUAL_S = 5  # time constant of a change that takes ten seconds
 APART_S = 40  # seconds within which the largest surprise stands for all
-# Log density over the best of nothing and a manoeuvre from which on a cause is told. Of 14 healthy flights of six
-# aircraft eddies reach 21, without the SR22T 15; nothing else that no fault and no other cause does as well reaches 10,
-# but for flaps before three landings, 65 and more (tests/measurements/test_told_levels.py).
-TOLD = 40.0
+# Log density over the best of nothing and a manoeuvre from which on a cause is told: that from which on a fault is. Of
+# 14 healthy flights of six aircraft nothing that no fault and no other cause does as well reaches 10, but for flaps
+# before two landings, 25 to 433 (tests/measurements/test_told_levels.py).
+TOLD = 20.0
 # Over any other cause, ten thousand to one: a heading that is said to settle in a climb, in which the wind does as
 # well, leads by 6; flaps that move by 67 and more, fronts by 19 and more.
 LEADS = float(np.log(1e4))
@@ -142,33 +143,36 @@ def _margin_of_faults(place: Place, ordinary: Ordinary, state: str) -> float:
         return 0.0  # another cause is as good: it may be no jump of this one's states at all
     model = place.bench.model
     moved = [name for name in model.rows if np.any(model.Z[place.part, model.row(name), model.state(state)])]
-    if len(moved) == 1 and moved[0] not in rows_of(place.bench, REFERENCES):
+    lasts = STATES[state].memory_s == np.inf
+    if lasts and len(moved) == 1 and moved[0] not in rows_of(place.bench, REFERENCES):
         return 0.0  # an error of the one channel that it moves, of the same course, is as good
-    return judge_place(place, replace(ordinary, shocks=np.zeros_like(ordinary.shocks))).weights[0].margin
+    without = replace(ordinary, shocks=np.zeros_like(ordinary.shocks))
+    return judge_place(place, without, named=moved).weights[0].margin
 
 
 def _proposed(bench: Bench) -> list[int]:
-    """Return the seconds at which a jump of an ordinary cause is worth most, the best first."""
-    gains = jump_gains(bench)
-    manoeuvre = np.maximum(gains.pop(""), 0.0)
-    net = np.max(list(gains.values()), axis=0, initial=0.0) - manoeuvre
+    """Return the seconds about which a change of an ordinary cause is worth most, the best first."""
+    gains = change_gains(bench)
+    manoeuvre = np.maximum(np.max(gains.pop(""), axis=0), 0.0)
+    net = np.max(list(gains.values()), axis=0, initial=0.0) - manoeuvre  # (2, n), at once and gradual
     seconds: list[int] = []
     while len(seconds) < MOST_PLACES and net.max(initial=0.0) > PROPOSED:
-        second = int(np.argmax(net))
-        seconds.append(second)
-        net[max(second - APART_S, 0) : second + APART_S] = 0.0
+        how, begins = np.unravel_index(int(np.argmax(net)), net.shape)
+        seconds.append(min(int(begins) + int(how) * GRADUAL_S, bench.model.n - 1))
+        net[:, max(begins - APART_S, 0) : begins + APART_S] = 0.0
     return seconds
 
 
-def jump_gains(bench: Bench) -> dict[str, FloatArray]:
-    """Return by sought ordinary cause, and "" for a manoeuvre, (n,) log densities that a jump before a second is worth.
+def change_gains(bench: Bench) -> dict[str, FloatArray]:
+    """Return by sought ordinary cause, and "" for a manoeuvre, what a change from a second on is worth.
 
-    They are those of all of the flight that follows up to the next take-off.
+    They are (2, n) log densities of all of the flight that follows up to the next take-off, the first of a jump, the
+    second of a gradual change.
     """
     model = bench.model
     causes = {name: jumps for name, jumps in causes_of(model).items() if ORDINARY[name].is_sought}
     sds = {name: _deviations(bench, jumps) for name, jumps in {"": MANOEUVRE, **causes}.items()}
-    gains = {name: np.zeros(model.n) for name in sds}
+    gains = {name: np.zeros((2, model.n)) for name in sds}
     # The stretches between checks run side by side, what follows a jump in one after the other.
     starts = np.array(list(bench.checks))
     ends = np.append(starts[1:], int(np.flatnonzero(model.frame.airborne)[-1]) + 1)
@@ -183,9 +187,10 @@ def jump_gains(bench: Bench) -> dict[str, FloatArray]:
     takeoffs, after = takeoffs_of(model), None
     for h in range(starts.size - 1, -1, -1):
         n = int(ends[h] - starts[h])
-        scores = jump_scores(loaded[:n, h], run.gains.between(0, n, h), bench.transition, after)
+        part = run.gains.between(0, n, h)
+        scores = change_scores(loaded[:n, h], part, bench.transition, after, time_constant=GRADUAL_S)
         for name, sd in sds.items():
-            gains[name][starts[h] : ends[h]] = scores.gain(sd)
+            gains[name][:, starts[h] : ends[h]] = scores.jump.gain(sd), scores.gradual.gain(sd)
         after = None if starts[h] in takeoffs else scores
     return gains
 

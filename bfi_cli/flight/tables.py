@@ -29,6 +29,7 @@ class Coefficients:
     lift_slope : angle of attack at a load factor of 1 above that of zero lift, rad, a constant.
     height, middle : pressure altitude, and its median, m.
     heading, track, bank : rad; cos_bank.
+    steady_heading : without what gusts from the side make of it, rad.
     position_m : height by which a static port errs whose error is that share of the lift, m.
     rates : by row the rate of change of its own channel, per second.
     """
@@ -41,6 +42,7 @@ class Coefficients:
     height: FloatArray
     middle: float
     heading: FloatArray
+    steady_heading: FloatArray
     track: FloatArray
     bank: FloatArray
     cos_bank: FloatArray
@@ -234,30 +236,32 @@ def _along(c: Coefficients) -> Loads:
     }
 
 
+# Errors of heading and airspeed act about the steady heading: about the recorded one, a deviation of the compass by 0.4
+# rad and a scale of 1.1 would cancel what gusts make of it, and a front with it.
 def _north(c: Coefficients) -> Loads:
-    cosine, sine = np.cos(c.heading), np.sin(c.heading)
+    cosine, sine = np.cos(c.steady_heading), np.sin(c.steady_heading)
     return {
-        "airspeed": cosine,
+        "airspeed": np.cos(c.heading),
         "tas_scale": -c.slow_airspeed * cosine,
         "wind_north": 1.0,
         "gust_north": 1.0,
-        "heading_error": -c.airspeed * sine,
-        "deviation_sine": -c.airspeed * sine**2,
-        "deviation_cosine": -c.airspeed * sine * cosine,
+        "heading_error": -c.slow_airspeed * sine,
+        "deviation_sine": -c.slow_airspeed * sine**2,
+        "deviation_cosine": -c.slow_airspeed * sine * cosine,
         "lag_velocity": -c.rates["velocity_north"],
     }
 
 
 def _east(c: Coefficients) -> Loads:
-    cosine, sine = np.cos(c.heading), np.sin(c.heading)
+    cosine, sine = np.cos(c.steady_heading), np.sin(c.steady_heading)
     return {
-        "airspeed": sine,
+        "airspeed": np.sin(c.heading),
         "tas_scale": -c.slow_airspeed * sine,
         "wind_east": 1.0,
         "gust_east": 1.0,
-        "heading_error": c.airspeed * cosine,
-        "deviation_sine": c.airspeed * sine * cosine,
-        "deviation_cosine": c.airspeed * cosine**2,
+        "heading_error": c.slow_airspeed * cosine,
+        "deviation_sine": c.slow_airspeed * sine * cosine,
+        "deviation_cosine": c.slow_airspeed * cosine**2,
         "lag_velocity": -c.rates["velocity_east"],
     }
 
@@ -360,8 +364,9 @@ MANOEUVRE = {"airspeed": 10.0, "climb": 5.0, "climb_rate": 5.0, "gust": 5.0}
 # Standard deviations of jumps: a front or a gust line, two notches of flaps, an erecting horizon, a GPS fix that is
 # found again, a cold layer, and ten clicks of an altimeter's knob.
 ORDINARY: Mapping[str, Cause] = {
+    # A draught carries the aircraft with it: it moves the climb, and a pitch that moves alone is none.
     "wind": Cause(
-        jumps={"wind_north": 8.0, "wind_east": 8.0, "vertical_air": 4.0},
+        jumps={"wind_north": 8.0, "wind_east": 8.0},
         unit="m/s",
         text="the wind changes",
         is_sought=True,
@@ -373,12 +378,20 @@ ORDINARY: Mapping[str, Cause] = {
         needs=("pitch", "aoa"),
         is_sought=True,
     ),
+    # A vertical and a directional gyro settle apart: a pitch that errs must not pay for a heading that does not. The
+    # second is no error of air data: it is a rival of the others alone.
     "attitude_settles": Cause(
-        jumps={"erection": 0.05, "heading_error": 0.2},
+        jumps={"erection": 0.05},
         unit="rad",
         text="the attitude sensor settles",
-        needs=("pitch", "velocity_north"),
+        needs=("pitch",),
         is_sought=True,
+    ),
+    "heading_settles": Cause(
+        jumps={"heading_error": 0.2},
+        unit="rad",
+        text="the heading settles",
+        needs=("velocity_north",),
     ),
     "gps_settles": Cause(
         jumps={"gps_offset": 60.0, "gps_scale": 0.02},

@@ -321,19 +321,19 @@ def _backward(
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JumpScores:
-    """What a record says of a jump of the state before each sample.
+    """What a record says of a change of the state from before each sample on.
 
     Attributes
     ----------
-    r : (n_samples, n_x), the derivative of the log-likelihood by the jump, at none.
-    N : (n_samples, n_x, n_x), its covariance, and the information on the jump.
+    r : (n_samples, n_x), the derivative of the log-likelihood by the change, at none.
+    N : (n_samples, n_x, n_x), its covariance, and the information on the change.
     """
 
     r: FloatArray
     N: FloatArray
 
     def gain(self, sd: FloatArray) -> FloatArray:
-        """Return (n_samples,) log-likelihoods that jumps of (n_x,) standard deviations in all states are worth."""
+        """Return (n_samples,) log-likelihoods that changes of (n_x,) standard deviations of all states are worth."""
         moved = np.flatnonzero(sd)
         r, N = self.r[:, moved] * sd[moved], self.N[:, moved[:, None], moved] * np.outer(sd[moved], sd[moved])
         S = np.eye(moved.size) + N
@@ -341,17 +341,53 @@ class JumpScores:
         return np.asarray(0.5 * np.sum(r * solved, axis=1) - 0.5 * np.linalg.slogdet(S)[1])
 
 
-def jump_scores(Z: FloatArray, gains: Gains, transition: Transition, after: JumpScores | None = None) -> JumpScores:
-    """Return what a record says of jumps of the state, from one backward pass (de Jong and Penzer 1998).
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChangeScores:
+    """What a record says of a jump of the state, and of a change that takes a while.
+
+    Attributes
+    ----------
+    jump, gradual : of a jump before each sample, and of a change that begins there and nears its end exponentially.
+    between : (n_samples, n_x, n_x), the covariance of the derivatives by the two.
+    """
+
+    jump: JumpScores
+    gradual: JumpScores
+    between: FloatArray
+
+
+def change_scores(
+    Z: FloatArray, gains: Gains, transition: Transition, after: ChangeScores | None = None, *, time_constant: float
+) -> ChangeScores:
+    """Return what a record says of changes of the state, from one backward pass (de Jong and Penzer 1998).
+
+    A change that is gradual moves the state before each sample by a share of what is left of it, so that its derivative
+    is the mean of those by jumps there, weighted by that share.
 
     Parameters
     ----------
     Z : (n_samples, n_rows, n_x) loadings, 0 where nothing is measured.
     gains : of one hypothesis of a filter's run.
     after : of the record that follows; None where none does.
+    time_constant : of a gradual change, in samples.
     """
-    r, N = _backward(Z[:, None], gains, transition, after)
-    return JumpScores(r=r[:-1, 0], N=N[:-1, 0])
+    r, N = _backward(Z[:, None], gains, transition, None if after is None else after.jump)
+    r, N = r[:, 0], N[:, 0]
+    left = float(np.exp(-1.0 / time_constant))
+    moved = 1.0 - left
+    mean, spread, between = moved * r, moved**2 * N, moved * N
+    mean[-1], spread[-1], between[-1] = (
+        (0.0, 0.0, 0.0) if after is None else (after.gradual.r[0], after.gradual.N[0], after.between[0])
+    )
+    L = transition.matrix - (transition.matrix @ gains.W[:, 0].swapaxes(-1, -2)) @ (gains.inverse[:, 0] @ Z)
+    for k in range(len(r) - 2, -1, -1):
+        later = L[k].T @ between[k + 1]
+        mean[k] += left * mean[k + 1]
+        spread[k] += left**2 * spread[k + 1] + moved * left * (later + later.T)
+        between[k] += left * later
+    return ChangeScores(
+        jump=JumpScores(r=r[:-1], N=N[:-1]), gradual=JumpScores(r=mean[:-1], N=spread[:-1]), between=between[:-1]
+    )
 
 
 def _joined(stack: Stack) -> FloatArray:

@@ -11,8 +11,7 @@ from made_events import event_of
 from made_journeys import made_journey
 
 from bfi_cli.decision import State
-from bfi_cli.flight.noise import noisy_events
-from bfi_cli.flight.surprises import TOLD
+from bfi_cli.flight.noise import TOLD, noisy_events
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.flightlog.record import frozen_array

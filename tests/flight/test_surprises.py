@@ -2,34 +2,56 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from made_events import event_of
-from made_journeys import made_journey
+from made_journeys import WIND, made_journey
 
 from bfi_cli.flight.bench import Bench, bench_of
 from bfi_cli.flight.model import flight_model
 from bfi_cli.flight.result import OrdinaryEvent
 from bfi_cli.flight.seconds import seconds_of
-from bfi_cli.flight.surprises import TOLD, jump_gains, surprising_events
+from bfi_cli.flight.surprises import TOLD, change_gains, surprising_events
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.kernels import FloatArray
 
 AT_S = 420.0
 FLAPS = {"aoa": -0.03, "pitch": -0.03}  # of which the lift is the same
 KNOB = {"altitude": 60.0}
 
 
-def bench_with(steps: Mapping[str, float]) -> Bench:
-    """Return a flight in which some channels read more from a time on."""
+def front(since: FloatArray) -> FloatArray:
+    """A wind that changes by 8 m/s in 10 s."""
+    return 8.0 * np.clip(since / 10.0, 0.0, 1.0)
+
+
+def erection(since: FloatArray) -> FloatArray:
+    """An error of a gyro horizon that comes in 5 s and settles within a minute."""
+    return 0.06 * np.clip(since / 5.0, 0.0, 1.0) * np.exp(-np.maximum(since - 5.0, 0.0) / 60.0)
+
+
+def gusts_from_the_side(since: FloatArray) -> FloatArray:
+    """What gusts make of a heading: two thirds of a degree for a few seconds."""
+    return 0.012 * np.convolve(np.random.default_rng(5).standard_normal(since.size), np.ones(3) / np.sqrt(3.0), "same")
+
+
+def bench_with(steps: Mapping[str, float | Callable[[FloatArray], FloatArray]]) -> Bench:
+    """Return a flight in which some channels read more from a time on: by a constant, or by a course."""
     log = made_journey(rate_hz=1.0)
-    after = (log.time_s >= AT_S).astype(float)
+    since = log.time_s - AT_S
     channels = dict(log.channels)
+    if "yaw" in steps:
+        north, east = (
+            channels[f"velocity_{to}"].values - blows for to, blows in zip(("north", "east"), WIND, strict=True)
+        )
+        channels["yaw"] = replace(channels["roll"], values=frozen_array(np.arctan2(east, north)))
     for name, size in steps.items():
-        channels[name] = replace(channels[name], values=frozen_array(channels[name].values + size * after))
+        more = size(since) if callable(size) else size * (since >= 0.0)
+        channels[name] = replace(channels[name], values=frozen_array(channels[name].values + more))
     seconds = seconds_of(replace(log, channels=channels))
     assert seconds is not None
     model = flight_model(seconds)
@@ -61,7 +83,7 @@ def test_flaps_are_told_with_time_and_size(with_flaps: Bench) -> None:
 
 
 def test_a_jump_is_worth_most_where_it_is(with_flaps: Bench) -> None:
-    gains = jump_gains(with_flaps)["flaps"]
+    gains = change_gains(with_flaps)["flaps"].max(axis=0)
     assert with_flaps.model.time_s[np.argmax(gains)] == pytest.approx(AT_S, abs=2.0)
 
 
@@ -84,3 +106,29 @@ def test_what_an_error_of_a_channel_does_as_well_is_told_beside_its_suspicion_al
     assert [(event.cause, event.looks_like) for event in events] == ([("altimeter_set", "altitude")] if told else [])
     for event in events:
         assert event.magnitude == pytest.approx(60.0, rel=0.1)
+
+
+def test_gusts_from_the_side_make_no_deviation_of_the_compass() -> None:
+    """A heading that swings is none that errs: in the loadings it had a scale and a deviation cancel its own swings."""
+    bench = bench_with({"yaw": gusts_from_the_side})
+    end = max(bench.checks)
+    mean, covariance = bench.checks[end]
+    for name in ("tas_scale", "deviation_sine", "deviation_cosine"):
+        k = bench.model.state(name)
+        assert abs(mean[k]) < 3.0 * np.sqrt(covariance[k, k]), name
+
+
+@pytest.mark.parametrize(
+    ("channels", "cause", "size"),
+    [
+        ({"velocity_north": front, "yaw": np.zeros_like}, "wind", 8.0),
+        ({"pitch": erection}, "attitude_settles", 0.04),
+    ],
+)
+def test_what_comes_within_seconds_is_told(
+    channels: Mapping[str, Callable[[FloatArray], FloatArray]], cause: str, size: float
+) -> None:
+    (event,) = surprising_events(bench_with(channels), (), ())
+    assert (event.cause, event.looks_like) == (cause, "")
+    assert event.from_s == pytest.approx(AT_S, abs=10.0)
+    assert event.magnitude == pytest.approx(size, rel=0.3)

@@ -17,7 +17,7 @@ def coefficients() -> Coefficients:
     course = np.linspace(1.0, 2.0, N)
     return Coefficients(
         **dict.fromkeys(("airspeed", "slow_airspeed", "cas_share", "load_factor", "height"), course),
-        **dict.fromkeys(("heading", "track", "bank", "cos_bank", "position_m"), course),
+        **dict.fromkeys(("heading", "steady_heading", "track", "bank", "cos_bank", "position_m"), course),
         lift_slope=0.06,
         middle=1.5,
         rates=dict.fromkeys(ROWS, course),

@@ -10,14 +10,14 @@ from scipy.stats import multivariate_normal
 
 from bfi_cli.kernels import FloatArray
 from bfi_cli.kernels.bounded_filter import (
+    ChangeScores,
     Coupling,
-    JumpScores,
     Stack,
     StackRun,
     Transition,
     bounded_log_density,
+    change_scores,
     filter_stack,
-    jump_scores,
     variance_scores,
 )
 
@@ -138,17 +138,23 @@ def test_a_gross_error_costs_its_size_and_no_more() -> None:
     assert near - far == pytest.approx(3.0 * 100.0, rel=1e-12)
 
 
-def _jump_scores(stack: Stack, run: StackRun, part: slice = slice(None), after: JumpScores | None = None) -> JumpScores:
+TIME_CONSTANT = 2.5
+
+
+def _change_scores(
+    stack: Stack, run: StackRun, part: slice = slice(None), after: ChangeScores | None = None
+) -> ChangeScores:
     Z = np.where(np.isfinite(stack.y[:, 0])[..., None], stack.Z[:, 0], 0.0)
     assert run.gains is not None
     first, end, _ = part.indices(N_SAMPLES)
-    return jump_scores(Z[part], run.gains.between(first, end, 0), TRANSITION, after)
+    gains = run.gains.between(first, end, 0)
+    return change_scores(Z[part], gains, TRANSITION, after, time_constant=TIME_CONSTANT)
 
 
 def test_a_jump_is_worth_what_its_variance_gains() -> None:
     stack, sd = _stack(), np.array([0.8, 0.0, 1.5, 0.0])
     run = _filtered(stack)
-    gains = _jump_scores(stack, run).gain(sd)
+    gains = _change_scores(stack, run).jump.gain(sd)
     for k in range(1, N_SAMPLES):
         Q = stack.Q.copy()
         Q[k - 1, 0] += sd**2
@@ -156,10 +162,33 @@ def test_a_jump_is_worth_what_its_variance_gains() -> None:
         assert gains[k] == pytest.approx(jumped - run.log_likelihood[0], rel=1e-9, abs=1e-12)
 
 
-def test_what_a_jump_is_worth_goes_on_over_the_stretches_of_a_record() -> None:
+def test_scores_of_a_gradual_change_are_the_derivatives_of_the_likelihood_by_it() -> None:
+    """The likelihood is quadratic in the change, so that its differences are exact."""
+    stack, left = _stack(), np.exp(-1.0 / TIME_CONSTANT)
+    run = _filtered(stack)
+    gradual = _change_scores(stack, run).gradual
+    for k in range(N_SAMPLES):
+
+        def likelihood(change: FloatArray, first: int = k) -> float:
+            y, x = stack.y.copy(), np.zeros(N_X)
+            for t in range(first, N_SAMPLES):
+                x = TRANSITION.matrix @ x + (1.0 - left) * left ** (t - first) * change
+                y[t, 0] -= stack.Z[t, 0] @ x
+            return float(_filtered(replace(stack, y=y)).log_likelihood[0])
+
+        none, axes = likelihood(np.zeros(N_X)), np.eye(N_X)
+        slope = [(likelihood(axis) - likelihood(-axis)) / 2.0 for axis in axes]
+        assert gradual.r[k] == pytest.approx(slope, rel=1e-9, abs=1e-12)
+        curved = [[none - likelihood(a) - likelihood(b) + likelihood(a + b) for b in axes] for a in axes]
+        assert np.allclose(gradual.N[k], -np.array(curved), rtol=1e-9, atol=1e-12)
+
+
+def test_what_a_change_is_worth_goes_on_over_the_stretches_of_a_record() -> None:
     stack = _stack()
     run = _filtered(stack)
-    whole, last = _jump_scores(stack, run), _jump_scores(stack, run, slice(3, None))
-    first = _jump_scores(stack, run, slice(3), last)
-    assert np.allclose(np.concatenate([first.r, last.r]), whole.r, rtol=1e-12)
-    assert np.allclose(np.concatenate([first.N, last.N]), whole.N, rtol=1e-12)
+    whole, last = _change_scores(stack, run), _change_scores(stack, run, slice(3, None))
+    first = _change_scores(stack, run, slice(3), last)
+    for kind in ("jump", "gradual"):
+        early, late, both = (getattr(scores, kind) for scores in (first, last, whole))
+        assert np.allclose(np.concatenate([early.r, late.r]), both.r, rtol=1e-12)
+        assert np.allclose(np.concatenate([early.N, late.N]), both.N, rtol=1e-12)

@@ -10,7 +10,7 @@ import numpy as np
 from cut_faults import Trial as FaultTrial
 from cut_faults import faulty
 from flight_faults import Maker, Truth, blocked, course, icing, leak
-from jsbsim_trials import AIRCRAFT, tour
+from jsbsim_trials import AIRCRAFT, SENSORS, tour
 from threadpoolctl import threadpool_limits
 from whole_flight_trials import NEAR_S, said_of
 
@@ -18,7 +18,7 @@ from bfi_cli.config import Config
 from bfi_cli.faults.ordinary import Occurrence
 from bfi_cli.flight import diagnose_flight
 from bfi_cli.flight.result import DiagnoseResult, OrdinaryEvent
-from bfi_cli.flight.tables import ON_GROUND
+from bfi_cli.flight.tables import LEVELS, ON_GROUND
 from bfi_cli.flightlog import FlightLog, inject
 from bfi_cli.flightlog.ordinary import INJECTED
 from bfi_cli.jsbsim.ordinary import SIMULATED
@@ -27,6 +27,8 @@ from bfi_cli.jsbsim.ordinary import SIMULATED
 RIVALS = ("flaps", "wind", "altitude_held", "on_ground", "altimeter_set", "attitude_settles", "wake")
 OTHERS = ("gusts", "wind_shear", "clock")
 BEGINS_S = (250.0, 600.0)
+VISIBLE = 3.0  # standard deviations
+CAPTURED_S = 30.0  # after which an autopilot holds its altitude
 LANDS_S = 150.0  # after an approach of 3 degrees from 150 m was begun
 # Each fault is one that the cause beside it imitates.
 IMITATED: Mapping[str, tuple[str, Maker]] = {
@@ -59,9 +61,13 @@ class CauseTrial:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CauseAnswer:
-    """What was said of it: by its name, and as a fault; `others` are ordinary events that were not made."""
+    """What was said of it: by its name, and as a fault; `others` are ordinary events that were not made.
+
+    `visible` is whether the flight itself leaves it to be seen, see `is_visible`.
+    """
 
     trial: CauseTrial
+    visible: bool
     named: bool
     declared: bool
     suspected: bool
@@ -100,12 +106,28 @@ def answer_to_cause(trial: CauseTrial) -> CauseAnswer:
     events = [event for event in result.events if event.beyond_tolerance is not False]
     return CauseAnswer(
         trial=trial,
+        visible=is_visible(log, made),
         named=bool(right) or (made.cause == ON_GROUND and _lands(result, made.at_s)),
         declared=any(event.state == "declared" for event in events),
         suspected=any(event.state == "suspected" for event in events),
         others=len(result.ordinary) - len(right),
         said=f"at {made.at_s:.0f} s: {said_of(result)} {ordinary_in_words(result)}",
     )
+
+
+def is_visible(log: FlightLog, made: Occurrence) -> bool:
+    """Return whether a cause is larger than what the flight shows without it, by what was made alone.
+
+    An error of the pitch is as large as that of vertical air, which comes and goes within a minute as it does, of three
+    standard deviations; an altitude that is held looks like a line that rests where it moves by no more than noise.
+    """
+    if made.cause == "attitude_settles":
+        drafts = LEVELS["vertical_air"].highest / float(np.median(log.channels["tas"].values))
+        return abs(made.size or 0.0) > VISIBLE * drafts
+    if made.cause == "altitude_held":
+        held = (log.time_s > made.at_s + CAPTURED_S) & (log.time_s < made.at_s + (made.size or 0.0))
+        return float(np.std(log.channels["altitude"].values[held])) < VISIBLE * SENSORS["altitude"]
+    return True
 
 
 def answer_to_fault(trial: FaultTrial, *, folder: Path) -> FaultAnswer | None:

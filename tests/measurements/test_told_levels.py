@@ -57,7 +57,7 @@ def largest_pitch_step(log: FlightLog) -> float:
 
 LEVELS: Mapping[str, tuple[Callable[[FlightLog], float], float, float]] = {
     "ordinary cause": (largest_surprise, surprises.TOLD, ALIKE),
-    "eddies": (largest_noise, surprises.TOLD, ALIKE),
+    "eddies": (largest_noise, noise.TOLD, ALIKE),
     "step of the pitch": (largest_pitch_step, sensors.UNUSUAL_PITCH, 0.0),
 }
 

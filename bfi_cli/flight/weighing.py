@@ -172,9 +172,13 @@ def _sorted(flight: Flight, bench: Bench, answers: Sequence[Event | OrdinaryEven
 
 
 def _swinging_events(flight: Flight, bench: Bench, events: Sequence[Event]) -> Iterator[Event]:
-    """Yield what comes and goes: gross errors of a line that no event is of, and oscillations."""
+    """Yield what comes and goes: gross errors of a line that no event of a line is of, and oscillations.
+
+    An error of one channel is none of several that leave together, however large its finder holds it to be.
+    """
+    line_events = [event for event in events if _line(event) and event.state == "declared" and _has_course(event)]
     for gross in gross_errors(bench):
-        if not any(_is_of(event, gross) and event.state == "declared" and _has_course(event) for event in events):
+        if not any(_is_of(event, gross) for event in line_events):
             swinging = _event_of_gross(flight, bench, gross)
             if swinging is not None:
                 yield swinging

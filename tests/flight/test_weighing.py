@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
+import pytest
 from made_journeys import made_journey
 from test_surprises import event_of
 
 from bfi_cli.config import Config
 from bfi_cli.faults import parse_spec
+from bfi_cli.flight import weighing
 from bfi_cli.flight.flight import flight_of
+from bfi_cli.flight.gross import Gross
 from bfi_cli.flight.weighing import DECLARED, weigh_events
 from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.record import frozen_array
@@ -51,3 +55,20 @@ def test_what_is_within_its_tolerance_is_told_where_the_record_confirms_it() -> 
     (event,) = answers[faulty].events
     assert event.margin is not None
     assert event.margin > DECLARED
+
+
+@pytest.mark.parametrize(("fault", "n"), [("altitude_rate", 1), ("tas", 1), ("static_leak", 0), ("pitot_icing", 0)])
+def test_an_error_of_one_channel_is_none_of_several_that_leave_together(
+    fault: str, n: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    gross = Gross(from_s=FROM_S, to_s=TO_S, seconds=20)
+    replaced = {
+        "gross_errors": lambda bench: (gross,),
+        "oscillating_events": lambda *given: (),
+        "_event_of_gross": lambda *given: event_of("static_leak", FROM_S, "declared"),
+    }
+    for name, function in replaced.items():
+        monkeypatch.setattr(weighing, name, function)
+    lasting = replace(event_of(fault, FROM_S - 5.0, "declared"), channels=("tas", "altitude_rate"))
+    given: Any = None
+    assert len([*weighing._swinging_events(given, given, [lasting])]) == n

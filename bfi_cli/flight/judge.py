@@ -134,10 +134,10 @@ def ordinary_of(place: Place) -> Ordinary:
     if cause:
         # A manoeuvre goes with a cause as with any fault: where flaps move the pilot answers.
         freed = np.maximum(shocks[:, [best]], shocks[:, [1]])
-        answered = run_place(place, shocks=freed)
-        more = float(answered.log_likelihood[0] - run.log_likelihood[best])
-        if more > 0.0:
-            gain, run, shocks, best = gain + more, answered, freed, 0
+        steered = run_place(place, shocks=freed)
+        by_steering = float(steered.log_likelihood[0] - run.log_likelihood[best])
+        if by_steering > 0.0:
+            gain, run, shocks, best = gain + by_steering, steered, freed, 0
     if place.offset is not None and place.offset < place.n:
         at_end = np.stack([jump(place, place.offset, jumps) for _, jumps in options], axis=1) + shocks[:, [best]]
         ended = run_place(place, shocks=at_end)

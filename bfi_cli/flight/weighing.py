@@ -157,11 +157,11 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
             bench = with_known(bench, answer)
     for k, event in enumerate(events):
         if event.beyond_tolerance is False and _is_course(event):
-            answers[k] = _small(bench, event, known, flight.to_s)
-    return _sorted(flight, bench, (*swinging, *answers))
+            answers[k] = _weighed_deviation(bench, event, known, flight.to_s)
+    return _weighing(flight, bench, (*swinging, *answers))
 
 
-def _sorted(flight: Flight, bench: Bench, answers: Sequence[Event | OrdinaryEvent | Note]) -> Weighing:
+def _weighing(flight: Flight, bench: Bench, answers: Sequence[Event | OrdinaryEvent | Note]) -> Weighing:
     """Return the answers by what they are, with what is ordinary where no finder looked."""
     stand = tuple(answer for answer in answers if isinstance(answer, Event))
     ordinary = [answer for answer in answers if isinstance(answer, OrdinaryEvent)]
@@ -211,7 +211,7 @@ def _is_course(event: Event) -> bool:
     return (held or event.shape not in UNWEIGHED) and event.frequency_hz is None
 
 
-def _small(bench: Bench, event: Event, known: Sequence[Event], to_s: float) -> Event | Note:
+def _weighed_deviation(bench: Bench, event: Event, known: Sequence[Event], to_s: float) -> Event | Note:
     """Return an event within its tolerance with its margin, a note where the model does not confirm it."""
     cause = next((cause for cause in known if _follows(bench, event, cause)), None)
     if cause is not None:

@@ -109,8 +109,10 @@ class Pilot:
         return not self.has_landed
 
     def _plan(self, time_s: float) -> None:
-        """Move the wanted bank, climb angle and airspeed towards those of the leg."""
-        leg = TOUR[int(np.searchsorted(self.legs, time_s % self.legs[-1], side="right"))]
+        self._turn_to(TOUR[int(np.searchsorted(self.legs, time_s % self.legs[-1], side="right"))])
+
+    def _turn_to(self, leg: Leg) -> None:
+        """Move the wanted bank, climb angle and airspeed towards those of a leg."""
         for name, wanted, rate in (
             ("bank", leg.bank_rad, ROLL_RATE),
             ("climb", leg.climb_rad, CLIMB_RATE),

@@ -27,7 +27,6 @@ from bfi_cli.jsbsim.channels import CONTROLS, RECORDED
 from bfi_cli.jsbsim.flight import FlightError, cruise_airspeed, trimmed
 from bfi_cli.jsbsim.ordinary import FLAPS
 from bfi_cli.jsbsim.pilot import (
-    CLIMB_RATE,
     FLARE_M,
     PITCH_DAMPING,
     PITCH_GAIN,
@@ -35,8 +34,7 @@ from bfi_cli.jsbsim.pilot import (
     PITCH_TRIM,
     ROLL_DAMPING,
     ROLL_GAIN,
-    ROLL_RATE,
-    SPEED_RATE,
+    Leg,
     Pilot,
 )
 from bfi_cli.quantities.units import FOOT, G
@@ -61,13 +59,9 @@ EXTRA = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Part:
-    """A part of a flight: bank and climb angle, rad, airspeed beside that of cruise, flaps."""
+class Part(Leg):
+    """A leg with flaps."""
 
-    duration_s: float
-    bank: float = 0.0
-    climb: float = 0.0
-    speed: float = 1.0
     flaps: float = 0.0
 
 
@@ -120,43 +114,33 @@ class Traveller(Pilot):
         return -1.0 if flares else Pilot._throttle(self, fdm)
 
     def _plan(self, time_s: float) -> None:
-        since_s, part = time_s - self.begins_s, self.parts[-1]
-        for candidate in self.parts:
-            if since_s < candidate.duration_s:
-                part = candidate
-                break
-            since_s -= candidate.duration_s
-        else:
-            self.over = True
-        for name, wanted, rate in (
-            ("bank", part.bank, ROLL_RATE),
-            ("climb", part.climb, CLIMB_RATE),
-            ("speed", part.speed, SPEED_RATE),
-        ):
-            now, most = getattr(self, name), rate * self.step_s
-            setattr(self, name, now + min(max(wanted - now, -most), most))
+        ends_s = np.cumsum([part.duration_s for part in self.parts])
+        k = int(np.searchsorted(ends_s, time_s - self.begins_s, side="right"))
+        self.over = k == len(self.parts)
+        part = self.parts[min(k, len(self.parts) - 1)]
+        self._turn_to(part)
         self.flaps = part.flaps
 
 
 def parts_of(rng: np.random.Generator, *, takes_off: bool) -> tuple[Part, ...]:
     """Return the parts of a flight, about 11 minutes, before its approach."""
     steep = float(rng.uniform(0.03, 0.06))
-    parts = [Part(duration_s=float(rng.uniform(50.0, 90.0)), climb=steep, speed=CLIMBS_OUT)] if takes_off else []
+    parts = [Part(duration_s=float(rng.uniform(50.0, 90.0)), climb_rad=steep, speed=CLIMBS_OUT)] if takes_off else []
     parts.append(Part(duration_s=float(rng.uniform(20.0, 60.0))))
     for kind in rng.permutation(["climb", "descent", "left", "right", "fast", "slow", "level", "circle", "spiral"]):
         length_s, bank = float(rng.uniform(25.0, 75.0)), float(rng.uniform(0.2, 0.5))
         slope = float(rng.uniform(0.02, 0.05))
         parts.append(
             {
-                "climb": Part(duration_s=length_s, climb=slope, speed=0.92),
-                "descent": Part(duration_s=length_s, climb=-slope),
-                "left": Part(duration_s=0.5 * length_s, bank=-bank),
-                "right": Part(duration_s=0.5 * length_s, bank=bank),
+                "climb": Part(duration_s=length_s, climb_rad=slope, speed=0.92),
+                "descent": Part(duration_s=length_s, climb_rad=-slope),
+                "left": Part(duration_s=0.5 * length_s, bank_rad=-bank),
+                "right": Part(duration_s=0.5 * length_s, bank_rad=bank),
                 "fast": Part(duration_s=length_s, speed=float(rng.uniform(1.05, 1.12))),
                 "slow": Part(duration_s=length_s, speed=float(rng.uniform(0.85, 0.93))),
                 "level": Part(duration_s=length_s),
-                "circle": Part(duration_s=1.5 * length_s, bank=bank),
-                "spiral": Part(duration_s=length_s, bank=-bank, climb=0.6 * slope, speed=0.95),
+                "circle": Part(duration_s=1.5 * length_s, bank_rad=bank),
+                "spiral": Part(duration_s=length_s, bank_rad=-bank, climb_rad=0.6 * slope, speed=0.95),
             }[str(kind)]
         )
         parts.append(Part(duration_s=float(rng.uniform(10.0, 40.0))))

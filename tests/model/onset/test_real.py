@@ -66,7 +66,9 @@ def test_without_a_fault_nothing_stands_out(flight: FlightLog, settings: Callabl
         "bias",
         pytest.param(
             "drift",
-            marks=pytest.mark.xfail(reason="1.3 or 2.0 times, by half a second in where the windows of a flight begin"),
+            marks=pytest.mark.xfail(
+                strict=True, reason="1.3 or 2.0 times, by half a second in where the windows of a flight begin"
+            ),
         ),
     ],
 )

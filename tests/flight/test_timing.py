@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
@@ -13,7 +14,7 @@ from bfi_cli.flight.bench import Bench, bench_of
 from bfi_cli.flight.judge import judge
 from bfi_cli.flight.model import flight_model
 from bfi_cli.flight.seconds import seconds_of
-from bfi_cli.flight.timing import begun_before, timing_of
+from bfi_cli.flight.timing import begun_before, likeliest, timing_of
 from bfi_cli.flight.weight import Weight
 from bfi_cli.flightlog.injection import inject
 
@@ -120,3 +121,42 @@ def test_what_comes_back_began_before(spec: str, fault: str, growth_s: float | N
 def test_what_lasts_began_no_earlier():
     bench = bench_with(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}")
     assert begun_before(bench, "tas", ONSET_S, sure=20.0) is None
+
+
+def test_an_onset_is_sought_within_a_minute_of_where_it_was_proposed() -> None:
+    """From 55 s before it is dated; from 70 s before it is beyond what is sought, where another fault begins."""
+    bench = bench_with(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}")
+    weight = weight_of(bench, "tas", ONSET_S, None)
+    near, far = (timing_of(bench, weight, ONSET_S - early_s, None) for early_s in (55.0, 70.0))
+    assert near is not None
+    assert near.onset_s == pytest.approx(ONSET_S, abs=1.0)
+    assert far is not None
+    assert far.onset_ci95[1] < ONSET_S
+
+
+@pytest.mark.parametrize(("lasts_s", "is_dated"), [(390.0, True), (450.0, False)])
+def test_an_onset_is_sought_in_the_seven_minutes_before_what_may_be_its_end(
+    monkeypatch: pytest.MonkeyPatch, lasts_s: float, is_dated: bool
+) -> None:
+    """A step that lasted for 390 s is dated; of one that lasted for 450 s no second that is sought is the onset."""
+    for courses in ("GROWTHS_S", "GROWN_S"):  # a step is told apart from what grows elsewhere
+        monkeypatch.setattr(f"bfi_cli.flight.timing.{courses}", (0.0,))
+    onset_s = 750.0 - lasts_s
+    bench = bench_with(f"bias,channel=tas,magnitude=6,onset_s={onset_s},offset_s=750.0")
+    timing = begun_before(bench, "tas", 751.0, sure=20.0)
+    assert timing is not None
+    assert (abs(timing.onset_s - onset_s) < 2.0) is is_dated
+
+
+def test_an_interval_of_a_normal_likelihood_is_that_of_its_quantiles() -> None:
+    """Of a standard deviation of 100 places, 196 to both sides hold 95 %; where the dispersion is 4, twice as many."""
+
+    def weigh(places: Sequence[int], wide: float = 1.0) -> list[Weight]:
+        return [
+            Weight(fault="tas", margin=-0.5 * ((k - 1000) / 100.0) ** 2, shares={}, size=1.0, dispersion=wide)
+            for k in places
+        ]
+
+    assert likeliest(2001, weigh) == (1000, pytest.approx(804, abs=2), pytest.approx(1196, abs=2))
+    _, first, last = likeliest(2001, lambda places: weigh(places, 4.0))
+    assert (first, last) == (pytest.approx(608, abs=2), pytest.approx(1392, abs=2))

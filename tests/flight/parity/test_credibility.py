@@ -136,6 +136,18 @@ def test_an_airspeed_that_fails_early_accuses_none_of_those_that_show_it():
     assert credibility_of(with_channel(record, **stuck), FLIGHT).findings == ()
 
 
+@pytest.mark.parametrize(("gusts_m_s", "hide"), [(1.3, True), (1.7, False)])
+def test_moderate_gusts_turn_the_air_by_their_share_of_the_airspeed(gusts_m_s: float, hide: bool):
+    """They are what the climb shows of a vane that rests; more than that they do not hide."""
+    record, period_s = drone(), 30.0
+    seen = np.sinc(5.0 / period_s)  # of a sine, in means of five seconds
+    climb = gusts_m_s / seen * np.sqrt(2.0) * np.sin(2.0 * np.pi * T / period_s)
+    level = {name: np.zeros(N) for name in ("pitch", "roll", "aoa")}
+    resting = with_channel(record, tas=np.full(N, 16.0), altitude_rate=climb, **level)
+    (agreement,) = [other for other in agreements(resting, FLIGHT) if other.following.residual == "climb"]
+    assert agreement.by_gusts is hide
+
+
 def test_an_airspeed_that_rests_at_zero_tells_no_speed():
     record = drone()
     lost = with_channel(record, tas=np.zeros(N))

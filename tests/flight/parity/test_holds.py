@@ -11,9 +11,10 @@ from made_flights import made_flight
 from made_logs import made_log
 from scipy.ndimage import gaussian_filter1d
 
-from bfi_cli.airdata import air_data_of, channels_of, impact_pressure_of_cas, pressure_at, total_temperature
+from bfi_cli.airdata import G, air_data_of, channels_of, impact_pressure_of_cas, pressure_at, total_temperature
 from bfi_cli.faults import Fault
 from bfi_cli.flight.parity.holds import doubt_of, find_holds
+from bfi_cli.flight.parity.leaks import brakes
 from bfi_cli.flight.parity.lines import Stretches, lines_of
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.record import frozen_array
@@ -465,6 +466,54 @@ def test_how_still_a_line_must_be_goes_by_the_calm_of_the_flight_and_the_noise_o
     assert line is not None
     why = doubt_of(log, lines, line, stretch(sd, limit), stretch(9.0, 1.0), 3.0, (0, 0, 0), 0)
     assert bool(why) is doubted
+
+
+@pytest.mark.parametrize(("metres", "held"), [(26.0, True), (35.0, False)])
+def test_a_trapped_pressure_drifts_with_a_degree_of_its_line_and_what_goes_on_faster_is_flight(
+    metres: float, held: bool
+) -> None:
+    """In the half minute of a stretch: a degree of 265 K is 1 / 265 of the pressure, which is that of 29 m."""
+    flight = made_flight(names=("p_static", "q_impact", "tat"))
+    static, impact, tat = (flight.channels[name].values for name in ("p_static", "q_impact", "tat"))
+    total, since_s = static + impact, flight.time_s - ONSET_S
+    at_onset = total[since_s >= 0.0][0]
+    drifting = at_onset * (1.0 + metres * G / (287.05 * 265.0) * since_s / 30.0)
+    made = channels_of(static, np.maximum(np.where(since_s >= 0.0, drifting, total) - static, 1.0), tat)
+    log = made_log(flight.time_s, {"altitude": "m"}, altitude=made["altitude"], cas=made["cas"])
+    answer = find_holds(log, FROM_S, TO_S)
+    assert [finding.fault for finding in answer.findings] == (["pitot_blocked"] if held else [])
+    assert any("steady" in why for *_, why in answer.lines[0].untold) is not held
+
+
+@pytest.mark.parametrize(("climbs_by", "leaks"), [(0.13, True), (-0.13, True), (0.17, False), (-0.17, False)])
+def test_a_cabin_climbs_a_little_while_a_line_leaks_to_it(climbs_by: float, leaks: bool) -> None:
+    """What rests at quite another pressure than the exponential goes to is no cabin into which the line leaks."""
+    flight = made_flight(names=("p_static", "q_impact", "tat"))
+    static, impact, tat = (flight.channels[name].values for name in ("p_static", "q_impact", "tat"))
+    since_s = flight.time_s - ONSET_S
+    outside = static[since_s >= 0.0][0]
+    change = pressure_at(2500.0) - outside
+    gone = -np.expm1(-np.maximum(since_s, 0.0) / 5.0) + climbs_by * np.clip((since_s - 21.0) / 5.0, 0.0, 1.0)
+    line = np.where(since_s >= 0.0, outside + change * gone, static)
+    made = channels_of(line, np.maximum(static + impact - line, 1.0), tat)
+    log = made_log(flight.time_s, {"altitude": "m"}, altitude=made["altitude"], cas=made["cas"])
+    faults = [finding.fault for finding in find_holds(log, 0.0, 600.0).findings]
+    assert ("static_leak" in faults) is leaks
+
+
+@pytest.mark.parametrize(("slower_by", "answer"), [(0.12, False), (0.18, None), (0.27, None), (0.34, True)])
+def test_an_aircraft_brakes_that_loses_half_of_what_its_airspeed_loses(slower_by: float, answer: bool | None) -> None:
+    """15 % of the impact pressure are 39 % of the speed: half of the 61 % that it loses are 31 %, a quarter 15 %."""
+    time_s, speed, p_static = np.arange(60.0), 80.0, 80_000.0
+    level = 0.5 * p_static / (287.05 * 265.0) * speed**2
+    rate = slower_by * speed / 20.0
+    ground_speed = speed - rate * np.clip(time_s - 20.0, 0.0, 20.0)
+    assert brakes(made_log(time_s, {}, ground_speed=ground_speed), 20.0, 40.0, level, p_static) is answer
+    units = {"longitudinal_acc": "m/s^2", "pitch": "rad"}
+    pitch = np.full(60, 0.05)
+    felt = made_log(time_s, units, longitudinal_acc=G * np.sin(pitch) - rate, pitch=pitch)
+    assert brakes(felt, 20.0, 40.0, level, p_static) is answer
+    assert brakes(made_log(time_s, {}, cas=ground_speed), 20.0, 40.0, level, p_static) is None
 
 
 @pytest.mark.realdata

@@ -35,7 +35,6 @@ MOVES = 3  # of that window at most; chosen by hand, it mostly rests after one
 # Windows in which the return of a sensor is sought; of those that stand out so many are explained, since the first tell
 # it where there is one.
 RETURN_S, MOST_EXPLAINED = 120.0, 12
-MOST_LOST = -0.9  # of an impact pressure
 # Faults of one flight; with more of them it is the log that is wrong.
 MOST = 6
 SHOWN = 3  # of what is set aside, in a sentence
@@ -232,7 +231,7 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
         part = flight.record.between(*window)
         amount = sign * finding.magnitude * course(part.time_s - finding.onset_s)
         # A fault of a size that no subsonic flight leaves cannot have lasted until here: nothing is known then.
-        part = without_lasting(part, fault, np.maximum(amount, MOST_LOST) if fault == "q_impact" else amount)
+        part = without_lasting(part, fault, amount)
         scan = scan_window(part, zero_lift=flight.zero_lift, only=look.residuals)
         if scan is None or scan.statistic < threshold.level or explained == MOST_EXPLAINED:
             continue

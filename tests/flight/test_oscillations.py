@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,7 @@ from bfi_cli.flight.model import flight_model
 from bfi_cli.flight.oscillations import (
     HIGHEST_HZ,
     WINDOW_S,
+    Line,
     oscillating_events,
     oscillation_of,
     spectral_lines,
@@ -25,6 +27,7 @@ from bfi_cli.flight.seconds import seconds_of
 from bfi_cli.flight.weighing import DECLARED
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
+from bfi_cli.kernels import FloatArray
 
 ALL = ("tas", "cas", "mach")
 SOUND_M_S = 330.0
@@ -168,3 +171,69 @@ def test_without_a_ground_speed_the_aircraft_itself_may_swing(size: float, state
     result = diagnose_flight(log, Config())
     swings = [event for event in (*result.events, *result.deviations) if event.kind == "oscillating"]
     assert [event.state for event in swings] == states
+
+
+@pytest.fixture(scope="module")
+def healthy() -> Bench:
+    return bench_for(made_journey(rate_hz=1.0))
+
+
+# Seconds from the first sample of a window in the middle of which a click has a flat spectrum: of the density of white
+# noise of this standard deviation.
+SINCE_CLICK_S = np.arange(WINDOW_S) - 0.5 * WINDOW_S
+NOISE_SD = 1.0 / np.sqrt(np.log(2.0) * np.sum(np.hanning(WINDOW_S) ** 2))
+
+
+def window_with(sizes: dict[float, float]) -> FloatArray:
+    """Return a window of noise with sines by frequency, each of so many times the noise's standard deviation."""
+    swings = (size * np.sin(2.0 * np.pi * hz * SINCE_CLICK_S) for hz, size in sizes.items())
+    return 1.0 * (SINCE_CLICK_S == 0.0) + NOISE_SD * sum(swings, np.zeros(WINDOW_S))
+
+
+def lines_of_windows(bench: Bench, *windows: FloatArray) -> Sequence[Line]:
+    """Return the lines of an airspeed in flights of a window each, the first of which ends at its own length."""
+    model, taken_s = bench.model, 50  # after a take-off, in which nothing is looked for
+    left, airborne = np.full(bench.innovation.shape, np.nan), np.zeros(model.n, dtype=bool)
+    for k, window in enumerate(windows):
+        first = k * (taken_s + WINDOW_S + 30)
+        airborne[first : first + taken_s + WINDOW_S] = True
+        left[first + taken_s : first + taken_s + WINDOW_S, model.row("tas")] = window
+    flown = replace(model, frame=replace(model.frame, airborne=airborne))
+    return spectral_lines(replace(bench, model=flown, innovation=left))
+
+
+@pytest.mark.parametrize(("size", "seen"), [(1.9, False), (2.1, True)])
+def test_a_sine_of_two_standard_deviations_of_the_noise_is_looked_at_more_closely(
+    healthy: Bench, size: float, seen: bool
+) -> None:
+    assert [line.frequency_hz for line in lines_of_windows(healthy, window_with({0.1: size}))] == (
+        [pytest.approx(0.1)] if seen else []
+    )
+
+
+@pytest.mark.parametrize("strongest", [0.0, 10.0])
+@pytest.mark.parametrize(("share", "lasts"), [(0.115, True), (0.085, False)])
+def test_a_line_lasts_while_it_has_a_tenth_of_the_power_of_one_that_is_looked_at(
+    healthy: Bench, strongest: float, share: float, lasts: bool
+) -> None:
+    """Of the power of the strongest line of its window, and at least of the power from which on a line is seen."""
+    size = float(np.sqrt(share)) * max(strongest, 2.0)
+    lines = lines_of_windows(healthy, window_with({0.1: 4.0}), window_with({0.1: size, 0.3: strongest}))
+    first = next(line for line in lines if line.frequency_hz == pytest.approx(0.1))
+    assert (first.to_s - first.from_s > 2 * WINDOW_S) is lasts
+
+
+@pytest.mark.first_rows(1)
+@pytest.mark.parametrize(("after_s", "counts"), [(320.0, False), (240.0, True)])
+def test_an_oscillation_is_weighed_for_five_minutes_from_where_it_is_seen(after_s: float, counts: bool) -> None:
+    """One that grows to three times its size within these is larger; one that grows later is not."""
+    log, grown = swinging(("tas",)), swinging(("tas",), size=9.0)
+    tas = np.where(log.time_s < 300.0 + after_s, log.channels["tas"].values, grown.channels["tas"].values)
+    few = {name: log.channels[name] for name in ("altitude", "sat", "velocity_north", "velocity_east")}
+    log = replace(log, channels={"tas": replace(log.channels["tas"], values=frozen_array(tas)), **few})
+    line = Line(from_s=240.0, to_s=840.0, frequency_hz=0.1, power=1e3)
+    answer = oscillation_of(bench_for(log), line, rate_hz=1.0, until_s=np.inf)
+    assert answer is not None
+    best = answer.weights[0]
+    assert best.sd is not None
+    assert (best.size > 3.0 + 3.0 * best.sd) is counts

@@ -10,11 +10,13 @@ import pytest
 from made_events import event_of
 from made_journeys import WIND, made_journey
 
-from bfi_cli.flight.bench import Bench, bench_of
+from bfi_cli.flight.bench import Bench, Place, bench_of
+from bfi_cli.flight.judge import ordinary_of
 from bfi_cli.flight.model import flight_model
 from bfi_cli.flight.result import OrdinaryEvent
 from bfi_cli.flight.seconds import seconds_of
 from bfi_cli.flight.surprises import TOLD, change_gains, surprising_events
+from bfi_cli.flight.weight import Ordinary
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels import FloatArray
@@ -29,9 +31,9 @@ def front(since: FloatArray) -> FloatArray:
     return 8.0 * np.clip(since / 10.0, 0.0, 1.0)
 
 
-def erection(since: FloatArray) -> FloatArray:
+def erection(since: FloatArray, size: float = 0.06) -> FloatArray:
     """An error of a gyro horizon that comes in 5 s and settles within a minute."""
-    return 0.06 * np.clip(since / 5.0, 0.0, 1.0) * np.exp(-np.maximum(since - 5.0, 0.0) / 60.0)
+    return size * np.clip(since / 5.0, 0.0, 1.0) * np.exp(-np.maximum(since - 5.0, 0.0) / 60.0)
 
 
 def gusts_from_the_side(since: FloatArray) -> FloatArray:
@@ -132,3 +134,28 @@ def test_what_comes_within_seconds_is_told(
     assert (event.cause, event.looks_like) == (cause, "")
     assert event.from_s == pytest.approx(AT_S, abs=10.0)
     assert event.magnitude == pytest.approx(size, rel=0.3)
+
+
+@pytest.mark.parametrize(
+    ("over_none", "over_another", "told"),
+    [(17.0, 5e20, False), (23.0, 5e20, True), (60.0, 5e3, False), (60.0, 3e4, True)],
+)
+def test_a_cause_is_told_that_is_clearly_better_than_none_and_ten_thousand_times_as_likely_as_another(
+    with_flaps: Bench, monkeypatch: pytest.MonkeyPatch, over_none: float, over_another: float, told: bool
+) -> None:
+    """Flaps whose log density were so much above none, and that were so many times as likely as another cause."""
+
+    def weighed(place: Place) -> Ordinary:
+        return replace(ordinary_of(place), gain=over_none, lead=float(np.log(over_another)))
+
+    monkeypatch.setattr("bfi_cli.flight.surprises.ordinary_of", weighed)
+    assert [event.cause for event in surprising_events(with_flaps, (), ())] == (["flaps"] if told else [])
+
+
+@pytest.mark.parametrize(("size", "told"), [(0.21, True), (0.25, False)])
+def test_an_attitude_settles_by_nine_degrees_at_most(size: float, told: bool) -> None:
+    """Of the error some two thirds are seen where its jump is read, in half a minute in which it settles."""
+    events = list(surprising_events(bench_with({"pitch": lambda since: erection(since, size)}), (), ()))
+    assert [event.cause for event in events] == (["attitude_settles"] if told else [])
+    for event in events:
+        assert np.degrees(event.magnitude) == pytest.approx(7.8, abs=0.8)

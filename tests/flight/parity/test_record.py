@@ -35,6 +35,16 @@ def test_a_fault_of_the_line_moves_what_follows_from_its_pressure_and_nothing_el
     np.testing.assert_allclose(faulty.channels["q_impact"], record.channels["q_impact"] * (1.0 - 0.2 * COURSE))
 
 
+@pytest.mark.parametrize("lost", [0.5, 0.95, 0.995])
+def test_what_is_nearly_lost_whole_comes_back_and_of_what_is_lost_whole_nothing_is_known(lost: float):
+    record, whole = made_record(), np.ones(T.size)
+    again = without_fault(with_fault(record, "q_impact", -lost * whole), "q_impact", -lost * whole)
+    for name, values in record.channels.items():
+        np.testing.assert_allclose(again.channels[name], values, rtol=1e-9, atol=1e-9)
+    for gone in (1.0, 1.3):
+        assert np.isnan(without_fault(record, "q_impact", -gone * whole).channels["tas"]).all()
+
+
 def test_a_loss_of_the_pressure_is_half_the_loss_of_the_airspeed():
     record = made_record()
     faulty = with_fault(record, "q_impact", np.full(T.shape, -1e-4))

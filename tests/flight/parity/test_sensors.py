@@ -282,6 +282,16 @@ def test_an_altimeter_that_steps_is_named_with_its_size(step_m: float, lag_s: fl
     assert found.onset_ci95[0] <= ONSET_S <= found.onset_ci95[1]
 
 
+@pytest.mark.parametrize(("step_m", "named"), [(30.0, False), (40.0, True)])
+def test_an_altimeter_steps_by_ten_times_what_its_altitude_usually_shows_beside_its_rate(step_m: float, named: bool):
+    """A swing of 2 m in 12.3 s makes one of 3.3 m of means of 4 s that are 6 s apart: a standard deviation of 3.5 m."""
+    t = np.arange(float(N)) + 0.5
+    altitude = 2000.0 + 2.0 * np.cos(2.0 * np.pi * (t - ONSET_S) / 12.3) + step_m * (t > ONSET_S)
+    channels = {"altitude": altitude, "altitude_rate": np.zeros(N), "tas": np.full(N, 100.0)}
+    steps = altimeter_steps(Record(time_s=t, channels=channels, gained=None, airspeed="tas"), FLIGHT, ())
+    assert [step.onset_s for step in steps] == ([pytest.approx(ONSET_S, abs=1.0)] if named else [])
+
+
 @pytest.mark.parametrize("late_s", [0.0, 0.2, 0.5, 0.8])
 @pytest.mark.parametrize("step_m", [-60.0, 40.0])
 def test_a_step_as_the_climb_begins_has_its_whole_size(step_m: float, late_s: float):

@@ -67,6 +67,19 @@ def test_without_noise_an_error_is_named_exactly(channel: str, size: float, amon
         assert found.effect[channel] == pytest.approx(abs(size), rel=5e-3)
 
 
+@pytest.mark.first_rows(1)
+@pytest.mark.parametrize(("grows_s", "until_s"), [(400.0, 720.0), (440.0, 1020.0)])
+def test_a_ramp_is_described_in_eight_minutes_and_in_more_while_it_grows(grows_s: float, until_s: float):
+    """From the first window of two minutes that shows it; what windows show later belongs to the same event."""
+    ramp = Fault(shape="ramp_hold", channel="tas", magnitude=0.01 * grows_s, duration_s=grows_s, onset_s=ONSET_S)
+    log = made_flight(seconds=1100.0, rate_hz=2.0, names=("altitude", "cas", "mach", "tas", "sat"))
+    flight = flight_of(inject(log, [ramp]), Config())
+    (draft,) = drafts_of_relations(flight, find_relations(flight))
+    assert draft.window == (120.0, until_s)
+    assert draft.until_s >= 780.0
+    assert (draft.finding.shape, draft.finding.constant_s) == ("ramp_hold", pytest.approx(grows_s, abs=1.0))
+
+
 def test_a_drift_is_a_drift():
     (found,) = find_static(with_error(made_flight(), "tas", 0.002, "drift"), FROM_S, TO_S).findings
     assert (found.fault, found.shape, found.unit) == ("tas", "drift", "m/s^2")

@@ -189,6 +189,20 @@ def test_what_the_ground_shows_is_no_place_in_flight(healthy: Bench) -> None:
     assert place_of(healthy, 20.0, None) is None
 
 
+@pytest.mark.parametrize(("share", "is_read"), [(0.38, True), (0.32, False)])
+def test_an_airspeed_that_shows_a_third_of_its_usual_one_reads_nothing(
+    healthy: Bench, share: float, is_read: bool
+) -> None:
+    """No aircraft flies at a tenth of the lift it usually has: what such a reading says ends with its first minute."""
+    model, y = healthy.model, healthy.y.copy()
+    y[model.time_s >= ONSET_S, model.row("tas")] = share * model.frame.middle_speed
+    place, whole = (place_of(bench, ONSET_S, None) for bench in (replace(healthy, y=y), healthy))
+    assert place is not None
+    assert whole is not None
+    assert (place.n == whole.n) is is_read
+    assert is_read or place.n - place.onset == 60
+
+
 @pytest.mark.slow
 def test_a_channel_that_is_missing_is_a_row_that_is_missing(journey: FlightLog) -> None:
     slim = replace(journey, channels={name: one for name, one in journey.channels.items() if name != "aoa"})

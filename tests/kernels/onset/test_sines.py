@@ -118,6 +118,17 @@ def test_the_highest_peak_at_few_onsets_is_that_at_all(kind, seed, monkeypatch):
     assert few.max() > (0.999 if every.max() > CLEAR else 0.8) * every.max()
 
 
+@pytest.mark.parametrize("spike", [120, 170, 400])
+def test_onsets_before_a_spike_are_among_the_most_promising(spike):
+    """The lagged copies of a sine are free in the samples after its onset: there they explain whatever stands out."""
+    u, y = record(500)
+    y[spike, 0] += 30.0 * y.std()
+    scan = prepare_scan(u, y, order=4)
+    kept = Sines(scan, np.array([0.05])).most_promising(0, default_onsets(scan))
+    assert len(kept) == sines.MOST_ONSETS
+    assert {*range(spike - scan.order, spike)} <= {*kept.tolist()}
+
+
 def test_a_frequency_of_a_long_record_is_found():
     n, frequency = 2000, 0.1234
     u, y = record(n)

@@ -16,9 +16,11 @@ from functools import partial
 
 import numpy as np
 
-from ..airdata import HIGHEST, LOWEST, G, channels_of, pressure_at
+from ..airdata import HIGHEST, LOWEST, G, channels_of, isa_temperature, pressure_at, speed_of_sound, total_temperature
 from ..kernels import BoolArray, FloatArray
-from .bench import FAULT_STATES, ZERO, Place, jump_seconds, run_place
+from ..kernels.running import noise_of_second_differences
+from ..kernels.runs import runs
+from .bench import FAULT_STATES, SHOWN_S, ZERO, Bench, Place, jump_seconds, run_place
 from .model import FlightModel, second_airspeed
 from .parity.record import STATIC_LEAK, without_fault
 from .seconds import filled, rate_of, smoothed
@@ -81,6 +83,12 @@ LEAST_LOSS = 0.01  # a smaller one is none of a line that iced up or leaks
 PREDICTED_PA = (
     8.0  # noise of a pressure that a trapped one predicts beside that of the reading: half a millibar's tenth
 )
+# HEATED [K s^2/m^2]: by which air that is brought to rest warms, by the square of its speed.
+HEATED = float(total_temperature(1.0, 1.0) - 1.0) / float(speed_of_sound(1.0)) ** 2
+# THERMOMETER_S [s]: time constant of the slowest thermometer in flight.
+THERMOMETER_S = 20.0
+# STRAYS [1]: standard deviations of its noise beyond which a trapped pressure is never twice in a row.
+STRAYS = 4.0
 REFERENCE_S = 20  # after the onset, in which the trapped pressure is read
 # Share of the flight's median airspeed below which an instrument reads anything down to nothing, all of it as likely.
 UNREADABLE = 0.45
@@ -94,7 +102,6 @@ class _Rows:
     Z: FloatArray
     extra: FloatArray
     R: FloatArray
-    free: BoolArray  # samples that are charged to neither
     floored: BoolArray  # samples that the fault predicts better than a flight is
     unread: BoolArray  # airspeeds of which it says that they are below what the instrument reads
 
@@ -123,6 +130,25 @@ def line_weights(place: Place, ordinary: Ordinary, named: Collection[str] = ()) 
     yield from best.values()
 
 
+def rests_about(bench: Bench, at_s: float) -> Iterator[tuple[str, float, float]]:
+    """Yield the faults of a trapped line that rests about a time, or before or after it: with its onset and its end."""
+    model = bench.model
+    if not has_lines(model):
+        return
+    air, at = model.seconds.air, int(np.searchsorted(model.time_s, at_s))
+    for fault, pressure in ((PITOT_BLOCKED, air.p_total), (STATIC_BLOCKED, air.p_static)):
+        values, stretches = filled(pressure), set()
+        noise = noise_of_second_differences(values[model.frame.airborne], 2 * REFERENCE_S, 0.5)
+        for second in (at - REFERENCE_S, at, at + REFERENCE_S):
+            level = np.median(values[max(second - COURSE_S // 2, 0) : second + COURSE_S // 2 + 1])
+            away = np.abs(values - level) > STRAYS * noise
+            first, last = next(((a, b) for a, b in runs(~(away & np.roll(away, 1))) if a <= second < b), (0, 0))
+            stretches.add((first, last))
+        for first, last in sorted(stretches):
+            if last - first >= SHOWN_S:
+                yield fault, float(model.time_s[first]), float(model.time_s[last - 1])
+
+
 def has_lines(model: FlightModel) -> bool:
     """Return whether a model measures what the pressure lines make."""
     return {"tas", "altitude"} <= {*model.rows}
@@ -143,19 +169,23 @@ def weights_of_laws(
     """
     first = hypotheses[0][1]
     model = first.bench.model
-    courses = [_first_course(place, law.fault) for law, place in hypotheses]
-    growths = [_growth(place, law) for law, place in hypotheses]
-    moves, starts = zip(*(_moves(place, law) for law, place in hypotheses), strict=True)
+    # A static temperature is made of a total one and the Mach number that is read, or measured: the log need not say.
+    has_temperature = "sat" in model.rows
+    made = (True, False) if has_temperature and "tat" not in model.seconds.recorded else (True,)
+    options = [(law, place, is_made) for is_made in made for law, place in hypotheses]
+    courses = [_first_course(place, law.fault) for law, place, _ in options]
+    growths = [_growth(place, law) for law, place, _ in options]
+    moves, starts = zip(*(_moves(place, law) for law, place, _ in options), strict=True)
     best: list[Weight | None] = [None] * len(hypotheses)
     for k in range(PASSES):
         rows = [
-            _ROWS_OF[law.fault](place, _corrected(place, law.fault, course), course, k)
-            for (law, place), course in zip(hypotheses, courses, strict=True)
+            _rows_of(place, law.fault, course, k, is_made=is_made)
+            for (law, place, is_made), course in zip(options, courses, strict=True)
         ]
         freedoms = 2 if shocks is not None and k == PASSES - 1 else 1
         freed = np.zeros((first.n, len(rows) * freedoms, len(model.states)))
         if shocks is not None and freedoms == 2:
-            freed[:, len(rows) :] = shocks
+            freed[:, len(rows) :] = np.tile(shocks, (1, len(made), 1))
         run = run_place(
             first,
             shocks=freed,
@@ -171,7 +201,7 @@ def weights_of_laws(
             extra_start=np.stack(starts * freedoms),
         )
         likelihood = run.log_likelihood
-        for j, ((law, place), law_rows) in enumerate(zip(hypotheses, rows, strict=True)):
+        for j, ((law, place, is_made), law_rows) in enumerate(zip(options, rows, strict=True)):
             fault = law.fault
             h = j + len(rows) * int(np.argmax(likelihood[j :: len(rows)]))
             density = floored_density(
@@ -179,7 +209,7 @@ def weights_of_laws(
             )
             anything = -np.log(UNREADABLE * model.frame.middle_speed)
             density = np.where(law_rows.unread, np.fmax(density, anything), density)
-            margin, shares = against(place, ordinary, density, without=law_rows.free)
+            margin, shares = against(place, ordinary, density)
             size = float(run.mean[(place.n if place.offset is None else place.offset) - 1, h, -FAULT_STATES])
             weight = Weight(
                 fault=fault,
@@ -189,11 +219,12 @@ def weights_of_laws(
                 sd=float(np.sqrt(max(run.final_covariance[h, -FAULT_STATES, -FAULT_STATES], 0.0))),
                 refused=_refused(fault, size),
                 dispersion=dispersion(place, run.innovation[:, h], shown_rows(model, fault)),
+                heats=is_made and has_temperature and "sat" in model.seconds.recorded,
             )
             unread = fault == STATIC_BLOCKED and k == 0  # it does not read the airspeeds yet
-            known = best[j]
+            known = best[j % len(best)]
             if not unread and (known is None or _rank(weight) > _rank(known)):
-                best[j] = weight
+                best[j % len(best)] = weight
             courses[j] = _next_course(place, fault, run.mean[:, h]) * growths[j]
     return tuple(weight for weight in best if weight is not None)
 
@@ -201,7 +232,7 @@ def weights_of_laws(
 def shown_rows(model: FlightModel, fault: str) -> list[str]:
     """Return the rows of what a fault of a line changes."""
     heights = ("altitude", "altitude_rate") if fault in (STATIC_LEAK, STATIC_BLOCKED) else ()
-    return [name for name in (*AIRSPEED_ROWS, *heights) if name in model.rows]
+    return [name for name in (*AIRSPEED_ROWS, "sat", *heights) if name in model.rows]
 
 
 def _refused(fault: str, size: float) -> str:
@@ -329,20 +360,38 @@ def _start_rows(place: Place, corrected: FlightModel) -> _Rows:
     for name in ("altitude", "altitude_rate", *AIRSPEED_ROWS):
         if name in model.rows:
             y[:, model.row(name)] = place.bench.y[place.part, model.row(name)]
-    free = np.zeros(y.shape, dtype=bool)
-    if "sat" in model.rows:
-        # What is left of a total temperature follows from the airspeed: it says nothing of its own.
-        y[place.during, model.row("sat")] = np.nan
-        free[place.during, model.row("sat")] = True
     return _Rows(
         y=y,
         Z=corrected.Z[place.part].copy(),
         extra=np.zeros((*y.shape, FAULT_STATES)),
         R=place.R.copy(),
-        free=free,
         floored=np.zeros(y.shape, dtype=bool),
         unread=np.zeros(y.shape, dtype=bool),
     )
+
+
+def _rows_of(place: Place, fault: str, course: FloatArray, k: int, *, is_made: bool) -> _Rows:
+    """Return the rows about a course in a pass, the static temperature by the airspeed that is flown.
+
+    Of one that is made, less `HEATED` times the square of the airspeed that is read, the total temperature is right.
+    """
+    model, part, during = place.bench.model, place.part, place.during
+    corrected = _corrected(place, fault, course)
+    rows = _ROWS_OF[fault](place, corrected, course, k)
+    if "sat" not in model.rows:
+        return rows
+    j = model.row("sat")
+    read_height, height = (np.clip(each.coefficients.height[part], LOWEST, HIGHEST) for each in (model, corrected))
+    rows.y[:, j] = place.bench.y[part, j] + isa_temperature(read_height) - isa_temperature(height)
+    if is_made:
+        read, speed = filled(model.seconds.channels["tas"])[part], corrected.coefficients.airspeed[part]
+        rows.y[during, j] += HEATED * (read**2 + speed**2)[during]
+        for name in ("airspeed", "gust"):
+            rows.Z[during, j, model.state(name)] = 2.0 * HEATED * speed[during]
+        error = np.where(during, HEATED * (speed**2 - read**2), 0.0)
+        answers = np.diff(-np.exp(-np.arange(place.n + 1) / THERMOMETER_S))  # to what it measured so long ago
+        rows.R[:, j] += (error - np.convolve(error, answers)[: place.n]) ** 2
+    return rows
 
 
 def _speeds(model: FlightModel, place: Place, row: int) -> FloatArray:

@@ -32,6 +32,7 @@ from .judge import (
     rows_of,
     with_known,
 )
+from .lines import rests_about
 from .model import flight_model
 from .naming import channels_of, repeat_advice
 from .noise import noisy_events
@@ -115,6 +116,7 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     known = [*hiding]
     for event in known:
         bench = with_known(bench, event)
+    events = [_as_trapped(bench, event, flight.to_s) if _can_be_weighed(event) else event for event in events]
     answers: list[Event | OrdinaryEvent | Note] = list(events)
     # What is certain is in the model before the rest is weighed, in the order of time; a line is before a channel about
     # its onset, which may be its own.
@@ -450,6 +452,7 @@ def _confirmed(event: Event, weight: Weight, judgement: Judgement, *, may_be_sur
     sure = event.state == "declared" or (may_be_sure and weight.margin > SURE * DECLARED)
     return replace(
         event,
+        channels=_with_temperature(event.channels, weight) if weight.fault in family else event.channels,
         state="declared" if sure else "suspected",
         margin=weight.margin,
         among=tuple(dict.fromkeys((event.fault, *among))),
@@ -508,6 +511,26 @@ def _renamed(bench: Bench, event: Event, best: Weight, among: tuple[str, ...], u
     )
 
 
+def _as_trapped(bench: Bench, event: Event, until_s: float) -> Event:
+    """Return an event, as a line that rests about it where that explains the flight better than what is proposed."""
+    rests = () if "holds" in event.stages else tuple(rests_about(bench, event.onset_s))
+    if not rests or not {*event.channels} & DEPENDS_ON.keys():
+        return event
+    judgement, trapped = _judgement(bench, event, until_s), event
+    best = DECLARED if judgement is None else max(DECLARED, judgement.weights[0].margin)
+    for fault, from_s, to_s in rests:
+        rest = replace(event, fault=fault, among=(fault,), onset_s=from_s, offset_s=to_s)
+        there = _judgement(bench, rest, until_s)
+        if there is None or there.weights[0].fault != fault or there.weights[0].margin <= best:
+            continue
+        timing = timing_of(bench, there.weights[0], from_s, to_s, until_s=until_s)
+        if timing is not None:
+            # A line may rest before the flight contradicts it.
+            within = min(from_s - 1.0, timing.onset_ci95[0]), timing.onset_ci95[1]
+            best, trapped = there.weights[0].margin, _timed(bench, rest, replace(timing, onset_ci95=within))
+    return trapped
+
+
 def _begun_before(bench: Bench, event: Event, until_s: float) -> Timing | None:
     """Return from when to when a fault lasts of which an event is the return, None where it is none."""
     if event.offset_s is not None or event.magnitude is None or "holds" in event.stages or event.shape == "drift":
@@ -546,6 +569,7 @@ def _described(bench: Bench, event: Event, weight: Weight) -> Event:
     """Return an event with the name, the course and the size of a fault; of a line no size is told."""
     line, growth_s = weight.growth_s is None, weight.growth_s or 0.0
     channels = channels_of(weight.fault, bench.model.seconds.recorded)
+    channels = _with_temperature(channels, weight) if line else channels
     lasts_s = max((event.seen_until_s if event.offset_s is None else event.offset_s) - event.onset_s, 1.0)
     drifts = growth_s == np.inf
     per = lasts_s if drifts else 1.0
@@ -569,6 +593,12 @@ def _described(bench: Bench, event: Event, weight: Weight) -> Event:
         else {weight.fault: weight.size},
         stages=tuple(dict.fromkeys((*event.stages, MODEL))),
     )
+
+
+def _with_temperature(channels: Sequence[str], weight: Weight) -> tuple[str, ...]:
+    """Return the channels that a fault of a line makes wrong: a static temperature where it is made of them."""
+    others = tuple(name for name in channels if name != "sat")
+    return (*others, "sat") if weight.heats else others
 
 
 def _stated_cause(bench: Bench, event: Event, weight: Weight, causes: Sequence[KnownCause]) -> KnownCause | None:

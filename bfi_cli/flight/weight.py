@@ -27,6 +27,7 @@ class Weight:
     refused : why it can be none, "" where it can.
     dispersion : twice the loss of a measurement of its channels while it lasts, in the mean; 1 of what it describes to
         their noise.
+    heats : whether the static temperature is made of a total one and the Mach number that a line shows.
     """
 
     fault: str
@@ -37,6 +38,7 @@ class Weight:
     growth_s: float | None = None
     refused: str = ""
     dispersion: float = 1.0
+    heats: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,19 +78,9 @@ def beside(place: Place, ordinary: Ordinary, rows: Collection[str]) -> FloatArra
     return np.maximum(shocks, jump(place, place.onset, MANOEUVRE))
 
 
-def against(
-    place: Place, ordinary: Ordinary, log_density: FloatArray, *, without: BoolArray | None = None
-) -> tuple[float, dict[str, float]]:
-    """Return the margin of (n, n_rows) log densities over the ordinary ones, and each channel's share of it.
-
-    Parameters
-    ----------
-    without : (n, n_rows) samples that are charged to neither.
-    """
-    difference = log_density - ordinary.log_density
-    if without is not None:
-        difference = np.where(without, 0.0, difference)
-    by_row = np.nansum(difference, axis=0)
+def against(place: Place, ordinary: Ordinary, log_density: FloatArray) -> tuple[float, dict[str, float]]:
+    """Return the margin of (n, n_rows) log densities over the ordinary ones, and each channel's share of it."""
+    by_row = np.nansum(log_density - ordinary.log_density, axis=0)
     shares: dict[str, float] = {}
     for name, value in zip(place.bench.model.rows, by_row, strict=True):
         channel = "ground_speed" if name.startswith("velocity") else name

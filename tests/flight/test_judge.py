@@ -106,6 +106,24 @@ def test_what_is_injected_is_the_best_explanation(
         assert weight.size == pytest.approx(size, abs=max(5.0 * weight.sd, 0.05 * size))
 
 
+@pytest.mark.parametrize("is_made", [True, False])
+def test_a_static_temperature_follows_the_airspeed_that_it_is_made_of(journey: FlightLog, is_made: bool) -> None:
+    """Made of a total one and the Mach number that a blocked tube shows, it speaks for the tube, and no other line."""
+    without = {name: channel for name, channel in journey.channels.items() if name != "tat"}
+    log = inject(replace(journey, channels=without), [parse_spec(f"pitot_blocked,onset_s={ONSET_S}")])
+    if is_made:
+        made = inject(journey, [parse_spec(f"pitot_blocked,onset_s={ONSET_S}")])
+        log = replace(made, channels={name: made.channels[name] for name in without})
+    judgement = judge(bench_of(model_of(log)), ONSET_S, None)
+    assert judgement is not None
+    weight, leak = judgement.weights[0], judgement.weight("static_leak")
+    assert weight.fault == "pitot_blocked"
+    assert weight.heats == is_made
+    assert weight.shares["sat"] > (DECLARED if is_made else -ALIKE)
+    assert leak is not None
+    assert leak.shares["sat"] < weight.shares["sat"] + ALIKE
+
+
 def test_what_may_happen_beside_a_fault_may_happen_without_one(journey: FlightLog) -> None:
     """Where a front is met as a climb begins an error of no size is worth nothing: no flight has that error."""
     since_s = np.maximum(journey.time_s - ONSET_S, 0.0)

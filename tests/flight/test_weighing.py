@@ -44,6 +44,29 @@ def test_a_line_that_seems_to_rest_between_coarse_steps_is_not_declared_against_
     assert answer.state == "suspected"
 
 
+@pytest.mark.first_rows(1)
+@pytest.mark.parametrize(
+    ("fault", "proposed", "at_s"),
+    [("pitot_blocked", "sat", 521.0), ("static_blocked", "static_leak", 480.0), ("pitot_blocked", "tas", 450.0)],
+)
+def test_a_line_that_rests_is_told_from_its_onset_to_its_end_whatever_of_it_stands_out(
+    fault: str, proposed: str, at_s: float
+) -> None:
+    """Of a static temperature that is made of the airspeed a blocked tube gives back a step, and nothing else is."""
+    blocked = inject(
+        made_journey(rate_hz=1.0).window(None, 640.0), [parse_spec(f"{fault},onset_s={ONSET_S},offset_s=520")]
+    )
+    log = replace(blocked, channels={name: blocked.channels[name] for name in blocked.channels if name != "tat"})
+    step = replace(event_of(proposed, at_s, "declared"), stages=("static relations",))
+    step = replace(step, channels=("altitude",) if fault == "static_blocked" else (proposed,))
+    (answer,) = weigh_events(flight_of(log, Config()), [step], Config().diagnose).events
+    assert answer.fault == fault
+    assert answer.state == "declared"
+    assert answer.onset_ci95[0] <= ONSET_S <= answer.onset_ci95[1]
+    assert answer.offset_s == pytest.approx(520.0, abs=3.0)
+    assert ("sat" in answer.channels) is (fault == "pitot_blocked")  # nothing tells of a port whose Mach number stays
+
+
 def test_what_is_within_its_tolerance_is_told_where_the_record_confirms_it() -> None:
     healthy = made_journey(rate_hz=1.0).window(None, 700.0)
     small = replace(event_of("tas", ONSET_S, "declared"), stages=("static relations",), beyond_tolerance=False)

@@ -89,7 +89,8 @@ def weighed(monkeypatch: pytest.MonkeyPatch) -> Callable[[Model, Sequence[Event]
             "timing_of": timing_of,
         }
         replaced |= dict.fromkeys(("is_on_ground", "is_set"), lambda *args: False)
-        replaced |= dict.fromkeys(("gross_errors", "oscillating_events", "surprising_events"), lambda *args: ())
+        nothing = ("gross_errors", "oscillating_events", "surprising_events", "rests_about")
+        replaced |= dict.fromkeys(nothing, lambda *args: ())
         replaced |= {"noisy_events": lambda *args: (), "begun_before": lambda *args, **sure: None}
         for name, stub in replaced.items():
             monkeypatch.setattr(weighing, name, stub)

@@ -62,7 +62,6 @@ ABOUT_S = 90.0
 UNWEIGHED = ("dropout", "spikes", "frozen", "offset", "sine", "cosine", "pitot_water")
 # Analyses that see no more of a flight than its model does; the others know inputs, or accelerations at the log's rate.
 SEES_NO_MORE = {"static relations", "sensors", "flight model"}
-FASTER_HZ = 1.5  # above which a log shows more than a sample a second
 MODEL: Stage = "flight model"
 # About a stretch of gross errors: when an event that lasts is of it, what is shown, and how well its onset is known.
 BESIDE_S, AROUND_S, ONSET_S = 60.0, 60.0, 3.0
@@ -307,9 +306,9 @@ def _weighed(
     known = _stated_cause(bench, event, weight, causes)
     if known is not None:
         return _ordinary(event, known.cause, {"margin": weight.margin}, stated=True)
-    if _knows_more(bench, event) or (_rests_by_itself(flight, event) and weight.margin > -DECLARED):
-        return replace(event, margin=weight.margin)
     rival = _rival(bench, event, weight, judgement)
+    if _knows_more(bench, event, rival):
+        return replace(event, margin=weight.margin)
     if rival and weight.margin > -DECLARED and not weight.refused:
         named = event if weight.fault == event.fault else _renamed(bench, event, weight, (weight.fault,), until_s)
         return replace(
@@ -387,19 +386,20 @@ def _margin_of(judgement: Judgement, fault: str) -> float:
     return 0.0 if weight is None else weight.margin
 
 
-def _knows_more(bench: Bench, event: Event) -> bool:
+def _knows_more(bench: Bench, event: Event, rival: str) -> bool:
     """Return whether a finder knows what the model does not.
 
     Accelerations at the log's rate, an airspeed that changes faster than any flight, a pitch within a second, in which
     neither flaps move nor an attitude settles, equations between a temperature and airspeeds, of which the model takes
-    any jump for a cold layer; and without a ground velocity a lost airspeed is as well a change of speed.
+    any jump for a cold layer; and without a ground velocity a lost airspeed is as well a change of speed. Inertia knows
+    no more of a wind that changes: it moves the airspeed against what the accelerations say, as an error of it does.
     """
     if {AT_ONCE_EVIDENCE, PITCH_EVIDENCE} & event.evidence.keys():
         return True
     if event.fault in TEMPERATURES and EXACT & {*event.stages}:
         return True
     by_lift = event.fault in (*LOSSES, *AIRSPEEDS) and not {"velocity_north", "ground_speed"} & {*bench.model.rows}
-    inertial = event.evidence.get(INERTIAL, 0.0) > DECLARED
+    inertial = event.evidence.get(INERTIAL, 0.0) > DECLARED and rival != "wind"
     return (by_lift or inertial) and not set(event.stages) <= SEES_NO_MORE
 
 
@@ -432,11 +432,6 @@ def _may_be_renamed(event: Event, fault: str) -> bool:
     return fault in event.among or not EXACT & {*event.stages}
 
 
-def _rests_by_itself(flight: Flight, event: Event) -> bool:
-    """Return whether a line is stiller than a flight at a rate that the model, a second apart, does not see."""
-    return "holds" in event.stages and flight.log.rate_hz > FASTER_HZ
-
-
 def _confirmed(event: Event, weight: Weight, judgement: Judgement, *, may_be_sure: bool) -> Event:
     """Return an event that the record confirms, with every other fault that explains it about as well."""
     alike = judgement.among if weight.fault in judgement.among else event.among
@@ -462,8 +457,9 @@ def _confirmed(event: Event, weight: Weight, judgement: Judgement, *, may_be_sur
 
 
 def _rival(bench: Bench, event: Event, weight: Weight, judgement: Judgement) -> str:
-    """Return the ordinary cause that explains an event, "" for none."""
-    moved = rows_of(bench, (weight.fault, *event.channels))
+    """Return the ordinary cause that explains an event by its channels or by what they disagree with, "" for none."""
+    broken = (name for name, value in event.evidence.items() if value > AUDIBLE)
+    moved = rows_of(bench, (weight.fault, *event.channels, *broken))
     if judgement.gain > DECLARED and explains(bench, judgement.cause, moved):
         return judgement.cause
     return ALTIMETER_SET if "altitude" in moved and is_set(bench, event.onset_s) else ""

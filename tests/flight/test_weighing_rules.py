@@ -21,7 +21,7 @@ from bfi_cli.flight.weighing import Weighing, weigh_events
 from bfi_cli.flight.weight import Weight
 
 N = 1000
-ROWS = ("tas", "altitude", "pitch", "sat")
+ROWS = ("ground_speed", "tas", "altitude", "pitch", "sat")
 AT_S = 500.0
 
 
@@ -94,7 +94,7 @@ def weighed(monkeypatch: pytest.MonkeyPatch) -> Callable[[Model, Sequence[Event]
         replaced |= {"noisy_events": lambda *args: (), "begun_before": lambda *args, **sure: None}
         for name, stub in replaced.items():
             monkeypatch.setattr(weighing, name, stub)
-        flight: Any = SimpleNamespace(log=SimpleNamespace(rate_hz=1.0), phases=(), from_s=0.0, to_s=float(N))
+        flight: Any = SimpleNamespace(log=SimpleNamespace(rate_hz=10.0), phases=(), from_s=0.0, to_s=float(N))
         return weigh_events(flight, events, Config().diagnose)
 
     return answer
@@ -115,6 +115,24 @@ def test_an_equation_of_a_temperature_is_no_cold_layer(weighed: Any, stage: Stag
     answer = weighed(Model(judgement=lambda onset_s: layered, moves=("temperature",)), [step])
     assert [event.state for event in answer.events] == ([] if state is None else [state])
     assert [event.cause for event in answer.ordinary] == (["temperature"] if state is None else [])
+
+
+@pytest.mark.parametrize(("cause", "state"), [("wind", "suspected"), ("flaps", "declared")])
+def test_inertia_knows_no_more_of_a_wind_that_changes(weighed: Any, cause: str, state: str):
+    """An airspeed moves against the accelerations in a front as by an error; flaps do not move it so."""
+    met = replace(says(weight(margin=-5.0)), cause=cause, gain=100.0)
+    step = replace(event_of("tas", AT_S, "declared"), evidence={"kinematics": 40.0, "ground_speed": 40.0})
+    (event,) = weighed(Model(judgement=lambda onset_s: met, moves=(cause,)), [step]).events
+    assert event.state == state
+    assert (cause in event.among) is (state == "suspected")
+
+
+@pytest.mark.parametrize(("margin", "state"), [(-5.0, "suspected"), (25.0, "declared")])
+def test_a_line_that_only_seems_to_rest_is_declared_by_no_rate(weighed: Any, margin: float, state: str):
+    held = replace(event_of("static_blocked", AT_S, "declared"), stages=("holds",), channels=("altitude",))
+    judgement = says(weight("static_blocked", margin=margin, growth_s=None))
+    (event,) = weighed(Model(judgement=lambda onset_s: judgement), [held]).events
+    assert event.state == state
 
 
 @pytest.mark.parametrize(

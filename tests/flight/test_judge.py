@@ -17,6 +17,7 @@ from bfi_cli.flight.bench import Bench, bench_of, place_of, run_place
 from bfi_cli.flight.fit import fitted_levels
 from bfi_cli.flight.gross import gross_errors, swings_of
 from bfi_cli.flight.judge import ALIKE, Judgement, explains, is_on_ground, is_set, judge, ordinary_of, rows_of
+from bfi_cli.flight.lines import rests_about
 from bfi_cli.flight.model import FlightModel, flight_model
 from bfi_cli.flight.seconds import seconds_of
 from bfi_cli.flight.tables import LEVELS
@@ -122,6 +123,21 @@ def test_a_static_temperature_follows_the_airspeed_that_it_is_made_of(journey: F
     assert weight.shares["sat"] > (DECLARED if is_made else -ALIKE)
     assert leak is not None
     assert leak.shares["sat"] < weight.shares["sat"] + ALIKE
+
+
+@pytest.mark.parametrize(("strays", "until_s"), [(1, 301.0), (2, 200.0)])
+def test_a_trapped_pressure_strays_from_itself_once_and_never_twice(strays: int, until_s: float) -> None:
+    """It rests from 100 to 300 s, but for seconds in which it is ten standard deviations away."""
+    moves = 50.0 * np.abs(np.clip(np.arange(400.0), 100.0, 300.0) - np.arange(400.0))
+    pressure = 9e4 + moves + np.random.default_rng(0).standard_normal(400)
+    pressure[200 : 200 + strays] += 10.0
+    air = SimpleNamespace(p_total=pressure, p_static=9e4 + 50.0 * np.arange(400.0))
+    frame = SimpleNamespace(airborne=np.ones(400, dtype=bool))
+    seconds, rows = SimpleNamespace(air=air), ("tas", "altitude")
+    bench: Any = SimpleNamespace(
+        model=SimpleNamespace(n=400, time_s=np.arange(400.0), rows=rows, frame=frame, seconds=seconds)
+    )
+    assert [*rests_about(bench, 150.0)] == [("pitot_blocked", 100.0, until_s)]
 
 
 def test_what_may_happen_beside_a_fault_may_happen_without_one(journey: FlightLog) -> None:

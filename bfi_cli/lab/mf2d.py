@@ -49,11 +49,10 @@ def identify_by_mf2d(
         max_active=config.selection.max_active,
         dropping_only=True,
     )
-    selection = best_of(regression, searches, penalty)
+    selection = best_of(window, regression, searches, penalty)
     fit = selection.best.fit
     estimates = magnitudes_of_fit(regression, selection.best, penalty)
     return result_of_selection(
-        regression,
         selection,
         estimates,
         SolverSummary(

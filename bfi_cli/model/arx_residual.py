@@ -38,7 +38,7 @@ def identify_by_residual(
     2. An alarm is a residual of more than five robust standard deviations.
     3. Of the entries that begin at an alarm, that which explains most alone is declared, with its own magnitude.
     """
-    plain = select(regression, none_of(config.selection), partial(progress, "the model without faults"))
+    plain = select(window, regression, none_of(config.selection), partial(progress, "the model without faults"))
     fit, error = plain.best.fit, plain.unfolded.error
     estimates = magnitudes_of_fit(regression, plain.best, plain.penalty)
     rows_s = window.signals.time_s[-len(error) :]

@@ -7,7 +7,7 @@ rate of the model by as much as its size).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -45,7 +45,7 @@ from .preprocessing.magnitudes import (
 from .preprocessing.regression import RegressionData
 from .preprocessing.window import PreparedWindow, regression_of, with_sizes
 from .result import SolverSummary
-from .selection import MethodResult, Selected, Selection, move_entry, move_onsets, propose_supports, result_of_selection
+from .selection import MethodResult, Select, Selection, move_entry, move_onsets, propose_supports, result_of_selection
 
 # Steps to the magnitude at which the signal of a fault of a pressure line is taken, and the relative change of it that
 # ends them: far below the standard deviation of any magnitude that is declared.
@@ -87,22 +87,21 @@ def identify_by_likelihood(
     # 1. The support, by EBIC at the onsets stated and about them, or by the rule.
     window, regression = _at_own_sizes(window, regression, config)
     choose = partial(select, rules=rules)
-    selection = choose(regression, report=partial(progress, "search for the faults"))
-    at_stated = now = Selected(window=window, regression=regression, selection=selection)
+    at_stated = now = choose(window, regression, report=partial(progress, "search for the faults"))
     if is_stated:
-        now = replace(now, selection=_by_threshold(regression, selection, threshold))
+        now = _by_threshold(window, regression, now, threshold)
     elif rules.max_active != 0:
         now = move_onsets(now, config, choose)
     # 2. What acts through a pressure line, as a whole and at its own size.
     while not is_stated and (failed := _not_whole(now)) is not None:
         now = _declining(now, failed, declined)
     about_signals: list[Note] = []
-    if any(now.window.faults[now.window.live[n]].shape in LINE_SHAPES for n in now.selection.best.fit.atoms):
-        refit = partial(_by_threshold, selection=now.selection, threshold=threshold)
+    if any(now.window.faults[now.window.live[n]].shape in LINE_SHAPES for n in now.best.fit.atoms):
+        refit = partial(_by_threshold, selection=now, threshold=threshold)
         now, about_signals = _with_secants(now, config, refit if is_stated else choose)
     # The errors, 70 MB for a day at 100 Hz, are made again for the answer.
-    bare = replace(now.selection.unfolded, error=np.zeros((0, 0)), weighted_error=np.zeros((0, 0)))
-    now = replace(now, selection=replace(now.selection, unfolded=bare))
+    bare = replace(now.unfolded, error=np.zeros((0, 0)), weighted_error=np.zeros((0, 0)))
+    now = replace(now, unfolded=bare)
     # 3. Magnitudes, and the tests that an atom must pass.
     estimated = _estimated(now, config, progress)
     if not is_stated:
@@ -113,7 +112,7 @@ def identify_by_likelihood(
     coarse, dispersion, estimates = estimated
     limits = _limits(now, config, coarse, dispersion, estimates, within=not is_stated, progress=progress)
     del coarse, estimated  # its memory is wanted for what follows
-    fit = now.selection.best.fit
+    fit = now.best.fit
     notes = [*about_signals]
     notes += [
         Note.limit(f"'{names[n]}' begins {abs(s):.3g} s {'after' if s > 0 else 'before'} the onset stated")
@@ -121,48 +120,46 @@ def identify_by_likelihood(
         if n in fit.atoms
     ]
     return result_of_selection(
-        now.regression,
-        now.selection,
+        now,
         replace(estimates, minimal_detectable=limits),
         SolverSummary(
             method=config.method,
             termination=fit.termination.value,
             iterations=fit.iterations,
-            condition_number=now.selection.unfolded.condition_number,
+            condition_number=now.unfolded.condition_number,
         ),
         declined=declined,
-        needed=statistic_needed(now.selection.penalty, dispersion),
+        needed=statistic_needed(now.penalty, dispersion),
         analysed=(now.window, now.regression) if now.shifts_s or now.window.sizes else None,
         criterion=fit.bic(now.regression.n_rows),
         dispersion=float(np.max(dispersion[list(fit.atoms)], initial=1.0)),
         remarks={
-            **_near_miss(names, now.selection),
+            **_near_miss(names, now),
             **{n: Note.limit(f"'{names[n]}' is not declared: {reason}") for n, reason in declined.items()},
         },
-        notes=(*notes, *_rival_note(names, now.selection)),
+        notes=(*notes, *_rival_note(names, now)),
     )
 
 
-def _declining(now: Selected, failed: tuple[int, str], declined: dict[int, str]) -> Selected:
+def _declining(now: Selection, failed: tuple[int, str], declined: dict[int, str]) -> Selection:
     """Return the best of the supports visited that leave out an atom which failed; the reason enters `declined`."""
     atom, declined[failed[0]] = failed
-    searches = [
-        {atoms: scored for atoms, scored in visited.items() if atom not in atoms} for visited in now.selection.searches
-    ]
-    return replace(now, selection=best_of(now.regression, searches, now.selection.penalty))
+    searches = [{atoms: scored for atoms, scored in visited.items() if atom not in atoms} for visited in now.searches]
+    left = best_of(now.window, now.regression, searches, now.penalty)
+    return replace(left, shifts_s=now.shifts_s, prices=now.prices)
 
 
 def _tested(
-    now: Selected,
+    now: Selection,
     estimated: Estimated,
-    at_stated: Selected,
+    at_stated: Selection,
     declined: dict[int, str],
     config: Config,
     *,
-    choose: Callable[[RegressionData], Selection],
+    choose: Select,
     exclusive: bool,
     progress: Progress,
-) -> tuple[Selected, Estimated]:
+) -> tuple[Selection, Estimated]:
     """Return a selection of which every atom passes all tests, with its magnitudes; the others enter `declined`."""
     coarse, dispersion, estimates = estimated
     has_lines = any(now.window.faults[entry].shape in LINE_SHAPES for entry in now.window.live)
@@ -180,13 +177,11 @@ def _tested(
                     return beside, there
         now = _declining(now, failed, declined)
         sizing = partial(progress, f"magnitudes, {len(declined)} declined")
-        estimates = estimate_magnitudes(
-            now.regression, now.selection.fits, now.selection.penalty, dispersion, coarse, sizing
-        )
+        estimates = estimate_magnitudes(now.regression, now.fits, now.penalty, dispersion, coarse, sizing)
 
 
 def _limits(
-    now: Selected,
+    now: Selection,
     config: Config,
     coarse: RegressionData | None,
     dispersion: FloatArray,
@@ -201,22 +196,22 @@ def _limits(
     ----------
     within : at every onset within the tolerance, not at the stated onset alone.
     """
-    regression, selection, penalty = now.regression, now.selection, now.selection.penalty
-    likely, sized = overdispersion_if_declared(now.window, regression, selection.best.fit, dispersion), estimates
+    regression, penalty = now.regression, now.penalty
+    likely, sized = overdispersion_if_declared(now.window, regression, now.best.fit, dispersion), estimates
     if np.any(likely > dispersion):
         sizing = partial(progress, "magnitudes that would be declared")
-        sized = estimate_magnitudes(regression, selection.fits, penalty, likely, coarse, sizing)
-    limits = profiled_limits(regression, selection.best.fit, sized, penalty, likely)
+        sized = estimate_magnitudes(regression, now.fits, penalty, likely, coarse, sizing)
+    limits = profiled_limits(regression, now.best.fit, sized, penalty, likely)
     if not within:
         return limits
     sizing = partial(progress, "magnitudes within the onset tolerance")
-    others = limits_within_tolerance(now.window, regression, config, selection.fits, penalty, likely, coarse, sizing)
+    others = limits_within_tolerance(now.window, regression, config, now.fits, penalty, likely, coarse, sizing)
     return np.asarray(np.fmax(limits, others))
 
 
-def _rival(now: Selected, config: Config) -> tuple[int, str] | None:
+def _rival(now: Selection, config: Config) -> tuple[int, str] | None:
     """Return a declared entry that begins with another of its output and explains less alone; None where none does."""
-    window, fit = now.window, now.selection.best.fit
+    window, fit = now.window, now.best.fit
     near_s = 2.0 * config.onset_tolerance_s + 1.0 / window.signals.rate_hz
     declared = {n: window.faults[window.live[n]] for n in fit.atoms}
     problem = now.regression.problem(fit.order)
@@ -230,14 +225,14 @@ def _rival(now: Selected, config: Config) -> tuple[int, str] | None:
     return None
 
 
-def _estimated(now: Selected, config: Config, progress: Progress) -> Estimated:
+def _estimated(now: Selection, config: Config, progress: Progress) -> Estimated:
     coarse = at_half_rate(now.window, now.regression, config, partial(progress, "the record at half the rate"))
     elsewhere = partial(progress, "the same shapes elsewhere")
-    dispersion = overdispersion(now.window, now.regression, now.selection.best.fit, elsewhere)
+    dispersion = overdispersion(now.window, now.regression, now.best.fit, elsewhere)
     estimates = estimate_magnitudes(
         now.regression,
-        now.selection.fits,
-        now.selection.penalty,
+        now.fits,
+        now.penalty,
         dispersion,
         coarse,
         partial(progress, "magnitudes"),
@@ -284,7 +279,7 @@ def _at_own_sizes(
     return window, regression
 
 
-def _with_secants(now: Selected, config: Config, choose: Callable[..., Selection]) -> tuple[Selected, list[Note]]:
+def _with_secants(now: Selection, config: Config, choose: Select) -> tuple[Selection, list[Note]]:
     """Return what is selected with the signals of chosen faults of a line taken at their magnitudes.
 
     A channel is not proportional to a loss of pressure: at a fifth of it the derivative is off by a fifth. Each step
@@ -295,7 +290,7 @@ def _with_secants(now: Selected, config: Config, choose: Callable[..., Selection
     ----------
     choose : returns the selection on another regression.
     """
-    fit, z = now.selection.best.fit, now.selection.best.fit.z
+    fit, z = now.best.fit, now.best.fit.z
     sized = [k for k, n in enumerate(fit.atoms) if _is_sized(now.window, n)]
     if not sized:
         return now, []
@@ -313,7 +308,7 @@ def _with_secants(now: Selected, config: Config, choose: Callable[..., Selection
         regression = regression_of(window, config)
         start = magnitude / regression.magnitude_unit[list(fit.atoms)]
         z = fit_magnitudes(regression.problem(fit.order), fit.atoms, start).z
-    return replace(now, window=window, regression=regression, selection=choose(regression)), []
+    return replace(choose(window, regression), shifts_s=now.shifts_s, prices=now.prices), []
 
 
 def none_of(rules: Rules) -> Rules:
@@ -321,7 +316,7 @@ def none_of(rules: Rules) -> Rules:
     return rules.model_copy(update={"evidence": 0.0, "max_active": 0})
 
 
-def select(regression: RegressionData, rules: Rules, report: Report = silent) -> Selection:
+def select(window: PreparedWindow, regression: RegressionData, rules: Rules, report: Report = silent) -> Selection:
     """Search supports at every order on common rows and take the best."""
     n_atoms, max_active = len(regression.atoms), rules.max_active
     penalty = regression.penalty(rules, n_atoms)
@@ -335,17 +330,19 @@ def select(regression: RegressionData, rules: Rules, report: Report = silent) ->
     if n_atoms <= BACKWARD_LIMIT and not (proposals and agreed):
         searches = search_orders(problems, atoms, penalty, max_active=max_active, known=searches, report=searching)
     searching(1.0)
-    selection = best_of(regression, searches, penalty)
+    selection = best_of(window, regression, searches, penalty)
     per_output = selection.best.fit.n_parameters / regression.layout.y.shape[1]
     effective = regression.effective_rows(selection.unfolded.weighted_error, per_output)
     if effective >= regression.n_rows:
         return selection
     penalty = replace(penalty, n_effective=effective)
     searches, _ = refine_supports(problems, atoms, penalty, known=searches, max_active=max_active, dropping_only=True)
-    return best_of(regression, searches, penalty)
+    return best_of(window, regression, searches, penalty)
 
 
-def _by_threshold(regression: RegressionData, selection: Selection, threshold: float) -> Selection:
+def _by_threshold(
+    window: PreparedWindow, regression: RegressionData, selection: Selection, threshold: float
+) -> Selection:
     """Return the selection by the thesis's rule on all magnitudes at once: |z| / norm(z) > threshold."""
     everything = tuple(range(len(regression.atoms)))
     whole = [full_support(regression.problem(order), everything, selection.penalty) for order in regression.orders]
@@ -366,14 +363,20 @@ def _by_threshold(regression: RegressionData, selection: Selection, threshold: f
     )
     best = least_criterion(fits)
     unfolded = regression.unfold(best.fit)
-    return replace(selection, best=best, fits=fits, searches=searches, unfolded=unfolded)
+    return replace(
+        selection, window=window, regression=regression, best=best, fits=fits, searches=searches, unfolded=unfolded
+    )
 
 
-def best_of(regression: RegressionData, searches: Sequence[Visited], penalty: Penalty) -> Selection:
+def best_of(
+    window: PreparedWindow, regression: RegressionData, searches: Sequence[Visited], penalty: Penalty
+) -> Selection:
     """Return the best of what was visited at the orders of a regression, its support fitted at every order."""
     best = least_criterion(scored for visited in searches for scored in visited.values())
     by_order = zip(regression.orders, searches, strict=True)
     return Selection(
+        window=window,
+        regression=regression,
         best=best,
         fits=tuple(_refit(regression, order, visited, best.fit, penalty) for order, visited in by_order),
         searches=tuple(searches),
@@ -390,13 +393,13 @@ def _refit(regression: RegressionData, order: int, visited: Visited, fit: Fit, p
     return ScoredFit(criterion=penalty.criterion(fitted), fit=fitted)
 
 
-def _failed_test(now: Selected, estimates: MagnitudeEstimates, dispersion: FloatArray) -> tuple[int, str] | None:
+def _failed_test(now: Selection, estimates: MagnitudeEstimates, dispersion: FloatArray) -> tuple[int, str] | None:
     """Return the least certain active atom that fails a test, and which; None where none does."""
-    selection, best, penalty = now.selection, now.selection.best.fit, now.selection.penalty
+    best, penalty = now.best.fit, now.penalty
     atoms = list(best.atoms)
     if not atoms:
         return None
-    visited = selection.searches[now.regression.orders.index(best.order)]
+    visited = now.searches[now.regression.orders.index(best.order)]
     margins = []
     for atom in atoms:
         kept = [n for n, other in enumerate(atoms) if other != atom]
@@ -418,12 +421,12 @@ def _failed_test(now: Selected, estimates: MagnitudeEstimates, dispersion: Float
     return None
 
 
-def _not_whole(now: Selected) -> tuple[int, str] | None:
+def _not_whole(now: Selection) -> tuple[int, str] | None:
     """Return an active atom without a magnitude that the log shows more or less than whole, and the reason; or None.
 
     Its signal is that of all of the fault, so that its magnitude is 1 where it is in the log.
     """
-    fit, window = now.selection.best.fit, now.window
+    fit, window = now.best.fit, now.window
     sd = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.information, hermitian=True)), 0.0))
     for n, z, spread in zip(fit.atoms, fit.z, sd, strict=True):
         fault, unit = window.faults[window.live[n]], float(now.regression.magnitude_unit[n])

@@ -65,7 +65,7 @@ def identify_by_risro(
         )
     penalty = regression.penalty(config.selection, n_atoms)
     if decides_by_rule(config):
-        return _by_rule(regression, config, penalty, progress)
+        return _by_rule(window, regression, config, penalty, progress)
     return _by_stage(window, regression, config, penalty, progress)
 
 
@@ -90,7 +90,7 @@ def _by_stage(
         max_active=config.selection.max_active,
         dropping_only=True,
     )
-    selection = best_of(regression, searches, penalty)
+    selection = best_of(window, regression, searches, penalty)
     fit = selection.best.fit
     whole = solutions[fit.order]
     before = np.flatnonzero(declared(whole, whole.z * regression.magnitude_unit, config))
@@ -105,7 +105,6 @@ def _by_stage(
             )
         )
     return result_of_selection(
-        regression,
         selection,
         magnitudes_of_fit(regression, selection.best, penalty),
         SolverSummary(
@@ -144,7 +143,9 @@ def _summary_of(
     )
 
 
-def _by_rule(regression: RegressionData, config: Config, penalty: Penalty, progress: Progress) -> MethodResult:
+def _by_rule(
+    window: PreparedWindow, regression: RegressionData, config: Config, penalty: Penalty, progress: Progress
+) -> MethodResult:
     """Keep the order with the best criterion and declare by T's rule; variances are the likelihood's at its result."""
     n_atoms, n_rows, stage = len(regression.atoms), regression.n_rows, stage_of(config)
     solutions, criteria = {}, {}
@@ -161,7 +162,7 @@ def _by_rule(regression: RegressionData, config: Config, penalty: Penalty, progr
     estimates = magnitudes_of_fit(regression, ScoredFit(criterion=criteria[order], fit=whole), penalty)
     fit = fit_magnitudes(problem, active, solution.z[active])
     unfolded = regression.unfold(fit)
-    plain = select(regression, none_of(config.selection))
+    plain = select(window, regression, none_of(config.selection))
     notes = [
         Note.limit(
             "the published rule declares every magnitude above a share of the largest; it has no false-alarm rate"

@@ -11,7 +11,7 @@ this lowers the criterion by more than the price of the choice (docs/theory.md, 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -39,36 +39,28 @@ class Selection:
 
     Attributes
     ----------
+    window, regression : on which it was selected; its entries begin where they were found.
     best : the fit at the best order.
     fits : of the same support at each order, with their criteria.
     searches : what was visited at each order.
     penalty : the criterion.
     unfolded : `best` over the rows, with the signatures of its support.
-    """
-
-    best: ScoredFit
-    fits: tuple[ScoredFit, ...]
-    searches: tuple[Visited, ...]
-    penalty: Penalty
-    unfolded: FitRows
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Selected:
-    """A window whose entries begin where they were found, its regression and the selection on it.
-
-    Attributes
-    ----------
-    shifts_s : by live entry of the selection, how much later it begins than the dictionary states.
+    shifts_s : by live entry, how much later it begins than the dictionary states.
     prices : by live entry, what the choice of its onset costs, on the scale of the criterion.
     """
 
     window: PreparedWindow
     regression: RegressionData
-    selection: Selection
+    best: ScoredFit
+    fits: tuple[ScoredFit, ...]
+    searches: tuple[Visited, ...]
+    penalty: Penalty
+    unfolded: FitRows
     shifts_s: Mapping[int, float] = field(default_factory=dict)
     prices: Mapping[int, float] = field(default_factory=dict)
 
+
+Select = Callable[[PreparedWindow, RegressionData], Selection]
 
 # The derived stage, which ml begins with. Its starts need no more digits than a tenth of a standard deviation.
 DERIVED = SparseStage(kind="exp-l0")
@@ -198,7 +190,7 @@ class MethodResult:
 
 
 def result_of_selection(
-    regression: RegressionData, selection: Selection, magnitudes: MagnitudeEstimates, solver: SolverSummary, **more: Any
+    selection: Selection, magnitudes: MagnitudeEstimates, solver: SolverSummary, **more: Any
 ) -> MethodResult:
     """Return the result of a method that selects a support at every order and fits it.
 
@@ -206,7 +198,7 @@ def result_of_selection(
     ----------
     more : further attributes of the result.
     """
-    fit, searches = selection.best.fit, selection.searches
+    regression, fit, searches = selection.regression, selection.best.fit, selection.searches
     plain = [visited.get(()) for visited in searches]
     lowest = least_criterion(scored for scored in plain if scored is not None)
     several = len(searches) > 1
@@ -239,13 +231,13 @@ MOST_MOVES = 12
 MOST_VALUES = 10**7
 
 
-def move_onsets(stated: Selected, config: Config, select: Callable[[RegressionData], Selection]) -> Selected:
+def move_onsets(stated: Selection, config: Config, select: Select) -> Selection:
     """Move the entries whose fault begins beside their onset, the one that gains most first, until none gains.
 
     Parameters
     ----------
     stated : with the onsets of the dictionary.
-    select : returns the selection on another regression.
+    select : returns the selection on another window and its regression.
     """
     now = stated
     for _ in range(MOST_MOVED):
@@ -255,20 +247,18 @@ def move_onsets(stated: Selected, config: Config, select: Callable[[RegressionDa
         n, shift_s, price = move
         shifts_s, prices = {**now.shifts_s, n: shift_s}, {**now.prices, n: price}
         moved = _at(stated, shifts_s, prices, select)
-        chosen = moved.selection.best.fit.atoms
+        chosen = moved.best.fit.atoms
         left = {entry: shift for entry, shift in shifts_s.items() if entry in chosen}
         if len(left) < len(shifts_s):  # one that is not declared stays where the dictionary states it
             moved = _at(stated, left, {entry: prices[entry] for entry in left}, select)
-        penalty = now.selection.penalty
-        if n not in moved.selection.best.fit.atoms or _cost(moved, penalty) >= _cost(now, penalty):
+        penalty = now.penalty
+        if n not in moved.best.fit.atoms or _cost(moved, penalty) >= _cost(now, penalty):
             break
         now = moved
     return now
 
 
-def move_entry(
-    now: Selected, entry: int, stated: Selected, config: Config, select: Callable[[RegressionData], Selection]
-) -> Selected | None:
+def move_entry(now: Selection, entry: int, stated: Selection, config: Config, select: Select) -> Selection | None:
     """Move one entry to its best onset besides the stated one, None where it has none or is not chosen there.
 
     For an entry that is not declared at the stated onset: it is then held against no fault, and not against itself.
@@ -277,36 +267,34 @@ def move_entry(
     ----------
     now : what was found so far; entry : live entry that has not moved.
     stated : with the onsets of the dictionary.
-    select : returns the selection on another regression.
+    select : returns the selection on another window and its regression.
     """
     move = _best_move(now, stated.window, config, entry)
     if move is None:
         return None
     _, shift_s, price = move
     there = _at(stated, {**now.shifts_s, entry: shift_s}, {**now.prices, entry: price}, select)
-    return there if set(there.shifts_s) <= set(there.selection.best.fit.atoms) else None
+    return there if set(there.shifts_s) <= set(there.best.fit.atoms) else None
 
 
 def _at(
-    stated: Selected,
+    stated: Selection,
     shifts_s: Mapping[int, float],
     prices: Mapping[int, float],
-    select: Callable[[RegressionData], Selection],
-) -> Selected:
+    select: Select,
+) -> Selection:
     window = with_onsets(stated.window, {stated.window.live[n]: shift for n, shift in shifts_s.items()})
     regression = stated.regression.with_dictionary(window.signals.theta, window.live, slopes=window.signals.slopes)
-    return Selected(
-        window=window, regression=regression, selection=select(regression), shifts_s=shifts_s, prices=prices
-    )
+    return replace(select(window, regression), shifts_s=shifts_s, prices=prices)
 
 
-def _cost(moved: Selected, penalty: Penalty) -> float:
+def _cost(moved: Selection, penalty: Penalty) -> float:
     """Return the criterion with the prices, by one penalty: the effective rows of two selections may differ."""
-    return penalty.criterion(moved.selection.best.fit) + sum(moved.prices.values())
+    return penalty.criterion(moved.best.fit) + sum(moved.prices.values())
 
 
 def _best_move(
-    now: Selected, window: PreparedWindow, config: Config, only: int | None = None
+    now: Selection, window: PreparedWindow, config: Config, only: int | None = None
 ) -> tuple[int, float, float] | None:
     """Return the entry, the shift and the price of the move that lowers the criterion most; None where none does.
 
@@ -316,7 +304,7 @@ def _best_move(
     ----------
     only : an entry that moves to the best of its other onsets, whether that lowers the criterion or not.
     """
-    best, penalty = now.selection.best, now.selection.penalty
+    best, penalty = now.best, now.penalty
     lowest, chosen = best.criterion if only is None else np.inf, None
     shifts = {
         n: shifts_within(window, entry, config.onset_tolerance_s)

@@ -21,7 +21,7 @@ from bfi_cli.model.preprocessing.window import (
     signals_of_faults,
     with_onsets,
 )
-from bfi_cli.model.selection import Selected, move_entry
+from bfi_cli.model.selection import move_entry
 
 MOVING = merge(Config(), {"model.order": 5})
 EXACT = merge(MOVING, {"onset_tolerance_s": 0.0})
@@ -109,11 +109,11 @@ def test_an_entry_that_is_not_declared_is_moved_to_its_best_other_onset(flight, 
     regression = regression_of(window, Config())
     choose = partial(select, rules=Config().selection)
     entry = [window.names[one] for one in window.live].index("bias_13.8")
-    at_stated = Selected(window=window, regression=regression, selection=choose(regression))
+    at_stated = choose(window, regression)
     moved = move_entry(at_stated, entry, at_stated, Config(), choose)
     assert moved is not None
     assert moved.shifts_s == {entry: pytest.approx(shift_s, abs=0.06)}
     assert moved.prices[entry] > 0.0
-    assert entry in moved.selection.best.fit.atoms
+    assert entry in moved.best.fit.atoms
     assert move_entry(moved, entry, at_stated, Config(), choose) is None
     assert move_entry(at_stated, entry, at_stated, EXACT, choose) is None

@@ -16,8 +16,7 @@ from ..decision import MOSTLY, Candidate, Evidence, estimate_of, finite, state_o
 from ..errors import LogError
 from ..faults import Fault, FaultEstimate
 from ..faults.shapes import CONSTANTS, SHAPES
-from ..flightlog import FlightLog
-from ..flightlog.defects import is_told_by_physics
+from ..flightlog import FlightLog, is_told_by_physics
 from ..flightlog.phases import phases_of
 from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.progress import Progress, unseen

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 from ..first_use import import_on_first_use
 
 if TYPE_CHECKING:
-    from .defects import is_told_by_physics
     from .formats import digest_of_log, is_log_folder
     from .injection import inject, without_line_fault
-    from .quality import LogReport, inspect_log, require_usable
+    from .quality import LogReport, inspect_log, is_told_by_physics, require_usable
     from .read import read_log
     from .record import Channel, FlightLog, Segment, Truth
     from .recorder import recorder_filters
@@ -27,10 +26,9 @@ __all__ += ["resample_with", "without_line_fault", "write_log"]
 __getattr__ = import_on_first_use(
     __name__,
     {
-        "defects": ("is_told_by_physics",),
         "formats": ("digest_of_log", "is_log_folder"),
         "injection": ("inject", "without_line_fault"),
-        "quality": ("LogReport", "inspect_log", "require_usable"),
+        "quality": ("LogReport", "inspect_log", "is_told_by_physics", "require_usable"),
         "read": ("read_log",),
         "record": ("Channel", "FlightLog", "Segment", "Truth"),
         "recorder": ("recorder_filters",),

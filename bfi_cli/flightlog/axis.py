@@ -6,17 +6,18 @@ clock that is set jumps, and single times are wrong.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from typing import NamedTuple
 
 import numpy as np
 
 from ..epoch import DAY_S
 from ..errors import LogError
+from ..kernels import IntArray
 from ..kernels.regular_clock import quantum_of, regular_times
 from ..kernels.runs import BoolArray, runs
 from ..notes import Note
 from ..quantities.text import instant
-from .rates import MENDED, longest_in_order
 from .record import FloatArray, frozen_array
 
 # Largest time, s. Times since 1904 or 1970 are up to 4e9 s; in ms or us without a stated unit they are beyond this.
@@ -30,6 +31,12 @@ BACK = 1.5
 MOST_SINGLE, BESIDE_MIDNIGHT = 2, 5
 # Zones of time differ by whole quarters of an hour, s, and by 26 hours at most.
 ZONE_S, FARTHEST_ZONE_S = 900.0, 26 * 3600.0
+# Share of backward steps up to which single samples are left out; with more the clock is broken.
+MENDED = 0.01
+# A clock has restarted where it jumps back by more than so many seconds and typical steps, and the medians of so many
+# samples before and after confirm it (single wrong times do not). A clock set by a satellite jumps back by less. With
+# more restarts than so many the times are in no order at all.
+RESTART_S, RESTART_STEPS, BESIDE_RESTART, MOST_BOOTS = 2.0, 10.0, 5, 100
 
 
 class Axis(NamedTuple):
@@ -190,3 +197,39 @@ def without_jumps(source: str, time_s: FloatArray, *, zones: bool = False) -> tu
                 )
             )
     return time_s, notes
+
+
+def boot_starts(time_s: FloatArray) -> list[int]:
+    """Return the first sample of each part between restarts of the clock, 0 first."""
+    step = np.diff(time_s)
+    forward = step[step > 0.0]
+    least = max(RESTART_S, RESTART_STEPS * float(np.median(forward))) if forward.size else RESTART_S
+    starts = [0]
+    for k in (np.flatnonzero(step < -least) + 1).tolist():
+        before = np.sort(time_s[max(starts[-1], k - BESIDE_RESTART) : k])
+        after = np.sort(time_s[k : k + BESIDE_RESTART])
+        middle = BESIDE_RESTART // 2
+        if min(before.size, after.size) == BESIDE_RESTART and before[middle] - after[middle] > least:
+            starts.append(k)
+    return starts if len(starts) <= MOST_BOOTS else [0]
+
+
+def longest_in_order(time_s: FloatArray) -> IntArray:
+    """Return the samples of the longest increasing subsequence of times, by patience sorting."""
+    tops: list[float] = []  # entry n - 1: the least time with which an increasing run of n samples can end
+    at: list[int] = []
+    before = np.empty(time_s.size, dtype=np.intp)
+    for k, time in enumerate(time_s.tolist()):
+        place = len(tops) if not tops or time > tops[-1] else bisect_left(tops, time)
+        before[k] = at[place - 1] if place else -1
+        if place == len(tops):
+            tops.append(time)
+            at.append(k)
+        else:
+            tops[place], at[place] = time, k
+    kept = np.empty(len(tops), dtype=np.intp)
+    k = at[-1]
+    for place in range(len(tops) - 1, -1, -1):
+        kept[place] = k
+        k = int(before[k])
+    return kept

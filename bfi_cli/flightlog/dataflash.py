@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..notes import Note
+from .axis import boot_starts
 from .messages import Places, require_tables, table_of
-from .rates import boot_starts
 from .topics import Topic, fields_of, notes_on
 
 BEGIN = b"\xa3\x95"

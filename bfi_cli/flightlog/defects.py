@@ -20,8 +20,7 @@ from ..faults.filters import response_of
 from ..kernels import MAD
 from ..kernels.generalised_least_squares import least_squares
 from ..kernels.running import block_means, greatest_of_neighbours, interpolation_error, running_median, travel
-from ..kernels.runs import BoolArray, bridged, repeats, runs, within
-from ..quantities.channels import INDEPENDENT
+from ..kernels.runs import BoolArray, bridged, runs, within
 from ..quantities.text import instant
 from .phases import HOVER, TRANSITION, Phase, phases_of
 from .quality import hold_of
@@ -40,8 +39,6 @@ WATCHED: tuple[str, ...] = ("tas", "cas", "ias", "mach", "q_impact", "p_total", 
 WATCHED += ("tat", "sat", "aoa", "sideslip", "pitch", "roll", "normal_acc", "longitudinal_acc", "lateral_acc")
 WATCHED += ("pitch_rate", "roll_rate", "yaw_rate", "velocity_north", "velocity_east", "ground_speed")
 WATCHED += ("latitude", "longitude")
-# Samples of one value from which a sensor may be frozen for good (`bfi_cli.flight.parity.sensors`).
-FEWEST_REPEATS = 20
 # Phases in which airspeeds come and go without a defect, and the margin on both sides, s.
 UNWATCHED, BESIDE_S = ("ground", "take-off", "landing", "stall", HOVER, TRANSITION), 2.0
 # By channel the channels that each predict its motion over some seconds; "+" stands for the integral of a rate.
@@ -130,14 +127,6 @@ OUTLYING = 6.0
 STILL_QUANTUM, CALMEST_SECONDS = 0.3, 0.02
 # A frozen stretch is grown over samples within this share of the predicted travel.
 STILL_BESIDE = 0.1
-
-
-def is_told_by_physics(log: FlightLog, outputs: Sequence[str]) -> bool:
-    """Return whether physics may show a fault of an output: other channels bound it, or it may be frozen."""
-    if not log.channels.keys().isdisjoint(INDEPENDENT):
-        return True
-    rests = (repeats(log.channels[name].values) for name in outputs if name in log.channels)
-    return any(end - first >= FEWEST_REPEATS for spans in rests for first, end in spans)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from ..errors import LogError
 from ..faults.filters import Filter
 from ..kernels.quantisation import Hold, find_hold, may_be_held, repeat_fraction
-from ..kernels.runs import BoolArray, shared, within
+from ..kernels.runs import BoolArray, repeats, shared, within
 from ..notes import Note
-from ..quantities.channels import INPUTS, STANDARD, quantity_of
+from ..quantities.channels import INDEPENDENT, INPUTS, STANDARD, quantity_of
 from ..quantities.text import instant, quantity
 from .derived import DERIVED, missing_for, pressures_of
 from .phases import HOVER, NO_AIRSPEED, TRANSITION, Phase, note_on_rotors, phases_of, spans_of
@@ -39,6 +39,8 @@ FEWEST_MOVES = 3  # a window with fewer holds a single correction, no manoeuvre
 MOST_WINDOWS = 10  # suggested in all
 # A window with more than this share on the ground, or in phases that no linear model follows, ranks after the others.
 UNFIT, UNFIT_SHARE = ("ground", "take-off", "landing", "stall", "parabola", HOVER, TRANSITION, NO_AIRSPEED), 0.05
+# Samples of one value from which a sensor may be frozen for good (`bfi_cli.flight.parity.sensors`).
+FEWEST_REPEATS = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -449,3 +451,11 @@ def _suggested_windows(log: FlightLog, phases: Sequence[Phase], *, at_most: int)
             best = sorted(windows, key=lambda w: -w.moves)[:at_most]
             return tuple(sorted(best, key=lambda w: w.start_s))
     return ()
+
+
+def is_told_by_physics(log: FlightLog, outputs: Sequence[str]) -> bool:
+    """Return whether physics may show a fault of an output: other channels bound it, or it may be frozen."""
+    if not log.channels.keys().isdisjoint(INDEPENDENT):
+        return True
+    rests = (repeats(log.channels[name].values) for name in outputs if name in log.channels)
+    return any(end - first >= FEWEST_REPEATS for spans in rests for first, end in spans)

@@ -12,12 +12,10 @@ samples.
 from __future__ import annotations
 
 import re
-from bisect import bisect_left
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ..errors import LogError
 from ..kernels.low_pass import WHITE, lowpass_taps
@@ -27,6 +25,7 @@ from ..notes import Note
 from ..quantities.channels import match_name
 from ..quantities.text import instant
 from ..quantities.units import si_unit, to_si
+from .axis import MENDED, longest_in_order
 from .raw import BY_RANK, FLAGS, Asked, FloatArray, RawLog, Track, claimed, require_memory, time_column
 
 # The first of these channels in the log gives the time base.
@@ -50,12 +49,6 @@ EDGE_S, EDGE_PART = 5.0, 0.05
 # Shares of a step: jitter of the clock that a note reports, and distance of a sample from a point of the grid that
 # counts as its time.
 JITTER, BESIDE = 0.02, 0.05
-# Share of backward steps up to which single samples are left out; with more the clock is broken.
-MENDED = 0.01
-# A clock has restarted where it jumps back by more than so many seconds and typical steps, and the medians of so many
-# samples before and after confirm it (single wrong times do not). A clock set by a satellite jumps back by less. With
-# more restarts than so many the times are in no order at all.
-RESTART_S, RESTART_STEPS, BESIDE_RESTART, MOST_BOOTS = 2.0, 10.0, 5, 100
 # Rows filtered at once, for memory.
 BLOCK = 50_000
 
@@ -122,21 +115,6 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
     return RawLog(columns=columns, filters=(), notes=(*notes, *map(Note.method, sentences)))
 
 
-def boot_starts(time_s: FloatArray) -> list[int]:
-    """Return the first sample of each part between restarts of the clock, 0 first."""
-    step = np.diff(time_s)
-    forward = step[step > 0.0]
-    least = max(RESTART_S, RESTART_STEPS * float(np.median(forward))) if forward.size else RESTART_S
-    starts = [0]
-    for k in (np.flatnonzero(step < -least) + 1).tolist():
-        before = np.sort(time_s[max(starts[-1], k - BESIDE_RESTART) : k])
-        after = np.sort(time_s[k : k + BESIDE_RESTART])
-        middle = BESIDE_RESTART // 2
-        if min(before.size, after.size) == BESIDE_RESTART and before[middle] - after[middle] > least:
-            starts.append(k)
-    return starts if len(starts) <= MOST_BOOTS else [0]
-
-
 def mean_rate(time_s: FloatArray) -> float:
     """Return samples per second, gaps left out, and of a regular clock all odd steps too."""
     step = np.diff(time_s)
@@ -174,27 +152,6 @@ def in_order(track: Track) -> tuple[Track | None, str | None]:
         return None, "left out, as no two samples are in order of time"
     note = f"samples out of order of time are left out, {time_s.size - kept.size} of them"
     return replace(track, time_s=time_s[kept], values=values[kept]), note
-
-
-def longest_in_order(time_s: FloatArray) -> NDArray[np.intp]:
-    """Return the samples of the longest increasing subsequence of times, by patience sorting."""
-    tops: list[float] = []  # entry n - 1: the least time with which an increasing run of n samples can end
-    at: list[int] = []
-    before = np.empty(time_s.size, dtype=np.intp)
-    for k, time in enumerate(time_s.tolist()):
-        place = len(tops) if not tops or time > tops[-1] else bisect_left(tops, time)
-        before[k] = at[place - 1] if place else -1
-        if place == len(tops):
-            tops.append(time)
-            at.append(k)
-        else:
-            tops[place], at[place] = time, k
-    kept = np.empty(len(tops), dtype=np.intp)
-    k = at[-1]
-    for place in range(len(tops) - 1, -1, -1):
-        kept[place] = k
-        k = int(before[k])
-    return kept
 
 
 def _patience(track: Track) -> float:

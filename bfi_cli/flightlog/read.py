@@ -18,12 +18,12 @@ from ..notes import Note
 from ..quantities.channels import STANDARD, match_name, meant_channel
 from ..quantities.text import instant
 from ..quantities.units import si_unit, to_si
-from .axis import FEWEST_TIMES, LATEST, axis_of
+from .axis import FEWEST_TIMES, LATEST, axis_of, boot_starts
 from .derived import with_quantities
 from .formats import digest_of_log, read_columns
 from .phases import airborne_stretches
 from .plausible import NORMAL, RIGHT, Convention, assumed_units, sentence_of, time_scale, with_conventions
-from .rates import boot_starts, on_one_clock
+from .rates import on_one_clock
 from .raw import (
     Asked,
     RawLog,

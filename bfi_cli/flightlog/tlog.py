@@ -18,8 +18,8 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from ..notes import Note
+from .axis import boot_starts
 from .formats import ARRIVAL, V1, packet_length
-from .rates import boot_starts
 from .raw import require_memory
 from .topics import Topic, notes_on
 

@@ -16,7 +16,8 @@ from noted import texts
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
-from bfi_cli.flightlog.rates import boot_starts, in_order
+from bfi_cli.flightlog.axis import boot_starts
+from bfi_cli.flightlog.rates import in_order
 from bfi_cli.flightlog.raw import Track
 
 

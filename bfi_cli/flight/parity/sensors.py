@@ -15,9 +15,10 @@ import numpy as np
 from ...airdata import G, air_data_of, climb_angle
 from ...airdata.relations import load, vane
 from ...flightlog import FlightLog
-from ...flightlog.defects import FEWEST_REPEATS, STILL, WATCHED, unwatched_in
+from ...flightlog.defects import STILL, WATCHED, unwatched_in
 from ...flightlog.derived import pressures_of
 from ...flightlog.phases import Phase
+from ...flightlog.quality import FEWEST_REPEATS
 from ...kernels import MAD, TWO_SIDED_95, BoolArray, FloatArray, IntArray
 from ...kernels.quantisation import find_quantum
 from ...kernels.runs import Run, is_repeated, repeats

@@ -3,11 +3,17 @@
 from .candidate import (
     BUILD_UP_S,
     KINDS,
+    MOSTLY,
     NOT_EXACT,
+    STEPS,
     UNTESTED,
     Candidate,
+    Evidence,
+    Manoeuvre,
+    OnsetBound,
     Proof,
     State,
+    at_entries,
     beyond_tolerance,
     candidate_of,
     estimate_of,
@@ -22,7 +28,6 @@ from .candidate import (
     with_limit_of_scan,
 )
 from .conclude import WITHHELD, Conclusion, conclude, decide, summarise, verdicts_of
-from .evidence import MOSTLY, STEPS, Evidence, Manoeuvre, OnsetBound, at_entries
 
 __all__ = [
     "BUILD_UP_S",

@@ -12,17 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 from ..faults import Decision, FaultEstimate, build_up_s
 from ..faults.shapes import LINE_SHAPES, SHAPES, Kind
 from ..notes import Note
 from ..quantities.text import instant, quantity
-from .candidate import KINDS, Candidate, State, shown_limit, with_limit
-from .evidence import STEPS, Evidence, Manoeuvre
-
-if TYPE_CHECKING:  # its package needs the configuration, which needs this one
-    from .implausible import Implausible
+from .candidate import KINDS, STEPS, Candidate, Evidence, Manoeuvre, State, shown_limit, with_limit
+from .implausible import Implausible, in_words
 
 NOUNS: Mapping[Kind, tuple[str, str]] = {
     "abrupt": ("step", "a step"),
@@ -178,8 +174,6 @@ def conclude(
     findings, notes = tuple(finding for source in evidence for finding in source.findings), list(refuted.values())
     to_state = [finding for finding in findings if finding.is_open]
     if to_state:
-        from .implausible import in_words
-
         declared = [candidate for candidate in candidates if candidate.state == "declared"]
         names = [named.name for named in faults or declared]
         notes += [Note.limit(f"what would be declared is {WITHHELD}: {', '.join(names)}")] if names else []

@@ -90,7 +90,7 @@ CONSTANTS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
     ("flight/oscillations.py", ("PROPOSED", "LEAST", "KNOWN", "WEIGHED_S"), (FLIGHT.format("oscillations"),)),
     ("flight/bench.py", ("ZERO",), (FLIGHT.format("judge"),)),
     ("flight/limits.py", ("EXCEEDED_BY",), (FLIGHT.format("limits"),)),
-    ("decision/evidence.py", ("MOSTLY",), (FLIGHT.format("limits"),)),
+    ("decision/candidate.py", ("MOSTLY",), (FLIGHT.format("limits"),)),
     ("flight/step_bounds.py", ("FRONT", "INVERSION"), (FLIGHT.format("step_bounds"),)),
     ("flight/looks.py", ("CALM", "ENOUGH_WINDOWS"), (FLIGHT.format("looks"),)),
     (

@@ -373,7 +373,7 @@ def _start_rows(place: Place, corrected: FlightModel) -> _Rows:
 def _rows_of(place: Place, fault: str, course: FloatArray, k: int, *, is_made: bool) -> _Rows:
     """Return the rows about a course in a pass, the static temperature by the airspeed that is flown.
 
-    Of one that is made, less `HEATED` times the square of the airspeed that is read, the total temperature is right.
+    Of one that is made the total temperature is right, above it by `HEATED` times the square of the airspeed.
     """
     model, part, during = place.bench.model, place.part, place.during
     corrected = _corrected(place, fault, course)
@@ -384,11 +384,10 @@ def _rows_of(place: Place, fault: str, course: FloatArray, k: int, *, is_made: b
     read_height, height = (np.clip(each.coefficients.height[part], LOWEST, HIGHEST) for each in (model, corrected))
     rows.y[:, j] = place.bench.y[part, j] + isa_temperature(read_height) - isa_temperature(height)
     if is_made:
-        read, speed = filled(model.seconds.channels["tas"])[part], corrected.coefficients.airspeed[part]
-        rows.y[during, j] += HEATED * (read**2 + speed**2)[during]
-        for name in ("airspeed", "gust"):
-            rows.Z[during, j, model.state(name)] = 2.0 * HEATED * speed[during]
+        # By smoothed courses that differ by the fault alone: without it the row is that of a flight without one.
+        read, speed = (_speeds(each, place, model.row("tas")) for each in (model, corrected))
         error = np.where(during, HEATED * (speed**2 - read**2), 0.0)
+        rows.y[:, j] -= error
         answers = np.diff(-np.exp(-np.arange(place.n + 1) / THERMOMETER_S))  # to what it measured so long ago
         rows.R[:, j] += (error - np.convolve(error, answers)[: place.n]) ** 2
     return rows

@@ -13,6 +13,7 @@ import pytest
 from made_journeys import made_journey
 
 from bfi_cli.faults import parse_spec
+from bfi_cli.flight import lines
 from bfi_cli.flight.bench import Bench, bench_of, place_of, run_place
 from bfi_cli.flight.fit import fitted_levels
 from bfi_cli.flight.gross import gross_errors, swings_of
@@ -123,6 +124,18 @@ def test_a_static_temperature_follows_the_airspeed_that_it_is_made_of(journey: F
     assert weight.shares["sat"] > (DECLARED if is_made else -ALIKE)
     assert leak is not None
     assert leak.shares["sat"] < weight.shares["sat"] + ALIKE
+
+
+@pytest.mark.parametrize("is_made", [True, False])
+@pytest.mark.parametrize("fault", ["pitot_leak", "pitot_icing", "static_leak"])
+def test_a_line_that_loses_nothing_leaves_the_temperature_as_it_is(healthy: Bench, fault: str, is_made: bool) -> None:
+    """Without a fault its row is that of the flight, which nothing can gain by."""
+    place = place_of(healthy, ONSET_S, None)
+    assert place is not None
+    rows, sat = lines._rows_of(place, fault, np.zeros(place.n), 0, is_made=is_made), healthy.model.row("sat")
+    np.testing.assert_allclose(rows.y[:, sat], healthy.y[place.part, sat], atol=1e-9)
+    np.testing.assert_allclose(rows.R[:, sat], place.R[:, sat], atol=1e-9)
+    np.testing.assert_array_equal(rows.Z[:, sat], healthy.model.Z[place.part, sat])
 
 
 @pytest.mark.parametrize(("strays", "until_s"), [(1, 301.0), (2, 200.0)])

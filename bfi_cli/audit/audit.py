@@ -82,7 +82,7 @@ def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | N
     reasons |= {j: no_signal(fault) for j, fault in enumerate(faults) if fault.shape not in ADDITIVE}
     if theta is not None and values is not None:
         rest = [j for j in range(len(faults)) if j not in reasons]
-        reasons |= advised(unusable_atoms(AtomSignals.sampled(theta), names, rest), values)
+        reasons |= advised(unusable_atoms(AtomSignals(theta), names, rest), values)
     reasons = reasons_of(faults, names, reasons)
     live = {j: fault for j, fault in enumerate(faults) if j not in reasons}
     if not live:

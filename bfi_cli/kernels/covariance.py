@@ -1,31 +1,16 @@
-"""The covariance of the magnitudes, with serially correlated errors admitted, from a fit evaluated row by row.
-
-Inner products over the rows are those over the rows of the record's triangular factor, so that a record of any length
-is unfolded on its factor (`unfold_factor`) but for what depends on time: its prediction error, and the sums of scores
-over neighbouring rows. Both are taken in a second pass, some rows at a time (`unfold_rows`, `covariance_of_rows`).
-"""
+"""The covariance of the magnitudes, with serially correlated errors admitted, from a fit evaluated row by row."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from . import TINY, FloatArray
-from .atom_signals import AtomSignals, Channels
+from .atom_signals import AtomSignals
 from .coherence import whiten
 from .compiled import lapack
-from .lagged import (
-    Compressed,
-    EarlierRows,
-    SegmentFactors,
-    compress,
-    compress_beside,
-    exponents_of,
-    lagged,
-    with_earlier,
-)
+from .lagged import Compressed, EarlierRows, compress, lagged, with_earlier
 from .progress import Report, silent
 from .variable_projection import Fit
 
@@ -35,8 +20,6 @@ BLIND = 1e-10
 RANK_TOLERANCE = 1e-12
 # MOST_VALUES: values of the signatures evaluated at once, 8 MB: only windows of hours have more.
 MOST_VALUES = 10**6
-# Signals that are added to a fit of a long record at once: the columns of its factor beside its own.
-MOST_BESIDE = 256
 # Columns that LAPACK treats together, and rows that are rotated together: the speed only.
 PANEL, ROWS = 32, 65_536
 
@@ -47,60 +30,42 @@ class Layout:
 
     Attributes
     ----------
-    u : (n_samples, n_inputs), y : (n_samples, n_outputs), theta : (n_samples, n_outputs, n_atoms), all scaled. The
-        signals of a long record are in stretches.
+    u : (n_samples, n_inputs), y : (n_samples, n_outputs), theta : (n_samples, n_outputs, n_atoms), all scaled.
     first : sample of the first row, the largest of the orders that are compared.
     feedthrough : inputs act in the same sample too.
     weights : (n_samples,) of the rows, None for 1.
     earlier : of other records with the same model, at lag `first`; None where there are none.
-    segments : factors that are kept of a record whose signals are in stretches, see `compress`.
     """
 
-    u: Channels
-    y: Channels
+    u: FloatArray
+    y: FloatArray
     theta: AtomSignals
     first: int
     feedthrough: bool
     weights: FloatArray | None = None
     earlier: EarlierRows | None = None
-    segments: SegmentFactors | None = None
-
-    def with_segments(self) -> Layout:
-        """Return the record with a store for the factors of its segments, where its signals are in stretches."""
-        if not self.theta.in_stretches:
-            return self
-        segments = SegmentFactors(
-            u=self.u,
-            y=self.y,
-            weights=self.weights,
-            order=self.first,
-            feedthrough=self.feedthrough,
-            step_s=self.theta.step_s,
-            exponents=exponents_of(self.theta),
-        )
-        return replace(self, segments=segments)
 
     def with_signals(self, theta: AtomSignals) -> Layout:
         """Return the record with other signals."""
-        return replace(self, theta=theta, segments=self.segments and self.segments.with_exponents_of(theta))
+        return replace(self, theta=theta)
 
     def with_weights(self, weights: FloatArray | None) -> Layout:
         """Return the record with other weights (n_samples,) of its rows."""
-        return replace(self, weights=weights, segments=self.segments and replace(self.segments, weights=weights))
+        return replace(self, weights=weights)
 
     def at_order(self, order: int) -> Layout:
         """Return the record for the same rows at a lower order, whose lags are fewer.
 
-        It is itself where its signals are in stretches, or where other records are factorised already.
+        It is itself where other records are factorised already.
         """
-        if self.theta.in_stretches or self.earlier is not None:
+        if self.earlier is not None:
             return self
         rows = slice(self.first - order, None)
         return replace(
             self,
             u=self.u[rows],
             y=self.y[rows],
-            theta=AtomSignals.sampled(np.asarray(self.theta)[rows]),
+            theta=AtomSignals(self.theta.array[rows]),
             first=order,
             weights=None if self.weights is None else self.weights[rows],
         )
@@ -115,7 +80,6 @@ class Layout:
             feedthrough=self.feedthrough,
             weights=self.weights,
             report=report,
-            segments=self.segments,
         )
         return with_earlier(data, self.earlier)
 
@@ -153,7 +117,7 @@ class FitRows:
     coefficients : (n_regressors, n_outputs) of [1, u lags, corrected y lags].
     condition_number : of the regressors, columns scaled.
     n_regressors : per output.
-    n_rows : of all records. The arrays have fewer where they were unfolded on their triangular factor.
+    n_rows : of all records.
     earlier_error : (n, n_outputs) and earlier_signatures : (n, n_outputs, n_atoms) on the rows of earlier records, in
         no order of time, as they are orthogonal to the same regressors; none of those that are in the factor.
     """
@@ -183,11 +147,11 @@ class FitRows:
 def regressors_of(layout: Layout, fit: Fit) -> Regressors:
     """Return the regressors of a fit on the rows of its record, for several `unfold` that differ in other atoms."""
     first, n = layout.first, len(layout.y)
-    corrected = np.asarray(layout.y) - np.asarray(layout.theta)[:, :, list(fit.atoms)] @ fit.z
+    corrected = layout.y - layout.theta.array[:, :, list(fit.atoms)] @ fit.z
     input_lags, output_lags = range(0 if layout.feedthrough else 1, fit.order + 1), range(1, fit.order + 1)
     n_base = 1 + len(input_lags) * layout.u.shape[1]
     X = np.ones((n - first, n_base + fit.order * layout.y.shape[1]), order="F")
-    X[:, 1:n_base] = lagged(np.asarray(layout.u), input_lags, first=first)
+    X[:, 1:n_base] = lagged(layout.u, input_lags, first=first)
     X[:, n_base:] = lagged(corrected, output_lags, first=first)
     weights = np.ones(n - first) if layout.weights is None else layout.weights[first:]
     X *= weights[:, None]
@@ -238,7 +202,7 @@ def unfold(layout: Layout, fit: Fit, regressors: Regressors | None = None) -> Fi
     regressors : of the fit on this record where they are known, see `regressors_of`.
     """
     made = regressors_of(layout, fit) if regressors is None else regressors
-    first, n, theta = layout.first, len(layout.y), np.asarray(layout.theta)
+    first, n, theta = layout.first, len(layout.y), layout.theta.array
     g = theta[first:].copy()
     for i, K in enumerate(fit.K, start=1):
         g -= np.einsum("io,koj->kij", K, theta[first - i : n - i])
@@ -277,100 +241,9 @@ def _coefficients(made: Regressors, x: FloatArray) -> FloatArray:
     return np.asarray((made.Vt.T @ ((made.Q.T @ x) / made.singular[:rank, None])) / made.scale[:, None])
 
 
-def unfold_factor(data: Compressed, fit: Fit, beside: FloatArray | None = None) -> FitRows:
-    """Evaluate a fit on the rows of the triangular factor of its record: an orthogonal transform of the record's.
-
-    Parameters
-    ----------
-    data : of the order of the fit or a higher one, with its atoms.
-    beside : (n, n_beside * n_outputs) on the rows of R, filtered signatures of others: what the first leaves on every
-        output, then the second, ... (`AtomSignals.filtered`).
-
-    Returns
-    -------
-    The rows with the signatures of the atoms of `data`, then of those beside; error and weighted error are the same.
-    """
-    made, g = _on_factor(data, fit)
-    if beside is not None:
-        g = np.concatenate([g, beside.reshape(len(g), -1, g.shape[1]).transpose(0, 2, 1)], axis=2)
-    return _projected(made, np.ascontiguousarray(g), data.n_rows)
-
-
-def _on_factor(data: Compressed, fit: Fit) -> tuple[Regressors, FloatArray]:
-    """Return the regressors of a fit and (n, n_outputs, n_atoms) filtered signatures, on the rows of a factor."""
-    columns, R, n_y = data.columns, data.R, data.columns.n_outputs
-    signals = np.zeros((len(R), fit.order + 1, n_y, columns.n_atoms))
-    lags = R[:, columns.theta_lags].reshape(len(R), columns.order, -1)[:, : fit.order]
-    for n, (output, atom) in enumerate(columns.signals):
-        signals[:, 0, output, atom] = R[:, columns.theta][:, n]
-        signals[:, 1:, output, atom] = lags[:, :, n]
-    past = R[:, columns.y_lags].reshape(len(R), columns.order, n_y)[:, : fit.order]
-    corrected = np.concatenate([R[:, None, columns.y], past], axis=1) - signals[..., list(fit.atoms)] @ fit.z
-    n_base = 1 + (fit.order + columns.feedthrough) * columns.n_inputs
-    X = np.asfortranarray(np.hstack([R[:, :n_base], corrected[:, 1:].reshape(len(R), -1)]))
-    g = signals[:, 0] - np.einsum("iab,kibj->kaj", fit.K, signals[:, 1:])
-    return _orthogonalised(X, corrected[:, 0], np.ones(len(R))), g
-
-
-def unfold_own(layout: Layout, fit: Fit, data: Compressed) -> FitRows:
-    """Evaluate a fit on the rows of its record, with the signatures of its own support alone.
-
-    Of a record with signals in stretches these are left out.
-
-    Parameters
-    ----------
-    data : the triangular factor of the record, of any order from that of the fit on.
-    """
-    if layout.theta.in_stretches:
-        return unfold_rows(layout, fit, unfold_factor(data, fit))
+def unfold_own(layout: Layout, fit: Fit) -> FitRows:
+    """Evaluate a fit on the rows of its record, with the signatures of its own support alone."""
     return unfold(replace(layout, theta=layout.theta.of(fit.atoms)), replace(fit, atoms=tuple(range(len(fit.atoms)))))
-
-
-def unfold_rows(layout: Layout, fit: Fit, on_factor: FitRows) -> FitRows:
-    """Evaluate the prediction error of a fit row by row, some rows at a time, without its signatures.
-
-    Parameters
-    ----------
-    layout : with signals in stretches.
-    on_factor : the fit on the triangular factor of this record, see `unfold_factor`.
-    """
-    error = np.concatenate([error for _, _, error in _in_parts(layout, fit, on_factor.coefficients)])
-    weighted = error if layout.weights is None else error * layout.weights[layout.first :, None]
-    return replace(on_factor, error=error, weighted_error=weighted, signatures=np.zeros((*error.shape, 0)))
-
-
-def _in_parts(layout: Layout, fit: Fit, coefficients: FloatArray) -> Iterator[tuple[slice, FloatArray, FloatArray]]:
-    """Yield some rows, the outputs without faults of these and of `fit.order` samples before, and the prediction error.
-
-    Parameters
-    ----------
-    coefficients : (n_regressors, n_outputs).
-    """
-    theta, n = layout.theta.of(fit.atoms), len(layout.y)
-    for start in range(layout.first, n, ROWS):
-        begin, stop = start - fit.order, min(start + ROWS, n)
-        corrected = np.asarray(layout.y[begin:stop] - theta.combined(fit.z, begin, stop))
-        predicted = _predicted(layout, fit, coefficients, start, corrected)
-        yield slice(start, stop), corrected, corrected[fit.order :] - predicted
-
-
-def _predicted(layout: Layout, fit: Fit, coefficients: FloatArray, start: int, corrected: FloatArray) -> FloatArray:
-    """Return (n_rows, n) what coefficients (n_regressors, n) make of the regressors of the rows from `start` on.
-
-    Parameters
-    ----------
-    corrected : (fit.order + n_rows, n_outputs) outputs without faults, from sample start - fit.order on.
-    """
-    n_rows, n_inputs, n_y = len(corrected) - fit.order, layout.u.shape[1], layout.y.shape[1]
-    total = np.tile(coefficients[0], (n_rows, 1))
-    place, u = 1, layout.u[start - fit.order : start + n_rows]
-    for lag in range(0 if layout.feedthrough else 1, fit.order + 1):
-        total += u[fit.order - lag : fit.order - lag + n_rows] @ coefficients[place : place + n_inputs]
-        place += n_inputs
-    for lag in range(1, fit.order + 1):
-        total += corrected[fit.order - lag : fit.order - lag + n_rows] @ coefficients[place : place + n_y]
-        place += n_y
-    return total
 
 
 def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:
@@ -398,47 +271,6 @@ def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:
     # The rows of other records have no known order in time: their scores count as uncorrelated.
     apart = others.T @ others
     return _sandwich(fit, unfolded, G.T @ G + apart, meat + apart, scale)
-
-
-def covariance_of_rows(layout: Layout, fit: Fit, on_factor: FitRows, data: Compressed) -> FloatArray:
-    """Return `covariance` of a record with signals in stretches, some rows at a time.
-
-    The sum over lags with Bartlett's weights is that of the squared sums of scores over as many rows, divided by them.
-
-    Parameters
-    ----------
-    on_factor : the fit on `data`, the triangular factor of this record.
-    """
-    if not fit.atoms:
-        return np.zeros((0, 0))
-    n, n_y, active = len(layout.y), layout.y.shape[1], list(fit.atoms)
-    G, scale = _unit_signatures(fit, on_factor)
-    # Signatures off the regressors: what the regressors make of them is taken off.
-    filtered = layout.theta.of(active).filtered(fit.K)
-    made, raw = _on_factor(data, fit)
-    absorbed = _coefficients(made, raw[:, :, active].transpose(0, 2, 1).reshape(len(raw), -1))
-    width = int(np.ceil((n - layout.first) ** (1.0 / 3.0))) + 1
-    meat, sums = np.zeros((len(active), len(active))), np.zeros((width, len(active)))
-    information = np.zeros_like(meat)  # of the rows of this record
-    for rows, corrected, error in _in_parts(layout, fit, on_factor.coefficients):
-        g = filtered.between(rows.start, rows.stop).sum(axis=1)
-        g -= _predicted(layout, fit, absorbed, rows.start, corrected)
-        g = g.reshape(len(g), len(active), n_y).transpose(0, 2, 1)
-        if layout.weights is not None:
-            error, g = error * layout.weights[rows, None], g * layout.weights[rows, None, None]
-        unit = whiten(g, fit.sigma) / scale
-        information += unit.T @ unit
-        white = unit * whiten(error[:, :, None], fit.sigma)
-        # The last `width` scores of the rows before, and zeros behind the last row, so that every sum is complete.
-        scores = white.reshape(len(g), n_y, -1).sum(axis=1)
-        tail = np.zeros((width if rows.stop == n else 0, len(active)))
-        scores = np.concatenate([sums, scores, tail])
-        summed = np.cumsum(scores, axis=0)
-        windows = summed[width:] - summed[:-width]
-        meat += windows.T @ windows
-        sums = scores[-width:]
-    apart = 0.0 if layout.earlier is None else G.T @ G - information
-    return _sandwich(fit, on_factor, G.T @ G, meat / width + apart, scale)
 
 
 def _unit_signatures(fit: Fit, unfolded: FitRows) -> tuple[FloatArray, FloatArray]:
@@ -480,12 +312,12 @@ class Adding:
     Attributes
     ----------
     layout : with the signals of the fit's support alone; fit : of them.
-    regressors : of the fit on the rows of its record; None where its signals are in stretches.
+    regressors : of the fit on the rows of its record.
     """
 
     layout: Layout
     fit: Fit
-    regressors: Regressors | None
+    regressors: Regressors
 
     def with_signals(self, theta: AtomSignals) -> Layout:
         """Return the record with the fit's own signals and others after them."""
@@ -493,18 +325,10 @@ class Adding:
 
     def each_of(self, theta: AtomSignals) -> tuple[FloatArray, FloatArray]:
         """Return (n_signals,) magnitude and variance of each signal, scaled, added alone."""
-        n_y, n_own, every = theta.n_outputs, self.layout.theta.n_atoms, list[FloatArray]()
-        segments = self.layout.segments and self.layout.segments.with_exponents_of(theta.joined(self.layout.theta))
-        step = max(1, MOST_VALUES // theta.n_samples if segments is None else MOST_BESIDE // n_y)
+        n_own, every, step = self.layout.theta.n_atoms, list[FloatArray](), max(1, MOST_VALUES // theta.n_samples)
         for k in range(0, theta.n_atoms, step):
             some = theta.of(range(k, min(k + step, theta.n_atoms)))
-            if segments is None:
-                unfolded = unfold(self.with_signals(some), self.fit, self.regressors)
-            else:
-                data, beside = compress_beside(
-                    self.layout.theta, some.filtered(self.fit.K), segments=segments, earlier=self.layout.earlier
-                )
-                unfolded = unfold_factor(data, self.fit, beside)
+            unfolded = unfold(self.with_signals(some), self.fit, self.regressors)
             every.append(np.stack(single_additions(self.fit, unfolded))[:, n_own:])
         magnitude, variance = np.concatenate(every, axis=1)
         return magnitude, variance
@@ -514,26 +338,7 @@ def adding_to(layout: Layout, fit: Fit) -> Adding:
     """Return what adds signals to a fit of atoms of a record."""
     chosen = layout.with_signals(layout.theta.of(fit.atoms))
     same = replace(fit, atoms=tuple(range(len(fit.atoms))))
-    return Adding(
-        layout=chosen, fit=same, regressors=None if chosen.theta.in_stretches else regressors_of(chosen, same)
-    )
-
-
-def additions_and_covariance(
-    layout: Layout, fit: Fit, data: Compressed
-) -> tuple[tuple[FloatArray, FloatArray], FloatArray]:
-    """Return `single_additions` of all atoms and `covariance`.
-
-    Parameters
-    ----------
-    data : the triangular factor of the record, of any order from that of the fit on; used where its signals are in
-        stretches.
-    """
-    if layout.theta.in_stretches:
-        on_factor = unfold_factor(data, fit)
-        return single_additions(fit, on_factor), covariance_of_rows(layout, fit, on_factor, data)
-    unfolded = unfold(layout, fit)
-    return single_additions(fit, unfolded), covariance(fit, unfolded)
+    return Adding(layout=chosen, fit=same, regressors=regressors_of(chosen, same))
 
 
 def _small_sample_factor(fit: Fit, unfolded: FitRows) -> float:

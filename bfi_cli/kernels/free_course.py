@@ -342,12 +342,12 @@ def course_problem(
     """
     first, n = layout.first, len(layout.y)
     weights = np.ones(n - first) if layout.weights is None else layout.weights[first:]
-    fixed = np.column_stack([np.asarray(layout.theta)[:, 0, list(named)], line])
+    fixed = np.column_stack([layout.theta.array[:, 0, list(named)], line])
     every = np.column_stack([layout.y[:, 0], fixed, walk])
     lags = lagged(every, range(order + 1), first=first).reshape(n - first, order + 1, -1)
     if unit_root:
         lags = lags[:, :-1] - lags[:, 1:]
-    inputs = lagged(np.asarray(layout.u), range(0 if layout.feedthrough else 1, order + 1), first=first)
+    inputs = lagged(layout.u, range(0 if layout.feedthrough else 1, order + 1), first=first)
     base = np.hstack([np.ones((n - first, 1)), inputs]) * weights[:, None]
     norms = np.linalg.norm(base, axis=0)
     U, s, _ = np.linalg.svd(base / np.where(norms > 0.0, norms, 1.0), full_matrices=False)
@@ -425,11 +425,9 @@ def redrawn(
 
     first, y = layout.first, layout.y[:, 0]
     weights = np.ones(len(y)) if layout.weights is None else layout.weights
-    beside = np.asarray(layout.theta)[:, 0, list(named)] @ fit.z
+    beside = layout.theta.array[:, 0, list(named)] @ fit.z
     corrected = y - fit.value - beside
-    inputs = lagged(
-        np.asarray(layout.u), range(0 if layout.feedthrough else 1, len(fit.K) + unit_root + 1), first=first
-    )
+    inputs = lagged(layout.u, range(0 if layout.feedthrough else 1, len(fit.K) + unit_root + 1), first=first)
     base = np.hstack([np.ones((len(y) - first, 1)), inputs])
     # Increments obey K where a root is held at 1: the predictor of the output itself has one lag more.
     taps = np.convolve([1.0, -1.0], np.concatenate([[1.0], -fit.K])) if unit_root else np.concatenate([[1.0], -fit.K])

@@ -8,35 +8,26 @@ these projected out. Faults enter outputs after theta, so adding a fault leaves 
 than columns nothing is gained by triangularity beyond the constant and the inputs, and R stays full below those.
 
 The factor is accumulated block by block (tall and skinny QR: the factor so far stacked on the next rows; Demmel and
-others 2012). Between its onset, its bends and its end a fault is a sum of a line and exponentials, and so are its lags:
-there the columns of a whole dictionary are combinations of a few, which are factorised in their place
-(`_piecewise_factor`). The factors of such segments do not depend on the onsets, so that another dictionary on the same
-record costs its sharp rows alone (`SegmentFactors`).
+others 2012).
 """
 
 from __future__ import annotations
 
-import cmath
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import pairwise
 
 import numpy as np
 
 from . import FloatArray
-from .atom_signals import AtomSignals, Channels, Stretch, Stretches, Tail, regular_runs
+from .atom_signals import AtomSignals
 from .compiled import lapack
 from .progress import Report, parts, silent
 
 # Columns that LAPACK's blocked QR treats together; it changes the speed only.
 PANEL = 16
-# Rows of the shortest segment that is kept, and of those that are formed at once; memory and speed only.
-SEGMENT, TAIL_ROWS = 16_384, 2048
-# Lagged rows that are formed at a time; likewise.
+# Lagged rows that are formed at a time; memory and speed only.
 BLOCK_ROWS = 1024
-# A run of fewer rows between sharp parts is formed as it is: a segment leaves as many rows as it has columns.
-SHORTEST_RUN = 128
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -201,165 +192,15 @@ def triangular_first(rows: FloatArray, n_first: int) -> FloatArray:
     return rows
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SegmentFactors:
-    """The factors of segments of one record on which the signals of a dictionary are sums of few functions.
-
-    The columns are ``[1 | u lags | y lags | y | t | exponentials]``, rows weighted.
-
-    Attributes
-    ----------
-    u : (n_samples, n_inputs), y : (n_samples, n_outputs), weights : (n_samples,) or None, as for `compress`.
-    step_s : from sample to sample.
-    exponents : of the exponentials, 1/s; one that oscillates is a cosine and a sine.
-    rows : of the shortest segment that is kept.
-    """
-
-    u: Channels
-    y: Channels
-    weights: FloatArray | None
-    order: int
-    feedthrough: bool
-    step_s: float
-    exponents: tuple[complex, ...]
-    rows: int = SEGMENT
-    _known: dict[tuple[int, int], FloatArray] = field(init=False, repr=False, default_factory=dict)
-
-    def with_exponents_of(self, theta: AtomSignals) -> SegmentFactors:
-        """Return these factors, or, where they lack an exponent of the signals, those of their exponents."""
-        exponents = exponents_of(theta)
-        return self if set(exponents) <= set(self.exponents) else replace(self, exponents=exponents)
-
-    @property
-    def n_functions(self) -> int:
-        """Columns of the line's slope and of the exponentials."""
-        return 1 + sum(2 if exponent.imag else 1 for exponent in self.exponents)
-
-    @property
-    def record_columns(self) -> Columns:
-        """Where the columns of the record lie; the functions follow them."""
-        return Columns(
-            order=self.order,
-            n_inputs=self.u.shape[1],
-            n_outputs=self.y.shape[1],
-            n_atoms=0,
-            signals=(),
-            feedthrough=self.feedthrough,
-        )
-
-    def factor(self, start: int, stop: int) -> FloatArray:
-        """Return the factor of rows start..stop - 1, the functions' time counted from the oldest sample of the first.
-
-        Rows are taken together two by two, so that a run of any length is put together of few factors that are known.
-        """
-        pieces, at = list[tuple[int, FloatArray]](), start
-        while at < stop:
-            size = self.rows
-            if at % size or at + size > stop:
-                size = min((at // size + 1) * size, stop) - at
-                pieces.append((at, self._made(at, at + size)))
-            else:
-                while at % (2 * size) == 0 and at + 2 * size <= stop:
-                    size *= 2
-                pieces.append((at, self._kept(at, size)))
-            at += size
-        return self._together(pieces)
-
-    def _kept(self, start: int, size: int) -> FloatArray:
-        """Return the factor of ``rows * 2^n`` rows, made once."""
-        if (start, size) not in self._known:
-            half = size // 2
-            self._known[start, size] = (
-                self._made(start, start + size)
-                if size == self.rows
-                else self._together([(at, self._kept(at, half)) for at in (start, start + half)])
-            )
-        return self._known[start, size]
-
-    def _together(self, pieces: Sequence[tuple[int, FloatArray]]) -> FloatArray:
-        """Return the factor of factors, of which the first row is given, functions counted from the first of them."""
-        if len(pieces) == 1:
-            return pieces[0][1]
-        first, n = pieces[0][0], self.record_columns.size
-        rows = np.concatenate([factor for _, factor in pieces])
-        at = 0
-        for start, factor in pieces:
-            part, later_s = rows[at : at + len(factor)], self.step_s * (start - first)
-            at += len(factor)
-            part[:, n] += later_s * part[:, 0]
-            for place, exponent in self._places():
-                turned = cmath.exp(exponent * later_s)
-                if exponent.imag:
-                    real, imag = part[:, place].copy(), part[:, place + 1].copy()
-                    part[:, place] = turned.real * real - turned.imag * imag
-                    part[:, place + 1] = turned.imag * real + turned.real * imag
-                else:
-                    part[:, place] *= turned.real
-        return np.asarray(np.linalg.qr(rows, mode="r"))
-
-    def combinations(self, first: int, stretch: Stretch, lags: Sequence[int]) -> FloatArray:
-        """Return (n_columns, len(lags)) what lags of a tail are of the columns of a run from row `first` on."""
-        tail, columns = stretch.made, self.record_columns
-        assert isinstance(tail, Tail)
-        into = np.zeros((columns.size + self.n_functions, len(lags)))
-        place = {exponent: n for n, exponent in self._places()}
-        for i, lag in enumerate(lags):
-            since_s = (first - self.order - lag) * self.step_s + stretch.origin_s
-            level, rate, *waves = tail.coefficients(since_s).tolist()
-            into[0, i], into[columns.size, i] = level, rate
-            if tail.amplitude != 0.0:
-                exponent = complex(tail.exponent)
-                n = place[exponent]
-                into[n : n + 1 + (exponent.imag != 0.0), i] = waves[: 1 + (exponent.imag != 0.0)]
-        return into
-
-    def _places(self) -> Iterator[tuple[int, complex]]:
-        """Yield the column, or the first of two, of each exponent."""
-        place = self.record_columns.size + 1
-        for exponent in self.exponents:
-            yield place, exponent
-            place += 2 if exponent.imag else 1
-
-    def _made(self, start: int, stop: int) -> FloatArray:
-        columns, order = self.record_columns, self.order
-        R = np.zeros((columns.size + self.n_functions,) * 2, order="F")
-        block = np.empty((len(R), min(TAIL_ROWS, stop - start)))
-        for first in range(start, stop, block.shape[1]):
-            last = min(first + block.shape[1], stop)
-            part = block[:, : last - first]
-            block[:, last - first :] = 0.0
-            rows = slice(first - order, last)
-            _fill_record(part, self.u[rows], self.y[rows], columns)
-            since_s = self.step_s * (np.arange(first, last) - (start - order))
-            part[columns.size] = since_s
-            for place, exponent in self._places():
-                part[place] = np.exp(exponent.real * since_s)
-                if exponent.imag:
-                    part[place + 1] = part[place] * np.sin(exponent.imag * since_s)
-                    part[place] *= np.cos(exponent.imag * since_s)
-            if self.weights is not None:
-                part *= self.weights[first:last]
-            R = add_rows(R, block.T, overwrite=True)
-        return R
-
-
-def exponents_of(theta: AtomSignals) -> tuple[complex, ...]:
-    """Return the exponents of all tails of a dictionary, each once."""
-    tails = (stretch.made for stretches in theta.atoms for stretch in stretches if isinstance(stretch.made, Tail))
-    known = {complex(tail.exponent) for tail in tails if tail.amplitude != 0.0}
-    return tuple(sorted(known, key=lambda exponent: (exponent.real, exponent.imag)))
-
-
 def compress(
-    u: Channels,
-    y: Channels,
+    u: FloatArray,
+    y: FloatArray,
     theta: FloatArray | AtomSignals,
     *,
     order: int,
     feedthrough: bool = False,
     weights: FloatArray | None = None,
     report: Report = silent,
-    segments: SegmentFactors | None = None,
 ) -> Compressed:
     """Return the triangular factor of the stacked lagged matrix, accumulated block by block.
 
@@ -372,7 +213,6 @@ def compress(
     feedthrough : inputs act in the same sample too.
     weights : (n_samples,) of the rows, by which the whole row of a sample is multiplied; None for 1.
     report : called with the fraction that is done.
-    segments : of this record, order and these weights, with every exponent of `theta`, to be used and added to.
 
     Raises
     ------
@@ -382,7 +222,7 @@ def compress(
     if dimensions != (2, 2, 3):
         raise ValueError(f"u, y, theta must have 2, 2, 3 dimensions, got {', '.join(map(str, dimensions))}")
     if isinstance(theta, np.ndarray):
-        theta = AtomSignals.sampled(theta)
+        theta = AtomSignals(theta)
     if len(u) != len(y) or theta.shape[:2] != y.shape:
         raise ValueError(f"shapes disagree: u {u.shape}, y {y.shape}, theta {theta.shape}")
     if not 1 <= order < len(y):
@@ -397,22 +237,10 @@ def compress(
     )
     n_rows = len(y) - order
     wide = n_rows <= columns.size
-    if theta.in_stretches and not wide:
-        segments = segments or SegmentFactors(
-            u=u,
-            y=y,
-            weights=weights,
-            order=order,
-            feedthrough=feedthrough,
-            step_s=theta.step_s,
-            exponents=exponents_of(theta),
-        )
-        R = _piecewise_factor(theta, columns, None, segments, report)
-    else:
-        blocks = _blocks(u, y, np.asarray(theta), columns, weights, n_rows if wide else min(BLOCK_ROWS, n_rows), report)
-        R = np.zeros((0 if wide else columns.size, columns.size), order="F")
-        for block in blocks:
-            R = triangular_first(block, columns.n_base) if wide else add_rows(R, block, overwrite=True)
+    blocks = _blocks(u, y, theta.array, columns, weights, n_rows if wide else min(BLOCK_ROWS, n_rows), report)
+    R = np.zeros((0 if wide else columns.size, columns.size), order="F")
+    for block in blocks:
+        R = triangular_first(block, columns.n_base) if wide else add_rows(R, block, overwrite=True)
     return _compressed(R, columns, n_rows)
 
 
@@ -425,71 +253,9 @@ def with_earlier(data: Compressed, earlier: EarlierRows | None) -> Compressed:
     return _compressed(R, columns, data.n_rows + earlier.n_rows)
 
 
-def compress_beside(
-    theta: AtomSignals,
-    beside: AtomSignals,
-    *,
-    segments: SegmentFactors,
-    earlier: EarlierRows | None = None,
-) -> tuple[Compressed, FloatArray]:
-    """Return the factor of a record and a few signals, and the rows that others have beside it.
-
-    Parameters
-    ----------
-    theta : with all its lags.
-    beside : at lag 0 alone.
-    segments : of the record, with every exponent of both.
-    earlier : of other records at this order.
-
-    Returns
-    -------
-    The factor of the record with `theta`, whose R has more rows than columns, and (rows of R, n_beside).
-    """
-    columns = replace(segments.record_columns, n_atoms=theta.n_atoms, signals=theta.acting())
-    R, n_rows = _piecewise_factor(theta, columns, beside, segments), len(segments.y) - segments.order
-    if earlier is not None:
-        n_beside = R.shape[1] - columns.size
-        R, n_rows = (
-            np.concatenate([R, np.pad(earlier.among(columns), ((0, 0), (0, n_beside)))]),
-            n_rows + earlier.n_rows,
-        )
-    data = _compressed(R[:, : columns.size], columns, n_rows)
-    return data, R[:, columns.size :]
-
-
-def constants_and_signals(theta: AtomSignals) -> tuple[FloatArray, FloatArray]:
-    """Return (n, n_outputs) and (n, n_atoms) with the inner products of every output's constant and of all signals.
-
-    Samples of all outputs count as rows, a constant being zero on the other outputs. Of signals in stretches the rows
-    are those of a triangular factor for every output.
-    """
-    n_y, parts_of = theta.n_outputs, list[FloatArray]()
-    if not theta.in_stretches:
-        constants = np.kron(np.ones((theta.n_samples, 1)), np.eye(n_y))
-        return np.asarray(constants, dtype=np.float64), np.asarray(theta).reshape(-1, theta.n_atoms)
-    nothing = np.empty((theta.n_samples, 0))
-    segments = SegmentFactors(
-        u=nothing,
-        y=nothing,
-        weights=None,
-        order=0,
-        feedthrough=False,
-        step_s=theta.step_s,
-        exponents=exponents_of(theta),
-    )
-    for output in range(n_y):
-        signals = [j for j, of in enumerate(theta.outputs) if of == output]
-        R = _piecewise_factor(theta.of([]), segments.record_columns, theta.of(signals), segments)
-        rows = np.zeros((len(R), n_y + theta.n_atoms))
-        rows[:, [output, *(n_y + j for j in signals)]] = R
-        parts_of.append(rows)
-    rows = np.concatenate(parts_of)
-    return rows[:, :n_y], rows[:, n_y:]
-
-
 def _blocks(
-    u: Channels,
-    y: Channels,
+    u: FloatArray,
+    y: FloatArray,
     theta: FloatArray,
     columns: Columns,
     weights: FloatArray | None,
@@ -510,88 +276,6 @@ def _blocks(
         if weights is not None:
             part *= weights[start : start + part.shape[1]]
         yield block.T
-
-
-def _piecewise_factor(
-    theta: AtomSignals,
-    columns: Columns,
-    beside: AtomSignals | None,
-    segments: SegmentFactors,
-    report: Report = silent,
-) -> FloatArray:
-    """Return the factor of the stacked lagged matrix, signals that are `beside` it after all others.
-
-    Rows on which a signal is sharp are formed as they are. On all others every signal is zero or a tail, and the
-    factor of a segment of the record with the functions that tails are made of is multiplied by what they are.
-    """
-    u, y, order = segments.u, segments.y, columns.order
-    kept = [theta.atoms[j] for _, j in columns.signals]
-    others = [] if beside is None else list(beside.atoms)
-    size = columns.size + len(others)
-    R = np.zeros((size, size), order="F")
-    sharp, regular = _runs([(atom, order) for atom in kept] + [(atom, 0) for atom in others], len(y), order)
-    record, lags = segments.record_columns, range(order + 1)
-    place = np.concatenate([np.arange(columns.n_base), np.r_[columns.y_lags], np.r_[columns.y]])
-    lagged_place = np.stack([np.r_[columns.theta], *np.r_[columns.theta_lags].reshape(order, len(kept))])
-    signals = [(atom, lags, lagged_place[:, n]) for n, atom in enumerate(kept)]
-    signals += [(atom, range(1), np.array([columns.size + n])) for n, atom in enumerate(others)]
-    total, done = max(len(y) - order, 1), 0
-    for start, stop in sharp:
-        for first in range(start, stop, BLOCK_ROWS):
-            last = min(first + BLOCK_ROWS, stop)
-            block, rows = np.zeros((size, last - first)), slice(first - order, last)
-            _fill_record(block, u[rows], y[rows], columns)
-            if kept:
-                atoms = theta.of([j for _, j in columns.signals]).between(first - order, last).sum(axis=1)
-                _fill_signals(block, atoms, columns)
-            if beside is not None:
-                block[columns.size :] = beside.between(first, last).sum(axis=1).T
-            if segments.weights is not None:
-                block *= segments.weights[first:last]
-            R = add_rows(R, np.asfortranarray(block.T), overwrite=True)
-            done += last - first
-            report(done / total)
-    for start, stop in regular:
-        forms = [
-            (stretch, own_lags, columns_of_signal)
-            for stretches, own_lags, columns_of_signal in signals
-            for stretch in stretches
-            if stretch.start <= start and stop <= stretch.stop
-        ]
-        factor = segments.factor(start, stop)
-        into = np.zeros((len(factor.T), size))
-        into[np.arange(record.size), place] = 1.0
-        for stretch, own_lags, columns_of_signal in forms:
-            into[:, columns_of_signal] = segments.combinations(start, stretch, own_lags)
-        R = add_rows(R, np.asfortranarray(factor @ into), overwrite=True)
-        done += stop - start
-        report(min(done / total, 1.0))
-    return R
-
-
-def _runs(
-    signals: Sequence[tuple[Stretches, int]], n_samples: int, order: int
-) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-    """Return (start, stop) of the rows on which a signal is sharp, and of those on which all are zero or tails."""
-    edges = {order, n_samples}
-    changes: dict[int, int] = {}
-    for stretches, lags in signals:
-        for start, stop, what in regular_runs(stretches, n_samples, lags):
-            edges |= {min(max(start, order), n_samples), min(max(stop, order), n_samples)}
-            if what is None:
-                for at, change in ((start, 1), (stop, -1)):
-                    at = min(max(at, order), n_samples)
-                    changes[at] = changes.get(at, 0) + change
-    made: tuple[list[tuple[int, int]], list[tuple[int, int]]] = ([], [])
-    depth, ends = 0, sorted(edges)
-    for start, stop in pairwise(ends):
-        depth += changes.get(start, 0)
-        into = made[0] if depth or stop - start < SHORTEST_RUN else made[1]
-        if into and into is made[0] and into[-1][1] == start:
-            into[-1] = (into[-1][0], stop)
-        else:
-            into.append((start, stop))
-    return made
 
 
 def restrict(data: Compressed, *, order: int) -> Compressed:

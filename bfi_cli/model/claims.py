@@ -20,7 +20,6 @@ from ..decision import Candidate, candidate_of, finite, untested
 from ..dictionary import dead_reason, dead_sentences
 from ..faults.shapes import SHAPES
 from ..kernels import ONE_SIDED_95, FloatArray
-from ..kernels.lagged import constants_and_signals
 from ..kernels.onset.scan import ENDING, STARTING
 from ..kernels.variable_projection import fit_magnitudes, log_dets_beside
 from ..kernels.whiteness import exceedances
@@ -152,7 +151,7 @@ def _twins(window: PreparedWindow) -> dict[int, int]:
     """Return, for entries left out because they are another's signal, that other entry."""
     if not window.reasons:
         return {}
-    _, flat = constants_and_signals(window.signals.theta)
+    flat = window.signals.theta.array.reshape(-1, window.signals.theta.n_atoms)
     norms = np.linalg.norm(flat, axis=0)
     twins = {}
     for entry in window.reasons:

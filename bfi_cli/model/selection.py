@@ -381,7 +381,7 @@ def _signals(regression: RegressionData, window: PreparedWindow, shifts: Mapping
     units = np.repeat(
         [float(regression.magnitude_unit[n]) for n in shifts], [entry_shifts.size for entry_shifts in shifts.values()]
     )
-    return signals_of_faults(window, faults, sizes).over(regression.unit).scaled(units)
+    return AtomSignals(signals_of_faults(window, faults, sizes).over(regression.unit).array * units)
 
 
 def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> Adding:

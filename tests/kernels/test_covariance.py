@@ -10,16 +10,13 @@ from made_varx import dictionary, explicit_error, made, wave
 from scipy import signal, stats
 
 from bfi_cli.kernels import covariance as covariance_module
-from bfi_cli.kernels.atom_signals import AtomSignals, signal_of
+from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.covariance import (
     Layout,
-    additions_and_covariance,
     covariance,
     single_additions,
     unfold,
-    unfold_factor,
     unfold_own,
-    unfold_rows,
 )
 from bfi_cli.kernels.lagged import compress
 from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs
@@ -33,7 +30,7 @@ def fitted(u, y, theta, atoms, *, order: int = ORDER, first: int | None = None, 
     first = order if first is None else first
     data = compress(u, y, theta, order=first, feedthrough=feedthrough)
     fit = fit_magnitudes(project_inputs(data, order, floor=FLOOR), atoms)
-    return Layout(u=u, y=y, theta=AtomSignals.sampled(theta), first=first, feedthrough=feedthrough), fit
+    return Layout(u=u, y=y, theta=AtomSignals(theta), first=first, feedthrough=feedthrough), fit
 
 
 def record(seed: int, z, *, n: int = 400, n_y: int = 1, noise_sd: object = 0.1):
@@ -270,53 +267,11 @@ def test_regressors_factorised_in_place_are_those_at_once(
     layout = replace(layout, weights=1.0 + np.random.default_rng(0).uniform(size=400))
     whole = unfold(layout, fit)
     monkeypatch.setattr(covariance_module, "MOST_VALUES", 900)
-    parts, own = unfold(layout, fit), unfold_own(layout, fit, layout.factor())
+    parts, own = unfold(layout, fit), unfold_own(layout, fit)
     for name in ("error", "weighted_error", "signatures", "raw_norm", "coefficients", "condition_number"):
         np.testing.assert_allclose(getattr(parts, name), getattr(whole, name), rtol=1e-10, atol=1e-11)
     np.testing.assert_allclose(own.error, whole.error, rtol=1e-10, atol=1e-11)
     np.testing.assert_allclose(own.signatures, whole.signatures[:, :, list(atoms)], rtol=1e-10, atol=1e-11)
-
-
-@pytest.mark.parametrize("n_y", [1, 2])
-@pytest.mark.parametrize("atoms", [(), (0,), (0, 2)])
-@pytest.mark.parametrize("weighted", [False, True])
-@pytest.mark.parametrize("rows", [37, 65_536])
-def test_a_long_record_in_parts_is_the_one_at_once(
-    monkeypatch: pytest.MonkeyPatch, n_y: int, atoms: tuple[int, ...], weighted: bool, rows: int
-):
-    """On the triangular factor, and row by row some rows at a time: the same errors, additions and covariance."""
-    u, y, theta = record(5, (1.0, -2.0, 0.5, 0.0, 0.3), n_y=n_y)
-    # An entry acts on one output.
-    theta *= np.eye(n_y)[:, np.arange(5) % n_y]
-    layout, fit = fitted(u, y, theta, atoms, first=6, feedthrough=True)
-    if weighted:
-        layout = replace(layout, weights=1.0 + np.random.default_rng(0).uniform(size=400))
-    whole = unfold(layout, fit)
-    (magnitude, variance), cov = single_additions(fit, whole), covariance(fit, whole)
-    monkeypatch.setattr(covariance_module, "ROWS", rows)
-    signals = AtomSignals(
-        n_samples=400,
-        n_outputs=n_y,
-        step_s=0.1,
-        outputs=tuple(j % n_y for j in range(5)),
-        atoms=tuple(signal_of(theta[:, j % n_y, j]) for j in range(5)),
-    )
-    pieces = replace(layout, theta=signals)
-    data = compress(u, y, signals, order=6, feedthrough=True, weights=layout.weights)
-    on_factor = unfold_factor(data, fit)
-    own = unfold_rows(pieces, fit, on_factor)
-    np.testing.assert_allclose(own.error, whole.error, rtol=1e-9, atol=1e-10)
-    np.testing.assert_allclose(own.weighted_error, whole.weighted_error, rtol=1e-9, atol=1e-10)
-    np.testing.assert_allclose(own.coefficients, whole.coefficients, rtol=1e-9, atol=1e-10)
-    np.testing.assert_allclose(own.condition_number, whole.condition_number, rtol=1e-9)
-    np.testing.assert_allclose(on_factor.raw_norm, whole.raw_norm, rtol=1e-9)
-    assert on_factor.n_rows == whole.n_rows == 394
-    added, scaled = additions_and_covariance(pieces, fit, data)
-    np.testing.assert_allclose(scaled, cov, rtol=1e-9)
-    others = [n for n in range(5) if n not in atoms]
-    np.testing.assert_allclose(added[0][others], magnitude[others], rtol=1e-9)
-    np.testing.assert_allclose(added[1][others], variance[others], rtol=1e-9)
-    assert np.isnan(added[1][list(atoms)]).all()
 
 
 def test_a_dependent_regressor_of_a_long_record_is_left_out(monkeypatch: pytest.MonkeyPatch):

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from bfi_cli.kernels.atom_signals import AtomSignals
-from bfi_cli.kernels.covariance import Layout, additions_and_covariance, single_additions, unfold, unfold_factor
+from bfi_cli.kernels.covariance import Layout, covariance, single_additions, unfold
 from bfi_cli.kernels.lagged import EarlierRows, compress, lagged, restrict, with_earlier
-from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs
+from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs, single_magnitudes
 
 ORDER = 3
 
@@ -36,7 +36,7 @@ def layout_of(n: int = 80) -> tuple[Layout, list[tuple[np.ndarray, np.ndarray]]]
     theta[n // 2 :, 0, 0] = 1.0
     theta[n // 3 :, 0, 1] = np.linspace(0.0, 1.0, n - n // 3)
     y = y + theta[:, :, 0] * 0.7
-    return Layout(u=u, y=y, theta=AtomSignals.sampled(theta), first=ORDER, feedthrough=True), [
+    return Layout(u=u, y=y, theta=AtomSignals(theta), first=ORDER, feedthrough=True), [
         flown(1, 60, 5.0),
         flown(2, 40, -3.0),
     ]
@@ -85,10 +85,10 @@ def test_rows_and_factor_give_one_covariance_of_every_magnitude():
     layout = replace(layout, earlier=EarlierRows.together([rows_of(*one) for one in others]))
     data = with_earlier(compress(layout.u, layout.y, layout.theta, order=ORDER, feedthrough=True), layout.earlier)
     for order in (ORDER, ORDER - 1):
-        fit = fit_magnitudes(project_inputs(restrict(data, order=order), order, floor=1e-12), (0,))
-        on_rows, on_factor = (single_additions(fit, one) for one in (unfold(layout, fit), unfold_factor(data, fit)))
-        np.testing.assert_allclose(on_rows[0], on_factor[0], rtol=1e-8)
-        np.testing.assert_allclose(on_rows[1], on_factor[1], rtol=1e-8)
+        problem = project_inputs(restrict(data, order=order), order, floor=1e-12)
+        fit = fit_magnitudes(problem, (0,))
+        on_rows, on_factor = single_additions(fit, unfold(layout, fit)), single_magnitudes(problem, fit, 2)
+        np.testing.assert_allclose([on_rows[0][1], on_rows[1][1]], [on_factor[0][1], on_factor[1][1]], rtol=1e-8)
 
 
 def test_more_records_narrow_the_interval_of_a_short_one():
@@ -99,5 +99,5 @@ def test_more_records_narrow_the_interval_of_a_short_one():
     for one in (layout, shared):
         data = with_earlier(compress(one.u, one.y, one.theta, order=ORDER, feedthrough=True), one.earlier)
         fit = fit_magnitudes(project_inputs(data, ORDER, floor=1e-12), (0,))
-        sd.append(float(np.sqrt(additions_and_covariance(one, fit, data)[1][0, 0] / fit.sigma[0, 0])))
+        sd.append(float(np.sqrt(covariance(fit, unfold(one, fit))[0, 0] / fit.sigma[0, 0])))
     assert sd[1] < 0.8 * sd[0]

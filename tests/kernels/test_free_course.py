@@ -25,7 +25,7 @@ def layout_of(seed: int, fault: np.ndarray, *, noise_sd: float = 0.05, theta: np
     """Return a record of a stable system of two states, with a fault on its output."""
     rng = np.random.default_rng(seed)
     u, y = made(rng, order=ORDER).fly(N, rng, noise_sd=noise_sd)
-    atoms = AtomSignals.none(N, 1) if theta is None else AtomSignals.sampled(theta)
+    atoms = AtomSignals.none(N, 1) if theta is None else AtomSignals(theta)
     return Layout(u=u, y=y + fault[:, None], theta=atoms, first=4, feedthrough=False)
 
 

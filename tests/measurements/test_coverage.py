@@ -1,9 +1,10 @@
-"""The share of a healthy flight in which a fault of three tolerances is declared, with the share that alarms without.
+"""The share of a healthy flight in which a fault of three tolerances is declared.
 
 A step of the airspeed of a log, of either sign, is added at random times between take-off and landing, each drawn in
 its own stretch of equal length, with ten minutes about it. Declared with the airspeed in its set, and its onset in the
-interval, it is covered. Beside it ice that closes the pitot tube within a minute. The short form takes one flight of a
-light aircraft; BFI_FULL=1 all healthy ones:
+interval, it is covered. Beside it, without a bar, ice that closes the tube for a minute: where only a receiver of
+satellites bounds the airspeed, a wind explains it as well. The short form takes one flight of a light aircraft;
+BFI_FULL=1 all healthy ones:
 `BFI_FULL=1 pytest -s -m slow -o faulthandler_timeout=14400 tests/measurements/test_coverage.py`.
 """
 
@@ -90,11 +91,22 @@ def is_covered(log: FlightLog, fault: Fault) -> bool:
     return covered
 
 
-@pytest.mark.parametrize("aircraft", AIRCRAFT if FULL else SHORT)
-def test_faults_of_three_tolerances_are_declared_in_most_of_a_flight(aircraft: str, flights: Path) -> None:
+def marked(aircraft: str) -> object:
+    """Return an aircraft, of which a bar that is not kept is expected to fail."""
+    short = pytest.mark.xfail(strict=True, reason="flights of 150 s at 15 m/s: no step of 3.5 to 5 m/s is declared")
+    return pytest.param(aircraft, marks=short) if aircraft.startswith("PX4") else aircraft
+
+
+@pytest.mark.parametrize("aircraft", [marked(aircraft) for aircraft in (AIRCRAFT if FULL else SHORT)])
+def test_steps_of_three_tolerances_are_declared_in_most_of_a_flight(aircraft: str, flights: Path) -> None:
+    every: list[bool] = []
     for name in AIRCRAFT[aircraft] if FULL else SHORT[aircraft]:
         log = read_log(flights / f"{name}.h5")
         faults = faults_of(log, np.random.default_rng(37))
-        covered = [is_covered(log, fault) for fault in faults]
+        covered = [is_covered(log, fault) for fault in faults[: None if FULL else ONSETS]]
         steps, ices = covered[:ONSETS], covered[ONSETS:]
         print(f"{name}: steps {sum(steps)} of {len(steps)}, ice {sum(ices)} of {len(ices)}", flush=True)
+        every += steps
+    if not FULL:  # of these every answer is known
+        assert all(every)
+    assert not_below(sum(every) / len(every), WANTED, len(every))

@@ -157,7 +157,7 @@ class Likelihood:
         """Return the maximum over the magnitudes of signals theta (n_samples, n_outputs, n_signals)."""
         if self.step is not None:
             self.step()
-        data = replace(self.layout, theta=AtomSignals.sampled(theta)).factor()
+        data = replace(self.layout, theta=AtomSignals(theta)).factor()
         floor = FLOOR if self.record.floor is None else self.record.floor
         problem = project_inputs(data, self.layout.first, floor=floor)
         return fit_magnitudes(problem, range(theta.shape[2]), start, tolerance=TOLERANCE)
@@ -207,7 +207,6 @@ def prepare_record(
             theta=AtomSignals.none(*layout.y.shape),
             weights=None if wanted.ends else layout.weights,
             earlier=None,
-            segments=None,
         ),
         unit=regression.unit,
         floor=None if window.signals.factor == 1 else regression.floor,

@@ -19,7 +19,7 @@ from ...errors import LogError
 from ...faults import Fault
 from ...kernels import ONE_SIDED_90, FloatArray
 from ...kernels.compiled import special
-from ...kernels.covariance import Adding, adding_to, additions_and_covariance
+from ...kernels.covariance import Adding, adding_to, covariance, single_additions, unfold
 from ...kernels.model_selection import Penalty, ScoredFit, least_criterion
 from ...kernels.progress import Report, parts, shares, silent
 from ...kernels.variable_projection import Fit, fit_magnitudes, log_dets_beside, single_magnitudes, with_unit_root
@@ -156,7 +156,8 @@ def averaged_magnitudes(
     values, variances, covariances, sampling = {}, {}, {}, {}
     for n, _ in parts(report, keep):
         fit = fits[n].fit
-        (z, variance), scaled = additions_and_covariance(regression.layout, fit, regression.data)
+        unfolded = unfold(regression.layout, fit)
+        (z, variance), scaled = single_additions(fit, unfolded), covariance(fit, unfolded)
         active = list(fit.atoms)
         unit = regression.magnitude_unit
         z[active], variance[active] = fit.z, np.diag(scaled)
@@ -419,8 +420,7 @@ def _factor(window: PreparedWindow, regression: RegressionData, adding: Adding, 
     """Return the mean over onsets of z^2 / var(z) of a shape that is added to a fit, at least 1."""
     time_s = window.native.time_s
     onsets = time_s[0] + np.linspace(*INSIDE, N_ONSETS) * (time_s[-1] - time_s[0])
-    in_stretches, n_values = window.signals.theta.in_stretches, N_ONSETS * len(window.signals.y)
-    n_parts = 1 if in_stretches else min(N_ONSETS, -(-n_values // MOST_VALUES))
+    n_parts = min(N_ONSETS, -(-N_ONSETS * len(window.signals.y) // MOST_VALUES))
     squares = np.empty(0)
     # Each shifted signal is added alone to the fit.
     for part in np.array_split(onsets, n_parts):

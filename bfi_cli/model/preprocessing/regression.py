@@ -111,7 +111,7 @@ class RegressionData:
 
     def without_record(self) -> RegressionData:
         """Return the regression without what only its factorisation needs, which a long record has much of."""
-        left = replace(self, layout=replace(self.layout, weights=None, segments=None))
+        left = replace(self, layout=replace(self.layout, weights=None))
         left._problems.update(self._problems)
         return left
 
@@ -120,7 +120,7 @@ class RegressionData:
         """Slopes of the atoms whose signal changes with the outputs, where one is no output itself; else None."""
         if not {*self.atoms} & self.signals.slopes.keys():
             return None
-        theta, first = np.asarray(self.layout.theta), self.layout.first
+        theta, first = self.layout.theta.array, self.layout.first
         n_rows, n_outputs = self.layout.y.shape[0] - first, self.layout.y.shape[1]
         blocks = np.array_split(np.arange(n_rows), min(n_rows, MOST_SLOPES))
         starts = np.array([block[0] for block in blocks])
@@ -142,8 +142,8 @@ class RegressionData:
         return restrict(self.data, order=order)
 
     def unfold(self, fit: Fit) -> FitRows:
-        """Return a fit row by row, with the signatures of its support; of a long record without them."""
-        return unfold_own(self.layout, fit, self.data)
+        """Return a fit row by row, with the signatures of its support."""
+        return unfold_own(self.layout, fit)
 
     def with_dictionary(
         self,
@@ -183,14 +183,14 @@ class RegressionData:
         magnitudes : (n_atoms,) in SI units; each atom acts on one output.
         """
         z, earlier = magnitudes / self.magnitude_unit, self.layout.earlier
-        faulty = np.asarray(self.layout.y) + self.layout.theta.combined(z, 0, len(self.layout.y))
-        y, center, unit = standardised(self.center + self.unit * faulty, centred=self.centred, at_once=True)
+        faulty = self.layout.y + self.layout.theta.combined(z)
+        y, center, unit = standardised(self.center + self.unit * faulty, centred=self.centred)
         outputs = np.zeros(len(z), dtype=np.intp)
         outputs[[atom for _, atom in self.data.columns.signals]] = [output for output, _ in self.data.columns.signals]
         scale, shift = self.unit / unit, (self.center - center) / unit
         return replace(
             self,
-            layout=replace(self.layout, y=y, earlier=earlier and earlier.scaled(scale), segments=None),
+            layout=replace(self.layout, y=y, earlier=earlier and earlier.scaled(scale)),
             data=with_scaled_outputs(with_fault(self.data, z), scale, shift),
             center=center,
             unit=unit,
@@ -222,11 +222,10 @@ def build_regression(
     wanted = orders or (model.orders if model.order == "auto" else (model.order,))
     orders = feasible_orders(signals.path, len(signals.time_s), wanted, n_inputs=n_inputs, n_outputs=n_outputs)
     centred = config.conditioning.detrend == "constant"
-    scaling = {"centred": centred, "at_once": not signals.theta.in_stretches}
-    (u, _, u_unit), (y, center, unit) = (standardised(x, **scaling) for x in (signals.u, signals.y))
+    (u, _, u_unit), (y, center, unit) = (standardised(x, centred=centred) for x in (signals.u, signals.y))
     theta, magnitude_unit = _scaled_signals(signals.theta, atoms, unit)
     floor = ROUND_OFF if signals.factor == 1 else DECIMATION_REMAINDER
-    layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough).with_segments()
+    layout = Layout(u=u, y=y, theta=theta, first=max(orders), feedthrough=config.feedthrough)
     is_even = config.conditioning.variance != "running" or as_published(config)
     if not is_even:
         layout = _evened(layout, floor, signals.rate_hz)
@@ -273,7 +272,8 @@ def _scaled_signals(theta: AtomSignals, atoms: Sequence[int], unit: FloatArray) 
     scaled = theta.of(atoms).over(unit)
     power = scaled.powers()
     magnitude_unit = 1.0 / np.where(power > 0.0, power, 1.0)
-    return scaled.scaled(magnitude_unit), magnitude_unit
+    scaled.array[...] *= magnitude_unit
+    return scaled, magnitude_unit
 
 
 def _evened(layout: Layout, floor: float, rate_hz: float) -> Layout:
@@ -284,7 +284,7 @@ def _evened(layout: Layout, floor: float, rate_hz: float) -> Layout:
     plain = layout.with_signals(layout.theta.of([]))
     data = plain.factor()
     fit = fit_magnitudes(project_inputs(data, layout.first, floor=floor), ())
-    error = unfold_own(plain, fit, data).error
+    error = unfold_own(plain, fit).error
     if float(np.abs(error).max()) < EXACT:
         return layout
     weights = running_weights(error, round(RUNNING_S * rate_hz))

@@ -40,8 +40,8 @@ EXACT_SAMPLES = 5000  # more tell no more and take time
 FIRST_SAMPLES = 500  # that nearly all measured records fail in; the speed only
 SEGMENTS = 1000  # of a spectrum, transformed at once, for memory
 # Rows of the longest record that is searched for onsets: five and a half hours at the slowest rate. No linear model
-# holds longer, and a search takes minutes. ESTIMATED: rows of the longest record whose onsets are stated, at the log's
-# own rate or one that is asked for: an hour at 100 Hz, over which the signals of a dictionary fit in memory.
+# holds longer, and a search takes minutes. ESTIMATED: rows of the longest record whose onsets are stated: an hour at
+# 100 Hz, a day at 4 Hz, over which the signals of a dictionary fit in memory.
 MOST_ROWS, ESTIMATED = 20_000, 360_000
 
 
@@ -92,6 +92,8 @@ def choose_rate(
     if factor * SAMPLES_PER_CYCLE * fastest > signals.rate_hz * (1 + TIE):
         reason = f"{fastest:g} Hz is the fastest oscillation of the dictionary"
         factor = int(np.floor(signals.rate_hz / (SAMPLES_PER_CYCLE * fastest) + TIE))
+    if (longest := -(-len(signals.time_s) // ESTIMATED)) > factor:
+        factor, reason = longest, f"one model is fitted to {ESTIMATED} rows at most"
     factor = int(np.clip(factor, 1, max(1, len(signals.time_s) // FEWEST_SAMPLES)))
     return factor, reason if factor > 1 else f"the log's own rate; {reason}"
 
@@ -145,7 +147,7 @@ def is_exact(signals: Signals) -> bool:
         return False
     if len(y) <= (EXACT_ORDER + 1) * len(signals.theta.acting()):  # so many terms fit any rows
         return False
-    theta = np.asarray(signals.theta)[part]
+    theta = signals.theta.array[part]
     scale = np.ptp(y, axis=0)
     moving = np.ptp(u, axis=0) > 0.0
     u, y, theta = (u - u.mean(axis=0))[:, moving], (y - y.mean(axis=0)) / scale, theta / scale[:, None]

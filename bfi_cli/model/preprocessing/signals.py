@@ -14,16 +14,13 @@ from ...faults import Fault, tail_of
 from ...faults.filters import recorded_signal, recorded_signals
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
-from ...kernels.atom_signals import LONGEST_REACH, AtomSignals, Stretch, Stretches, signal_of
+from ...kernels.atom_signals import LONGEST_REACH, AtomSignals
 from ...kernels.low_pass import IDENTITY, WHITE, Lowpass, Response, decimate, lost_samples, lowpass_taps
 
 # Samples of the log that are made at once: 8 MB, and more than any window has that is not a flight of hours.
 BLOCK = 1_000_000
 # Of a step of the log, by which its times may lie beside even ones where a filtered signal is made from a formula.
 EVEN = 1e-6
-# Values of the signals of a dictionary, samples times entries (at least so many), beyond which they are kept in
-# stretches: more than any window has that is not a flight of hours.
-PIECEWISE, FEWEST = 1_000_000, 10
 # An exponential that falls by more than this from sample to sample is made sample by sample until nothing is left of
 # it, e^-64: over the lags of a model its numbers would leave double precision.
 STEEPEST, GONE = 0.25, 64.0
@@ -40,7 +37,7 @@ class Signals:
     path : of the log, for messages.
     factor : by which they were decimated, 1 at the log's own rate.
     time_s : (n_samples,), u : (n_samples, n_inputs), y : (n_samples, n_outputs),
-    theta : (n_samples, n_outputs, n_atoms), every entry of the dictionary; in stretches where these are many numbers.
+    theta : (n_samples, n_outputs, n_atoms), every entry of the dictionary.
     scaling : entries whose signal is the output itself.
     slopes : by entry whose signal changes with the outputs otherwise, by how much, (n_samples, n_outputs).
     earlier : of other records of the aircraft without a fault, which have the same model but for its constant.
@@ -139,7 +136,7 @@ class NativeSignals:
             time_s=self.time_s[rows],
             u=np.column_stack([self.log.channel(name).between(rows) for name in self.inputs]),
             y=np.column_stack([self.log.channel(name).between(rows) for name in self.outputs]),
-            theta=AtomSignals.sampled(self.theta_between(rows)),
+            theta=AtomSignals(self.theta_between(rows)),
             scaling=self.scaling,
             slopes={j: slopes[rows] for j, slopes in self.slopes.items()},
         )
@@ -202,53 +199,31 @@ class NativeSignals:
             resampled={j: values for j, values in self.resampled.items() if j not in faults},
         )
 
-    def theta_decimated(
-        self, factor: int, lowpass: Lowpass, *, in_stretches: bool | None = None
-    ) -> tuple[AtomSignals, FloatArray]:
+    def theta_decimated(self, factor: int, lowpass: Lowpass) -> tuple[AtomSignals, FloatArray]:
         """Return (n_rows, n_outputs, n_faults), filtered and decimated, and (n_faults,) the largest native values.
-
-        Parameters
-        ----------
-        in_stretches : whether they are held in them; None where they would be many numbers otherwise.
 
         Raises
         ------
         ValueError : the window is shorter than the filter.
         """
-        n_rows, n_faults = self.n_rows(factor, lowpass), len(self.faults)
-        if in_stretches is None:
-            # A fault of a pressure line acts on several outputs, and has no stretches that are known from a formula.
-            in_stretches = n_rows * max(n_faults, FEWEST) > PIECEWISE and not self.slopes
-        theta, largest = np.zeros((n_rows, len(self.outputs), 0 if in_stretches else n_faults)), np.zeros(n_faults)
-        atoms, outputs, given = [Stretches()] * n_faults, [0] * n_faults, self.given
+        theta = np.zeros((self.n_rows(factor, lowpass), len(self.outputs), len(self.faults)))
+        largest, given = np.zeros(len(self.faults)), self.given
+        outputs = {j: self.outputs.index(self.faults[j].channel) for j in self.seen}
         # Signals of a short record are made and filtered together, which takes a third of the time.
-        together = [] if in_stretches or len(self.time_s) > BLOCK else [j for j in self.seen if j not in given]
+        together = [] if len(self.time_s) > BLOCK else [j for j in self.seen if j not in given]
         for j in self.seen:
-            fault = self.faults[j]
-            output = outputs[j] = self.outputs.index(fault.channel)
             if (signal := given.get(j)) is not None:
-                made, largest[j] = decimate(signal, factor, lowpass), np.max(np.abs(signal[:, output]), initial=0.0)
-                if in_stretches:
-                    atoms[j] = signal_of(made[:, output])
-                else:
-                    theta[:, :, j] = made
-            elif in_stretches:
-                atoms[j], largest[j] = self.stretches_of(fault, factor, lowpass)
+                largest[j] = np.max(np.abs(signal[:, outputs[j]]), initial=0.0)
+                theta[:, :, j] = decimate(signal, factor, lowpass)
             elif not together:
-                theta[:, output, j], largest[j] = self.signal_of(fault, factor, lowpass)
+                theta[:, outputs[j], j], largest[j] = self.signal_of(self.faults[j], factor, lowpass)
         for start in range(0, len(together), size := max(1, BLOCK // len(self.time_s))):
             group = together[start : start + size]
             group_faults = [self.faults[j] for j in group]
             made = recorded_signals(group_faults, self.time_s, self.response, window_start_s=self.window_start_s)
             theta[:, [outputs[j] for j in group], group] = decimate(made, factor, lowpass)
             largest[group] = np.max(np.abs(made), axis=0, initial=0.0)
-        if not in_stretches:
-            return AtomSignals.sampled(theta), largest
-        step_s, n_outputs = factor * self.step_s, len(self.outputs)
-        pieces = AtomSignals(
-            n_samples=n_rows, n_outputs=n_outputs, step_s=step_s, outputs=tuple(outputs), atoms=tuple(atoms)
-        )
-        return pieces, largest
+        return AtomSignals(theta), largest
 
     @property
     def step_s(self) -> float:
@@ -262,34 +237,18 @@ class NativeSignals:
     def signal_of(self, fault: Fault, factor: int, lowpass: Lowpass) -> tuple[FloatArray, float]:
         """Return (n_rows,) the signal of a fault as the log shows it, decimated, and its largest native value.
 
-        A record of more than a block is made in stretches, see `stretches_of`.
+        Of a record of more than a block, what is far from the fault's onset, bends and end is not filtered but
+        evaluated, where the time axis has even steps: a filter makes of a line or an exponential another one. There
+        the largest value of an oscillation is its amplitude.
 
         Raises
         ------
         ValueError : there are fewer samples than the filter has taps.
         """
-        if len(self.time_s) <= BLOCK or not self.is_even(factor):
-            return self._in_blocks(fault, self.time_s, factor, lowpass)
-        stretches, largest = self.stretches_of(fault, factor, lowpass)
-        n_rows, step_s = self.n_rows(factor, lowpass), factor * self.step_s
-        signal = AtomSignals(n_samples=n_rows, n_outputs=1, step_s=step_s, outputs=(0,), atoms=(stretches,))
-        return signal.between(0, n_rows)[:, 0, 0], largest
-
-    def stretches_of(self, fault: Fault, factor: int, lowpass: Lowpass) -> tuple[Stretches, float]:
-        """Return the signal of a fault as the log shows it, decimated, and its largest native value.
-
-        What is far from the fault's onset, bends and end is not filtered but evaluated, where the time axis has even
-        steps: a filter makes of a line or an exponential another one. There the largest value of an oscillation is its
-        amplitude.
-
-        Raises
-        ------
-        ValueError : there are fewer samples than the filter has taps.
-        """
-        tail = tail_of(fault, window_start_s=self.window_start_s) if self.is_even(factor) else None
+        is_long = len(self.time_s) > BLOCK and self.is_even(factor)
+        tail = tail_of(fault, window_start_s=self.window_start_s) if is_long else None
         if tail is None:
-            column, largest = self._in_blocks(fault, self.time_s, factor, lowpass)
-            return signal_of(column), largest
+            return self._in_blocks(fault, self.time_s, factor, lowpass)
         form, since_s, holds_s = tail
         decimation_taps, delay = lowpass_taps(factor, lowpass), lost_samples(factor, lowpass)[0] if factor > 1 else 0
         n_rows, step_s, time_s, response = self.n_rows(factor, lowpass), self.step_s, self.time_s, self.response
@@ -318,11 +277,11 @@ class NativeSignals:
             first_row(stop_s, 0, -earlier_s),
         ]
         begin, settled, ending, over = np.maximum.accumulate(edges).tolist()
-        stretches, largest = list[Stretch](), 0.0
+        signal, largest = np.zeros(n_rows), 0.0
         for start, stop in ((begin, settled), (ending, over)):
             if start == ending and settled < ending:
                 origin_s = float(time_s[0]) + delay * step_s - since_s
-                stretches.append(Stretch(start=settled, stop=ending, made=filtered, origin_s=origin_s))
+                signal[settled:ending] = filtered.at(factor * step_s * np.arange(settled, ending) + origin_s)
                 last = -1 if ending == n_rows else (ending - 1) * factor + n_taps - 1
                 ends_s = np.array([time_s[settled * factor], time_s[last]]) - since_s
                 oscillates = complex(form.exponent).imag != 0.0
@@ -331,10 +290,9 @@ class NativeSignals:
                 )
             if start < stop:
                 part = time_s[start * factor : (stop - 1) * factor + n_taps]
-                samples, own_largest = self._in_blocks(fault, part, factor, lowpass)
-                stretches.append(Stretch(start=start, stop=stop, made=samples))
-                largest = max(largest, own_largest)
-        return tuple(stretches), largest
+                signal[start:stop], sharpest = self._in_blocks(fault, part, factor, lowpass)
+                largest = max(largest, sharpest)
+        return signal, largest
 
     def is_even(self, factor: int) -> bool:
         """Say whether the times that are left after a decimation have even steps."""

@@ -21,7 +21,6 @@ from ...flightlog.quality import held_hz, is_uniform
 from ...flightlog.recorder import recorder_filters
 from ...kernels import FloatArray
 from ...kernels.atom_signals import AtomSignals
-from ...kernels.lagged import constants_and_signals
 from ...kernels.low_pass import WHITE, Lowpass, Response
 from ...kernels.progress import Report, parts, silent
 from .regression import RegressionData, build_regression, longest_order
@@ -189,8 +188,7 @@ def prepare_window(
     recorder_hz = min((low_pass.edge_hz for low_pass in recorder_low_passes(filters)), default=None)
     seen = [faults[j] for j in native.seen]
     factor, reason = choose_rate(native, seen, exact=exact, asked=rate_hz, recorder_hz=recorder_hz, purpose=purpose)
-    if purpose == "scan" or rate_hz != "auto":
-        require_one_model(log.path, span[1] - span[0], native.rate_hz / factor, purpose=purpose)
+    require_one_model(log.path, span[1] - span[0], native.rate_hz / factor, purpose=purpose)
     decimated, largest = decimate_native(native, factor, lowpass)
     names = tuple(fault.called for fault in faults)
     reasons |= unusable_atoms(decimated.theta, names, native.seen, report, selects=selects)
@@ -361,8 +359,7 @@ def signals_of_faults(window: PreparedWindow, faults: Sequence[Fault], sizes: Se
                     window.log, fault, window.response, window.outputs, size=size, with_slopes=False
                 )
     made = window.native.with_faults(faults, (*stated, *log_signals), log_signals)
-    factor, in_stretches = window.signals.factor, window.signals.theta.in_stretches
-    return made.theta_decimated(factor, window.lowpass, in_stretches=in_stretches)[0]
+    return made.theta_decimated(window.signals.factor, window.lowpass)[0]
 
 
 def with_onsets(window: PreparedWindow, shifts_s: Mapping[int, float]) -> PreparedWindow:
@@ -404,7 +401,7 @@ def _with_entries(window: PreparedWindow, faults: Mapping[int, Fault], sizes: Ma
         {n: log_signals[j] for n, j in enumerate(entries) if j in log_signals},
     )
     rate, held = (window.signals.factor, window.lowpass), window.signals.theta
-    theta, largest[entries] = alone.theta_decimated(*rate, in_stretches=held.in_stretches)
+    theta, largest[entries] = alone.theta_decimated(*rate)
     made = native.with_others(faults, log_signals)
     return replace(
         window,
@@ -531,7 +528,8 @@ def unusable_atoms(
     selects : a few atoms are estimated together, so that one may be a combination of others, but not the same as one.
     """
     reasons: dict[int, str] = {}
-    constants, flat = constants_and_signals(theta)
+    n_samples, n_outputs, n_atoms = theta.shape
+    constants, flat = np.kron(np.ones((n_samples, 1)), np.eye(n_outputs)), theta.array.reshape(-1, n_atoms)
     travels, peaks = theta.travels().max(axis=0), theta.peaks().max(axis=0)
     first = constants.shape[1]
     bases = np.empty((len(flat), first + len(indices)), order="F")

@@ -62,7 +62,7 @@ def record(
         time_s=time_s,
         u=u,
         y=(y + z * theta)[:, None],
-        theta=AtomSignals.sampled(theta[:, None, None]),
+        theta=AtomSignals(theta[:, None, None]),
     )
 
 

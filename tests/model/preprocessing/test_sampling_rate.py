@@ -16,6 +16,7 @@ from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.low_pass import WHITE, Lowpass
+from bfi_cli.model.preprocessing import sampling_rate
 from bfi_cli.model.preprocessing.sampling_rate import SAMPLES_PER_EDGE, candidate_orders, choose_rate, is_exact
 from bfi_cli.model.preprocessing.signals import NativeSignals, Signals, decimate_native
 
@@ -46,7 +47,7 @@ def record(*, seconds: float = 30.0, rate_hz: float = 100.0, noise_sd: float = 0
         time_s=log.time_s,
         u=log.signals(["elevator"]),
         y=log.signals(["tas"]),
-        theta=AtomSignals.sampled(theta[:, None, :]),
+        theta=AtomSignals(theta[:, None, :]),
     )
 
 
@@ -69,7 +70,7 @@ def recorder(x: np.ndarray, cutoff_hz: float, rate_hz: float) -> np.ndarray:
 
 def sampled(log: Signals, rows: slice) -> AtomSignals:
     """Return some samples of the signals of a dictionary."""
-    return AtomSignals.sampled(np.asarray(log.theta)[rows])
+    return AtomSignals(np.asarray(log.theta)[rows])
 
 
 @pytest.mark.parametrize(
@@ -117,6 +118,15 @@ def test_a_known_recorder_fixes_rate_and_order(purpose, rate_hz, order):
     assert candidate_orders(Config(), rate_hz, None) == Config().model.orders
 
 
+def test_a_chosen_rate_leaves_no_more_rows_than_one_model_is_fitted_to(monkeypatch: pytest.MonkeyPatch):
+    """What a recorder's edge would give is lowered; a rate that is asked for is not."""
+    log = record(seconds=120.0, noise_sd=0.05)
+    monkeypatch.setattr(sampling_rate, "ESTIMATED", 100)
+    factor, why = choose_rate(log, (BIAS,), exact=False, recorder_hz=0.75)
+    assert (factor, "100 rows" in why) == (120, True)
+    assert choose_rate(log, (BIAS,), exact=False, asked=20.0) == (5, "asked for")
+
+
 @pytest.mark.parametrize("edge_hz", [0.3, 0.75, 1.1, 1.5, 2.2, 3.3, 4.4])
 def test_a_detection_never_runs_above_the_rate_up_to_which_its_limits_hold(edge_hz):
     factor, _ = choose_rate(record(seconds=120.0), (), exact=False, recorder_hz=edge_hz, purpose="detect")
@@ -142,14 +152,14 @@ def test_a_fault_of_the_dictionary_leaves_a_record_exact_and_another_does_not(ma
     log = record(noise_sd=0.0)
     faulty = replace(log, y=log.y + magnitude * np.asarray(log.theta)[:, :, 0])
     assert is_exact(faulty)
-    assert not is_exact(replace(faulty, theta=AtomSignals.sampled(np.roll(faulty.theta, 7, axis=0))))
+    assert not is_exact(replace(faulty, theta=AtomSignals(np.roll(faulty.theta, 7, axis=0))))
 
 
 def test_exactness_does_not_depend_on_units_or_level():
     log = record(noise_sd=0.0)
-    assert is_exact(replace(log, u=57.3 * log.u + 3.0, y=1.944 * log.y, theta=log.theta.scaled(np.array([1.944]))))
+    assert is_exact(replace(log, u=57.3 * log.u + 3.0, y=1.944 * log.y, theta=AtomSignals(1.944 * log.theta.array)))
     noisy = record(noise_sd=1e-4)
-    assert not is_exact(replace(noisy, y=1e-6 * noisy.y, theta=noisy.theta.scaled(np.array([1e-6]))))
+    assert not is_exact(replace(noisy, y=1e-6 * noisy.y, theta=AtomSignals(1e-6 * noisy.theta.array)))
 
 
 @pytest.mark.parametrize(
@@ -175,7 +185,7 @@ def test_a_dictionary_as_large_as_the_record_does_not_make_it_exact():
         time_s=np.arange(n) / 10.0,
         u=rng.standard_normal((n, 1)),
         y=rng.standard_normal((n, 1)),
-        theta=AtomSignals.sampled(theta),
+        theta=AtomSignals(theta),
     )
     assert not is_exact(log)
 

@@ -52,7 +52,7 @@ def detect_faults(
     method, false_alarm = config.detect.method, config.detect.false_alarm
     with one_thread():
         prepared = prepare_detection(log, config)
-        tolerances = tolerances_of(log, prepared.part, prepared.outputs, config)
+        tolerances = tolerances_of(log, prepared.record.log, prepared.record.outputs, config)
         detection = detect_exactly(prepared) if method == "exact" or (method == "auto" and prepared.exact) else None
         if detection is None or (method == "auto" and not detection.is_calibrated):
             detection = detect_by_parity(prepared, config, report)
@@ -67,10 +67,10 @@ def detect_faults(
     failed_s = {alarm.channel: alarm.time_s - detection.reach_s for alarm in reversed(detection.alarms)}
     return DetectResult(
         log=log_summary(
-            prepared.record.path,
+            prepared.record.log.path,
             detection.time_s,
             rate_hz=detection.rate_hz,
-            native_rate_hz=prepared.native_rate_hz,
+            native_rate_hz=log.rate_hz,
             epoch=log.epoch,
         ),
         decision=conclusion.decision,
@@ -79,7 +79,7 @@ def detect_faults(
         summary=conclusion.summary,
         method=detection.method,
         inputs=prepared.inputs,
-        outputs=prepared.outputs,
+        outputs=prepared.record.outputs,
         false_alarm=false_alarm,
         alarms=() if conclusion.is_withheld else detection.alarms,
         is_calibrated=detection.is_calibrated,
@@ -99,7 +99,7 @@ def detect_faults(
                 threshold=float(detection.threshold[k]),
                 watched_until_s=failed_s.get(name),
             )
-            for k, name in enumerate(prepared.outputs)
+            for k, name in enumerate(prepared.record.outputs)
         ),
         commands=_commands(prepared, detection),
         notes=(*detection.notes, *notes, *conclusion.notes),
@@ -113,7 +113,7 @@ def _candidates(
     """Return a candidate per channel watched: the step that is declared, or how large a step could stay unseen."""
     limits, declared = detection.limits, {alarm.channel: alarm.size for alarm in reversed(detection.alarms)}
     candidates = []
-    for i, (channel, unit) in enumerate(zip(prepared.outputs, prepared.units, strict=True)):
+    for i, (channel, unit) in enumerate(zip(prepared.record.outputs, prepared.units, strict=True)):
         bounded = limits is not None and len(limits.onset_s) > 0 and channel not in declared
         size, sd, detectable, hidden, checked = declared.get(channel), None, None, None, None
         if limits is not None and bounded:
@@ -125,7 +125,7 @@ def _candidates(
         candidate = candidate_of(
             Fault(shape="bias", channel=channel),
             unit,
-            name="bias" if len(prepared.outputs) == 1 else f"bias on {channel}",
+            name="bias" if len(prepared.record.outputs) == 1 else f"bias on {channel}",
             declared=channel in declared,
             magnitude=size,
             sd=sd,
@@ -148,8 +148,8 @@ def _notes(prepared: PreparedRecord, config: Config, detection: Detection, unsee
     """Return what would help where steps are not seen, and what is not looked for."""
     limits, notes = detection.limits, list[Note]()
     if unseen:
-        used = (*prepared.inputs, *prepared.outputs)
-        idle = [name for name in FELT if name in prepared.part.channels and name not in used]
+        used = (*prepared.inputs, *prepared.record.outputs)
+        idle = [name for name in FELT if name in prepared.record.log.channels and name not in used]
         if limits is None:
             helps = ["--method parity"] if config.detect.method == "exact" else slower(prepared, config)
         elif not len(limits.onset_s):
@@ -180,4 +180,4 @@ def _commands(prepared: PreparedRecord, detection: Detection) -> tuple[str, ...]
     to_s = min(float(record.time_s[-1]), first.onset_s + AROUND_S)
     inputs = "".join(f" --input {name}" for name in prepared.inputs)
     window = f"--from {instant(from_s)} --to {instant(to_s)}"
-    return (f"bfi identify {record.path}{inputs} --output {first.channel} {window}",)
+    return (f"bfi identify {record.log.path}{inputs} --output {first.channel} {window}",)

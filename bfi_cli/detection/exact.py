@@ -6,7 +6,7 @@ import numpy as np
 
 from ..kernels import BoolArray, FloatArray
 from ..kernels.nullspace import Criteria, criteria, past_rank
-from ..model.preprocessing.signals import Signals
+from ..model.preprocessing.signals import NativeSignals
 from ..notes import Note
 from .preparation import PreparedRecord
 from .result import Alarm, Detection, StepLimits
@@ -71,7 +71,7 @@ def detect_exactly(prepared: PreparedRecord) -> Detection:
     )
 
 
-def _criterion(record: Signals, healthy: BoolArray) -> tuple[Criteria, int, int, bool]:
+def _criterion(record: NativeSignals, healthy: BoolArray) -> tuple[Criteria, int, int, bool]:
     """Return the criterion with the fewest lags that explain the healthy time, or with the most.
 
     Returns
@@ -106,7 +106,7 @@ def _alarms(prepared: PreparedRecord, channel: FloatArray, levels: FloatArray, w
         time_s = float(prepared.record.time_s[i])
         alarms += [
             Alarm(
-                channel=prepared.outputs[k],
+                channel=prepared.record.outputs[k],
                 time_s=time_s,
                 onset_s=time_s,
                 statistic=float(channel[i, k]),
@@ -120,7 +120,7 @@ def _alarms(prepared: PreparedRecord, channel: FloatArray, levels: FloatArray, w
     return tuple(alarms)
 
 
-def _limits(record: Signals, criterion: Criteria, *, width: int, level: FloatArray) -> tuple[StepLimits, int]:
+def _limits(record: NativeSignals, criterion: Criteria, *, width: int, level: FloatArray) -> tuple[StepLimits, int]:
     """Return what the criterion of data without noise could not have declared.
 
     At its first sample a step d changes Y alone, in its channel's row, so that the criterion becomes at least |d| times

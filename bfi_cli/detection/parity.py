@@ -67,7 +67,7 @@ def detect_by_parity(prepared: PreparedRecord, config: Config, report: Report) -
 
     The calibration is that of the first pass.
     """
-    samples, outputs = decimate_record(prepared, prepared.factor), prepared.outputs
+    samples, outputs = decimate_record(prepared, prepared.factor), prepared.record.outputs
     alarms, passes = monitor_sequentially(samples, false_alarm=config.detect.false_alarm, report=report)
     statistic, level = np.full(samples.y.shape, np.nan), np.zeros(len(outputs))
     for monitored in passes:  # the last pass of a channel counts
@@ -161,7 +161,9 @@ def _threshold_notes(prepared: PreparedRecord, threshold: DetectionThreshold) ->
                 f"{threshold.white:.3g} standard deviations"
             )
         )
-    higher = [name for name, most in zip(prepared.outputs, threshold.largest, strict=True) if most > threshold.white]
+    higher = [
+        name for name, most in zip(prepared.record.outputs, threshold.largest, strict=True) if most > threshold.white
+    ]
     if higher:
         notes.append(
             Note.method(

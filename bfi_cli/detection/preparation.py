@@ -3,23 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..config import Config
 from ..errors import ConfigError, LogError
 from ..faults.filters import alternatives, recorder_low_passes, response_of
-from ..flightlog import FlightLog, require_usable, resample
+from ..flightlog import Channel, FlightLog, require_usable, resample
 from ..flightlog.derived import with_derived
 from ..flightlog.phases import APART_S, flight_stretches, phases_of
+from ..flightlog.record import frozen_array
 from ..flightlog.recorder import recorder_filters
 from ..kernels import BoolArray, FloatArray
-from ..kernels.atom_signals import AtomSignals
 from ..kernels.input_directions import directions, independent, moments
-from ..kernels.low_pass import WHITE, decimate, lost_samples, lowpass_taps
+from ..kernels.low_pass import WHITE, Response, decimate, lost_samples, lowpass_taps
 from ..model.preprocessing.sampling_rate import choose_rate, is_exact
-from ..model.preprocessing.signals import Signals
+from ..model.preprocessing.signals import NativeSignals, decimate_native
 from ..model.preprocessing.window import moves, must_resample, require_outputs_move
 from ..notes import Note
 from ..quantities.channels import INPUTS
@@ -77,22 +77,18 @@ class PreparedRecord:
 
     Attributes
     ----------
-    part : the log from the start of the healthy time on.
-    record : its inputs and outputs, no dictionary.
+    record : inputs, those that describe turns among them, and outputs; no dictionary.
     train : healthy time; watched : the stretches of flight after it.
-    inputs, outputs, units : names, and the unit of each output.
+    inputs : channels of the log; units : of the outputs.
     factor : of the decimation; rate_reason : why.
     exact : a linear model explains the healthy time to round-off.
     recorder : what it may have done to a step.
     """
 
-    part: FlightLog
-    record: Signals
-    native_rate_hz: float
+    record: NativeSignals
     train: tuple[float, float]
     watched: tuple[tuple[float, float], ...]
     inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
     units: tuple[str, ...]
     factor: int
     rate_reason: str
@@ -155,8 +151,9 @@ def prepare_detection(log: FlightLog, config: Config) -> PreparedRecord:
     inputs, outputs = _channels(log.window(train[0], stop_s), given_inputs, given_outputs)
     # What describes a turn counts where an output feels turns, and it is neither input nor output.
     free = all(name in log.channels and name not in (*inputs, *outputs) and moves(log.channel(name)) for name in BANK)
-    bank = BANK if config.detect.turns and free and not LONGITUDINAL.isdisjoint(outputs) else ()
-    part = _cut(log, config, train, stop_s, (*inputs, *outputs), bank)
+    turning = config.detect.turns and free and not LONGITUDINAL.isdisjoint(outputs)
+    bank = [name for name in (*BANK, "pitch_rate") if turning and name in log.channels]
+    part = _cut(log, config, train, stop_s, list(dict.fromkeys((*inputs, *outputs, *bank))))
     last_s = float(part.time_s[-1])
 
     # 3. The recorder.
@@ -165,8 +162,10 @@ def prepare_detection(log: FlightLog, config: Config) -> PreparedRecord:
         raise ConfigError(f"--train: nothing is left to watch after {instant(watch_s)} s; end it earlier")
 
     # 4. The signals, those that a turn makes among the inputs, and the rate.
-    u, y = _input_signals(part, inputs, bank), part.signals(outputs)
-    record, healthy = _record(part, u, y), _record(part, u, y, until=int(np.count_nonzero(part.time_s < train[1])))
+    turns = _turns(part) if turning else {}
+    part = replace(part, channels={**part.channels, **turns})
+    record = NativeSignals(log=part, inputs=(*inputs, *turns), outputs=outputs)
+    healthy = record.between(slice(np.count_nonzero(part.time_s < train[1])))
     cut_off = last_s > recorder.until_s
     felt = () if given_inputs else tuple(name for name in FELT if name in inputs)
     factor, reason = choose_rate(
@@ -179,13 +178,10 @@ def prepare_detection(log: FlightLog, config: Config) -> PreparedRecord:
         purpose="detect",
     )
     return PreparedRecord(
-        part=part,
         record=record,
-        native_rate_hz=log.rate_hz,
         train=train,
         watched=watched,
         inputs=inputs,
-        outputs=outputs,
         units=tuple(part.channel(name).unit for name in outputs),
         factor=factor,
         rate_reason=reason,
@@ -195,19 +191,14 @@ def prepare_detection(log: FlightLog, config: Config) -> PreparedRecord:
             *_notes_on_times(log, config, train, watched),
             *([Note.limit(CUT_OFF.format(instant(recorder.until_s), recorder.ahead_s))] if cut_off else []),
             *([Note.method(FELT_INPUTS.format(", ".join(felt)))] if felt else []),
-            *([Note.method(TURNS)] if bank else []),
+            *([Note.method(TURNS)] if turning else []),
             *([Note.method(recorder.about)] if recorder.stated and recorder.about else []),
         ),
     )
 
 
 def _cut(
-    log: FlightLog,
-    config: Config,
-    train: tuple[float, float],
-    stop_s: float | None,
-    used: tuple[str, ...],
-    bank: tuple[str, ...],
+    log: FlightLog, config: Config, train: tuple[float, float], stop_s: float | None, needed: Sequence[str]
 ) -> FlightLog:
     """Return the log from the start of the healthy time on, resampled where decimation cannot bring it to the rate.
 
@@ -216,8 +207,6 @@ def _cut(
     ConfigError : the healthy time is not in it.
     """
     part, rate_hz = log.window(train[0], stop_s), config.conditioning.rate_hz
-    helps = bank and "pitch_rate" in log.channels and "pitch_rate" not in used
-    needed = (*used, *bank, *(("pitch_rate",) if helps else ()))
     if must_resample(part, needed, rate_hz):
         assert not isinstance(rate_hz, str)
         part = resample(log, rate_hz, from_s=train[0], to_s=stop_s)
@@ -244,7 +233,7 @@ def recorder_of(log: FlightLog, config: Config) -> RecorderFilters:
     return RecorderFilters(
         stated=stated,
         filters=not stated or len(filters) > 0,
-        reach_s=_spread(through.taps, through.before) / log.rate_hz if stated else UNSTATED_S,
+        reach_s=_spread(through) / log.rate_hz if stated else UNSTATED_S,
         shown_hz=shown_hz,
         edge_hz=shown_hz if stated else UNSTATED_HZ,
         ahead_s=ahead_s,
@@ -253,33 +242,24 @@ def recorder_of(log: FlightLog, config: Config) -> RecorderFilters:
     )
 
 
-def _input_signals(part: FlightLog, inputs: Sequence[str], bank: tuple[str, ...]) -> FloatArray:
-    """Return (n, k) the inputs, and what a turn adds to longitudinal motion where `bank` describes turns.
+def _turns(part: FlightLog) -> dict[str, Channel]:
+    """Return what a turn adds to longitudinal motion, by name.
 
     The pitch angle changes with q cos(roll) - r sin(roll), not with q, and the load factor is 1 / cos(roll).
     """
-    signals = [part.channel(name).values for name in inputs]
-    if bank:
-        roll, yaw_rate = (part.channel(name).values for name in bank)
-        level = np.maximum(np.cos(roll), STEEPEST)
-        signals += [yaw_rate * np.sin(roll), 1.0 / level - 1.0]
-        if "pitch_rate" in part.channels:
-            signals.append(part.channel("pitch_rate").values * (1.0 - level))
-    return np.column_stack([np.zeros((part.n_samples, 0)), *signals])
-
-
-def _record(part: FlightLog, u: FloatArray, y: FloatArray, until: int | None = None) -> Signals:
-    """Return the signals, or the first samples of them, without a dictionary."""
-    time_s, u, y = part.time_s[:until], u[:until], y[:until]
-    theta = AtomSignals.none(*y.shape)
-    return Signals(path=part.path, rate_hz=part.rate_hz, factor=1, time_s=time_s, u=u, y=y, theta=theta)
+    roll, yaw_rate = (part.channel(name).values for name in BANK)
+    level = np.maximum(np.cos(roll), STEEPEST)
+    made = {"yaw_rate sin(roll)": yaw_rate * np.sin(roll), "load factor - 1": 1.0 / level - 1.0}
+    if "pitch_rate" in part.channels:
+        made["pitch_rate (1 - cos(roll))"] = part.channel("pitch_rate").values * (1.0 - level)
+    return {name: Channel(name=name, values=frozen_array(made[name]), unit="", source=name) for name in made}
 
 
 def _notes_on_times(
     log: FlightLog, config: Config, train: tuple[float, float], watched: Sequence[tuple[float, float]]
 ) -> list[Note]:
     """Return the notes on the healthy time, and on the flight that is not watched."""
-    from_s, to_s = config.window.from_s, config.window.to_s
+    from_s, to_s = log.ends(config.window.from_s, config.window.to_s)
     notes = []
     if config.detect.train is None:
         notes.append(
@@ -288,10 +268,9 @@ def _notes_on_times(
                 "normal; --train A:B gives another time"
             )
         )
-    elif train[0] > (float(log.time_s[0]) if from_s is None else from_s) + 1.0 / log.rate_hz:
+    elif train[0] > from_s + 1.0 / log.rate_hz:
         notes.append(Note.limit(f"nothing before the healthy time, which begins at {instant(train[0])} s, is analysed"))
-    end_s = float(log.time_s[-1]) if to_s is None else to_s
-    if len(watched) > 1 or (watched and watched[0][1] < end_s - APART_S):
+    if len(watched) > 1 or (watched and watched[0][1] < to_s - APART_S):
         named = ", ".join(f"{instant(a)} to {instant(b)} s" for a, b in watched)
         notes.append(
             Note.limit(
@@ -340,24 +319,23 @@ def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
     LogError : the window is shorter than the filter.
     """
     record = prepared.record
-    signals, weak = directions(record.u, record.time_s < prepared.train[1])
-    try:
-        y, u = decimate(record.y, factor, WHITE), decimate(moments(signals, factor), factor, WHITE)
-    except ValueError as problem:
-        raise LogError(f"{record.path}: {problem}; give a higher --rate or a longer window") from None
-    first, last = lost_samples(factor, WHITE) if factor > 1 else (0, 0)
-    time_s, reach_s = record.time_s[first::factor][: len(y)], last / record.rate_hz
-    own_s = _spread(lowpass_taps(factor, WHITE)) / record.rate_hz if factor > 1 else 0.0
+    decimated = decimate_native(replace(record, inputs=()), factor)[0]
+    moving, weak = directions(record.u, record.time_s < prepared.train[1])
+    u = decimate(moments(moving, factor), factor, WHITE)
+    before, after = lost_samples(factor, WHITE)
+    through = Response(taps=lowpass_taps(factor, WHITE), before=before)
+    time_s, reach_s = decimated.time_s, after / record.rate_hz
+    own_s = _spread(through) / record.rate_hz if factor > 1 else 0.0
     kept = independent(u)
     return DecimatedRecord(
-        path=record.path,
-        outputs=prepared.outputs,
+        path=decimated.path,
+        outputs=record.outputs,
         units=prepared.units,
-        rate_hz=record.rate_hz / factor,
+        rate_hz=decimated.rate_hz,
         time_s=time_s,
         reach_s=reach_s,
         smear_s=prepared.recorder.reach_s + own_s,
-        y=y,
+        y=decimated.y,
         u=u[:, kept],
         weak=np.resize(weak, u.shape[1])[kept],
         healthy=time_s + reach_s < prepared.train[1],
@@ -366,17 +344,11 @@ def decimate_record(prepared: PreparedRecord, factor: int) -> DecimatedRecord:
     )
 
 
-def _spread(taps: FloatArray, before: int | None = None) -> int:
-    """Return the samples to either side of a step beyond which a filter leaves less than UNRISEN of it.
-
-    Parameters
-    ----------
-    taps : (n,), sum 1; before : of them act before the input does, None for half of them.
-    """
-    course = np.cumsum(taps)
+def _spread(response: Response) -> int:
+    """Return the samples to either side of a step beyond which a filter leaves less than UNRISEN of it."""
+    course = np.cumsum(response.taps)
     beyond = np.flatnonzero(np.minimum(np.abs(course), np.abs(1.0 - course)) > UNRISEN)
-    middle = (len(taps) - 1) // 2 if before is None else before
-    return int(np.max(np.abs(beyond - middle), initial=0)) + 1
+    return int(np.max(np.abs(beyond - response.before), initial=0)) + 1
 
 
 def _channels(

@@ -61,9 +61,7 @@ def what_would_help(
 
 def _wider(log: FlightLog, config: Config) -> tuple[str, ...]:
     """Return the options of a longer window within the same flight, none where the log has no more of it."""
-    first_s, last_s = float(log.time_s[0]), float(log.time_s[-1])
-    from_s = first_s if config.window.from_s is None else config.window.from_s
-    to_s = last_s if config.window.to_s is None else config.window.to_s
+    from_s, to_s = log.ends(config.window.from_s, config.window.to_s)
     flown = [(low, high) for low, high in airborne_stretches(log) if low <= from_s and to_s <= high]
     if not flown:
         return ()

@@ -129,12 +129,13 @@ class NativeSignals:
 
     def between(self, rows: slice) -> Signals:
         """Return the signals of these samples."""
+        none = np.empty((len(self.time_s[rows]), 0))
         return Signals(
             path=self.log.path,
             rate_hz=self.rate_hz,
             factor=1,
             time_s=self.time_s[rows],
-            u=np.column_stack([self.log.channel(name).between(rows) for name in self.inputs]),
+            u=np.column_stack([none, *(self.log.channel(name).between(rows) for name in self.inputs)]),
             y=np.column_stack([self.log.channel(name).between(rows) for name in self.outputs]),
             theta=AtomSignals(self.theta_between(rows)),
             scaling=self.scaling,

@@ -15,6 +15,7 @@ from ..kernels.atom_signals import AtomSignals
 from ..kernels.coherence import whiten
 from ..model.preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..model.preprocessing.magnitudes import fault_free_limits
+from ..model.preprocessing.summary import LogSummary
 from ..model.preprocessing.window import prepare_window, unusable_atoms, with_inputs_of
 from ..notes import Note
 from ..quantities.channels import unit_of
@@ -96,17 +97,19 @@ def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | N
         "give a shorter --duration, a lower --rate, or larger steps in the grids"
     ]
     if theta is not None and seen is not None:
-        signatures, alike = compare(
-            [names[j] for j in live], time_s, seen, theta[:, :, list(live)].reshape(-1, len(live))
-        )
-        warnings = sentences(signatures, alike)
+        signatures = compare([names[j] for j in live], time_s, seen, theta[:, :, list(live)].reshape(-1, len(live)))
+        warnings = sentences(signatures)
     return Audit(
         path=dictionary.path,
         relative_to=dictionary.relative_to,
-        start_s=span.start_s,
-        stop_s=span.stop_s,
-        rate_hz=float(rate_hz),
-        n_samples=n_samples,
+        window=LogSummary(
+            path="",
+            rate_hz=rate_hz,
+            native_rate_hz=rate_hz,
+            n_samples=n_samples,
+            start_s=span.start_s,
+            stop_s=span.stop_s,
+        ),
         why=why,
         atoms=entries(faults, [unit_of(fault.channel) for fault in faults], reasons, remarks, signatures),
         signatures=signatures,
@@ -193,25 +196,19 @@ def _audit_entries(log: FlightLog, clean: FlightLog, dictionary: Dictionary, con
     peak = np.max(np.abs(theta[:, :, live]), axis=(0, 1))
     limits = list(zip(detectable.tolist(), peak.tolist(), visible.tolist(), strict=True))
     seen = np.isfinite(exactly)
-    signatures, alike = compare(
+    signatures = compare(
         [names[j] for j in live],
         fitted.regression.rows_s,
         own_channel(fitted.unfolded.signatures * fitted.regression.unit[:, None]) * seen,
         whiten(fitted.unfolded.signatures, fitted.fit.sigma) * seen,
     )
-    summary = window.summary
     return Audit(
         path=dictionary.path,
         relative_to=dictionary.relative_to,
-        start_s=summary.start_s,
-        stop_s=summary.stop_s,
-        rate_hz=summary.rate_hz,
-        n_samples=summary.n_samples,
+        window=window.summary,
         why=window.rate_reason,
-        log_path=summary.path,
-        native_rate_hz=summary.native_rate_hz,
         model=fitted.model,
         atoms=entries(faults, units, reasons, remarks, signatures, limits),
         signatures=signatures,
-        notes=(*map(Note.limit, sentences(signatures, alike)), *about_the_log(log, window, fitted)),
+        notes=(*map(Note.limit, sentences(signatures)), *about_the_log(log, window, fitted)),
     )

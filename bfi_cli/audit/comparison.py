@@ -31,15 +31,14 @@ class Signatures:
     names : (n_live,).
     time_s : (n_rows,); values : (n_rows, n_live), each on the channel that it moves most.
     coherence : (n_live, n_live), NaN for a signature that is zero.
-    rank, condition_number : of the other signatures, each scaled to norm 1.
+    among : the linear dependence of the other signatures.
     """
 
     names: tuple[str, ...]
     time_s: FloatArray
     values: FloatArray
     coherence: FloatArray
-    rank: int
-    condition_number: float
+    among: Dependence
 
 
 def own_channel(theta: FloatArray) -> FloatArray:
@@ -48,9 +47,7 @@ def own_channel(theta: FloatArray) -> FloatArray:
     return np.asarray(np.take_along_axis(theta, outputs[None, None, :], axis=1)[:, 0, :])
 
 
-def compare(
-    names: Sequence[str], time_s: FloatArray, values: FloatArray, G: FloatArray
-) -> tuple[Signatures, Dependence]:
+def compare(names: Sequence[str], time_s: FloatArray, values: FloatArray, G: FloatArray) -> Signatures:
     """Return the signatures with their coherence, and the linear dependence of those that are not zero.
 
     Parameters
@@ -59,16 +56,13 @@ def compare(
     time_s : (n_rows,); values : (n_rows, n_live), see `Signatures`.
     G : (n, n_live) columns of which the coherence is computed.
     """
-    among = dependence(G[:, np.any(G != 0.0, axis=0)])
-    signatures = Signatures(
+    return Signatures(
         names=tuple(names),
         time_s=frozen_array(time_s),
         values=frozen_array(values),
         coherence=frozen_array(mutual_coherence(G)),
-        rank=among.rank,
-        condition_number=among.condition_number,
+        among=dependence(G[:, np.any(G != 0.0, axis=0)]),
     )
-    return signatures, among
 
 
 def most_like(signatures: Signatures, j: int) -> tuple[str | None, float | None]:
@@ -89,9 +83,9 @@ def pairs(names: Sequence[str], coherence: FloatArray, *, at_least: float = 0.0)
     return [(names[rows[n]], names[columns[n]], float(values[n])) for n in order]
 
 
-def sentences(signatures: Signatures, among: Dependence) -> list[str]:
+def sentences(signatures: Signatures) -> list[str]:
     """Return warnings of pairs of atoms that are nearly alike, and of atoms that are nearly dependent."""
-    alike = pairs(signatures.names, signatures.coherence, at_least=NEARLY_ALIKE)
+    alike, among = pairs(signatures.names, signatures.coherence, at_least=NEARLY_ALIKE), signatures.among
     warnings = [
         f"'{a}' and '{b}' can hardly be told apart (coherence {value:.4f}): drop one, or move an onset"
         for a, b, value in alike[:MOST_NAMED]

@@ -17,7 +17,7 @@ from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..model.onset import OnsetSearch, search_onsets
 from ..model.preprocessing.sampling_rate import SAMPLES_PER_CYCLE
-from ..model.preprocessing.summary import ModelSummary
+from ..model.preprocessing.summary import LogSummary, ModelSummary
 from ..notes import Note
 from ..quantities.channels import STANDARD
 from .comparison import Signatures, absorbed, most_like
@@ -64,21 +64,16 @@ class Audit:
     Attributes
     ----------
     path : of the dictionary; relative_to : what its times count from.
-    start_s, stop_s, rate_hz, n_samples : of the signals compared; why : the reason for window and rate.
-    log_path, native_rate_hz, model : None without a log; the model is that without fault terms.
+    window : of the signals compared, its path "" without a log; why : the reason for window and rate.
+    model : that without fault terms, None without a log.
     signatures : None where there are too many to compare.
     notes : on the dictionary as a whole and on the log; each atom has its own note besides.
     """
 
     path: str
     relative_to: Literal["window", "log"]
-    start_s: float
-    stop_s: float
-    rate_hz: float
-    n_samples: int
+    window: LogSummary
     why: str
-    log_path: str | None = None
-    native_rate_hz: float | None = None
     model: ModelSummary | None = None
     atoms: tuple[AuditedAtom, ...] = ()
     signatures: Signatures | None = None
@@ -280,17 +275,13 @@ def without_signals(dictionary: Dictionary, config: Config, searched: OnsetSearc
     searched : the search of the log, None without a log.
     """
     start_s, stop_s = config.window.from_s or 0.0, config.window.to_s
-    log = None if searched is None else searched.record.window.summary
+    stop_s = start_s if stop_s is None else stop_s
+    none = LogSummary(path="", rate_hz=np.nan, native_rate_hz=np.nan, n_samples=0, start_s=start_s, stop_s=stop_s)
     return Audit(
         path=dictionary.path,
         relative_to=dictionary.relative_to,
-        start_s=start_s if log is None else log.start_s,
-        stop_s=log.stop_s if log is not None else start_s if stop_s is None else stop_s,
-        rate_hz=np.nan if log is None else log.rate_hz,
-        n_samples=0 if log is None else log.n_samples,
-        why="no entry states its onset" if log is None else "that of the search over all onsets",
-        log_path=None if log is None else log.path,
-        native_rate_hz=None if log is None else log.native_rate_hz,
+        window=none if searched is None else searched.record.window.summary,
+        why="no entry states its onset" if searched is None else "that of the search over all onsets",
         model=None if searched is None else searched.model,
     )
 
@@ -317,7 +308,7 @@ def with_kinds(
     limits = {} if searched is None else {candidate.name: candidate for candidate in searched.evidence.candidates}
     left_out = iter(reasons or [None] * len(dictionary.atoms))
     stated, atoms = iter(audit.atoms), []
-    for fault in dictionary.resolved(audit.start_s):
+    for fault in dictionary.resolved(audit.window.start_s):
         if fault.onset_range_s is None:
             atoms.append(next(stated))
         else:

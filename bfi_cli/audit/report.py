@@ -65,7 +65,8 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
         drawn = zip(signatures.names[:MAX_SIGNATURES], signatures.values.T, strict=False)
         kept = [(name, values, thinned(values, max_points=MAX_POINTS)) for name, values in drawn]
         series = [{"name": name, "time_s": signatures.time_s[at], "values": values[at]} for name, values, at in kept]
-    window = {key: getattr(audit, key) for key in ("rate_hz", "n_samples", "start_s", "stop_s")}
+    log = {key: getattr(audit.window, key) for key in ("path", "native_rate_hz")}
+    window = {key: getattr(audit.window, key) for key in ("rate_hz", "n_samples", "start_s", "stop_s")}
     atoms = []
     for atom in audit.atoms:
         entry = {**fault_to_dict(atom.fault), **{key: getattr(atom, key) for key in (*ATOM_KEYS, *MORE_KEYS)}}
@@ -78,14 +79,14 @@ def audit_document(audit: Audit, provenance: Provenance) -> dict[str, Any]:
         {
             "path": audit.path,
             "relative_to": audit.relative_to,
-            "log": None if audit.log_path is None else {"path": audit.log_path, "native_rate_hz": audit.native_rate_hz},
+            "log": None if audit.model is None else log,
             "window": {**window, "why": audit.why},
             "model": None if audit.model is None else {key: getattr(audit.model, key) for key in MODEL_KEYS},
             "fastest_hz": audit.fastest_hz,
             "rate_needed_hz": None if audit.fastest_hz is None else SAMPLES_PER_CYCLE * audit.fastest_hz,
             "atoms": atoms,
-            "rank": None if signatures is None else signatures.rank,
-            "condition_number": None if signatures is None else signatures.condition_number,
+            "rank": None if signatures is None else signatures.among.rank,
+            "condition_number": None if signatures is None else signatures.among.condition_number,
             "coherence": None
             if signatures is None
             else {

@@ -145,7 +145,7 @@ def test_an_atom_whose_onset_the_lags_swallow_is_seen_nowhere():
     assert any(
         note.startswith("the inputs and lags of the model explain all of 'early'") for note in texts(found.notes)
     )
-    assert (found.signatures.rank, found.signatures.condition_number) == (1, pytest.approx(1.0))
+    assert (found.signatures.among.rank, found.signatures.among.condition_number) == (1, pytest.approx(1.0))
 
 
 def test_a_late_atom_is_limited_by_its_prediction_error_alone():
@@ -232,7 +232,7 @@ def test_the_signals_compared_without_a_log_are_those_defined():
     for n, entry in enumerate(entry for entry in found.atoms if entry.live):
         expected = unit_signal(entry.fault, found.signatures.time_s, window_start_s=0.0)
         np.testing.assert_array_equal(found.signatures.values[:, n], expected)
-    assert (found.fastest_hz, found.signatures.rank) == (2.25, 7)
+    assert (found.fastest_hz, found.signatures.among.rank) == (2.25, 7)
     assert found.model is None
     assert all(entry.minimal_detectable is None for entry in found.atoms)
 
@@ -258,9 +258,9 @@ def test_the_default_window_shows_every_fault_and_nothing_looks_odd_in_it(faults
 
 def test_a_window_stated_on_the_command_line_is_kept():
     entries = load_dictionary({"atoms": [{"shape": "bias", "onset_s": 2431}]})
-    assert audit_dictionary(entries, Config()).start_s == 2421.0
+    assert audit_dictionary(entries, Config()).window.start_s == 2421.0
     found = audit_dictionary(entries, merge(Config(), {"window.from_s": 2400.0}), duration_s=50.0)
-    assert (found.start_s, found.stop_s) == (2400.0, 2450.0)
+    assert (found.window.start_s, found.window.stop_s) == (2400.0, 2450.0)
 
 
 def test_too_many_signals_are_listed_and_not_compared():

@@ -38,8 +38,7 @@ from .kernels.progress import Progress
 from .model.onset import OnsetResult
 from .model.onset.claims import CYCLES_LEFT, claimed_band_hz, claimed_constants_s
 from .model.onset.scan_record import searched_band_hz
-from .model.preprocessing.summary import LogSummary
-from .model.result import IdentifyResult
+from .model.result import IdentifyResult, LogSummary
 from .quantities.channels import STANDARD
 from .serialization import document_of, provenance, to_json
 

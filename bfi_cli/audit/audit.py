@@ -15,8 +15,8 @@ from ..kernels.atom_signals import AtomSignals
 from ..kernels.coherence import whiten
 from ..model.preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..model.preprocessing.magnitudes import fault_free_limits
-from ..model.preprocessing.summary import LogSummary
 from ..model.preprocessing.window import prepare_window, unusable_atoms, with_inputs_of
+from ..model.result import LogSummary
 from ..notes import Note
 from ..quantities.channels import unit_of
 from .comparison import advised, compare, own_channel, sentences

@@ -17,7 +17,7 @@ from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..model.onset import OnsetSearch, search_onsets
 from ..model.preprocessing.sampling_rate import SAMPLES_PER_CYCLE
-from ..model.preprocessing.summary import LogSummary, ModelSummary
+from ..model.result import LogSummary, ModelSummary
 from ..notes import Note
 from ..quantities.channels import STANDARD
 from .comparison import Signatures, absorbed, most_like

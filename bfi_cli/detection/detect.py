@@ -15,7 +15,7 @@ from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels.progress import Report, silent
 from ..model.preprocessing.defaults import tolerances_of
-from ..model.preprocessing.summary import log_summary
+from ..model.result import log_summary
 from ..notes import Note
 from ..quantities.text import instant
 from ..threads import one_thread

@@ -17,7 +17,7 @@ from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray
 from ..kernels.divergence import window_bits
-from ..model.preprocessing.summary import LogSummary, ModelSummary
+from ..model.result import LogSummary, ModelSummary
 from ..notes import Note
 from .signatures import FaultSignatures, apart_bits, divergences, minimal_detectable, signatures, single_sample_bits
 

@@ -17,8 +17,8 @@ from ..kernels.coherence import mutual_coherence, whiten
 from ..kernels.divergence import Distinguishability, distinguishability, sample_bits, window_bits
 from ..model.preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..model.preprocessing.magnitudes import fault_free_limits
-from ..model.preprocessing.summary import LogSummary, ModelSummary
 from ..model.preprocessing.window import prepare_window, with_inputs_of
+from ..model.result import LogSummary, ModelSummary
 from ..notes import Note
 
 # Largest number of faults compared in single samples. Each needs the estimate of a density and its integral; more

@@ -14,7 +14,7 @@ from ..faults.shapes import SHAPES
 from ..flightlog import FlightLog
 from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.progress import Progress, Report, unseen
-from ..model.preprocessing.summary import LogSummary, log_summary
+from ..model.result import LogSummary, log_summary
 from ..notes import Note
 from ..quantities.channels import STANDARD
 from ..quantities.text import quantity

@@ -11,7 +11,7 @@ from ..faults import Decision
 from ..faults.shapes import Kind
 from ..flightlog.phases import Phase
 from ..kernels import FloatArray
-from ..model.preprocessing.summary import LogSummary
+from ..model.result import LogSummary
 from ..notes import Note
 from ..report.presented import Presented
 from .parity.finding import Bound, Explanation, Stage

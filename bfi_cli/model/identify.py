@@ -29,13 +29,11 @@ from ..notes import Note
 from ..threads import one_thread
 from .claims import claims_of_entries, hidden_atoms, warnings_of
 from .maximum_likelihood import identify_by_likelihood
-from .preprocessing.advice import what_would_help
-from .preprocessing.defaults import manoeuvres_of, tolerances_of
+from .preprocessing.defaults import manoeuvres_of, tolerances_of, what_would_help
 from .preprocessing.regression import RegressionData
-from .preprocessing.summary import ModelSummary, noise_of
 from .preprocessing.window import PreparedWindow, prepare_window, regression_of, selects_support, with_inputs_of
 from .reconstruction import against_truth, output_series, residual_summaries, true_faults, with_heads
-from .result import IdentifyResult, OutputSeries, ResidualSummary, ScanSummary
+from .result import IdentifyResult, ModelSummary, OutputSeries, ResidualSummary, ScanSummary, noise_of
 from .selection import FreeOutcome, MethodResult
 
 

@@ -16,8 +16,8 @@ from ...faults.shapes import SHAPES
 from ...flightlog import FlightLog
 from ...flightlog.record import frozen_array
 from ...kernels.progress import Progress, unseen
-from ...model.preprocessing.summary import log_summary
 from ...model.preprocessing.window import with_inputs_of
+from ...model.result import log_summary
 from ...notes import Note
 from ...threads import one_thread
 from .peers import Peer, Problem

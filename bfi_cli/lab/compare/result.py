@@ -7,7 +7,7 @@ from typing import Literal
 
 from ...faults import Decision, Fault
 from ...kernels import FloatArray
-from ...model.preprocessing.summary import LogSummary
+from ...model.result import LogSummary
 from ...notes import Note
 
 # Seconds by which an alarm may precede its fault: the low-pass of an analysis at 1 Hz spreads a step that far.

@@ -20,8 +20,7 @@ from ...kernels.progress import Progress, Report, parts, shares, silent, unseen
 from ...notes import Note
 from ...quantities.text import instant, quantity
 from ...threads import one_thread
-from ..preprocessing.advice import what_would_help
-from ..preprocessing.defaults import manoeuvres_of, tolerances_of
+from ..preprocessing.defaults import manoeuvres_of, tolerances_of, what_would_help
 from ..preprocessing.window import with_inputs_of
 from .claims import claims_near_onsets, claims_of, covered_s
 from .decision import Rule, Verdict, rule_for

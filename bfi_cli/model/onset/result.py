@@ -12,7 +12,7 @@ from ...faults.shapes import Kind
 from ...kernels import FloatArray
 from ...notes import Note
 from ...report.presented import Presented
-from ..preprocessing.summary import LogSummary, ModelSummary
+from ..result import LogSummary, ModelSummary
 from .decision import CalibrationUse
 
 

@@ -15,7 +15,7 @@ from ...flightlog.record import frozen_array
 from ...kernels.whiteness import exceedances, robust_sd
 from ...notes import Note
 from ...quantities.text import instant
-from ..preprocessing.summary import ModelSummary, noise_of
+from ..result import ModelSummary, noise_of
 from .decision import Rule, Verdict
 from .estimate import Estimate, subtract_faults
 from .result import OnsetResult, OnsetSeries, ShapeProfile

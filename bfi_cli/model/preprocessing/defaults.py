@@ -1,23 +1,28 @@
-"""Output, inputs, window and tolerances of an analysis where the user names none.
+"""Output, inputs, window and tolerances of an analysis where the user names none, and what would answer more.
 
 The output is tas, the inputs are the trusted channels that the log has, of published methods the elevator, and the
 window is the whole log. Where a log lacks them, as an autopilot's without a true airspeed or a Garmin's without an
 elevator, the nearest channels are taken. What differs from the configuration is named in a note. Manoeuvres that no
 linear model of one trim follows are evidence of their own. A tolerance is the largest error of a channel that may stay
-unseen, by which a fault is excluded or not.
+unseen, by which a fault is excluded or not. What an analysis leaves open is answered by channels to record, or by a
+command that works.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+import shlex
+from collections.abc import Collection, Mapping, Sequence
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 
 from ...config import Config, merge
 from ...decision import Evidence, Manoeuvre
+from ...dictionary import is_shipped
 from ...errors import ConfigError, LogError
-from ...faults import Fault, did_you_mean
+from ...faults import Decision, Fault, did_you_mean
+from ...faults.shapes import Kind
 from ...flightlog import Channel, FlightLog
 from ...flightlog.phases import (
     HOVER,
@@ -34,7 +39,7 @@ from ...kernels import FloatArray
 from ...kernels.runs import left_of, runs, within
 from ...methods import METHODS
 from ...notes import Note
-from ...quantities.channels import INPUTS, quantity_of
+from ...quantities.channels import INPUTS, channel_in_words, quantity_of
 from ...quantities.text import instant
 from .window import TRUSTED
 
@@ -77,6 +82,10 @@ FIXED = {
     **dict.fromkeys(("longitudinal_acc", "lateral_acc", "normal_acc", "kinematic_acc"), 0.3),
 }
 OTHER_SHARE = 0.1  # of the range of a channel that neither names
+# FIRST: inputs that shorten the tail of healthy windows most, wherever they are recorded.
+FIRST = ("pitch", "longitudinal_acc")
+# WIDER_S [s]: by how much a window is begun earlier and ended later; half of that of the shipped tables.
+WIDER_S = 60.0
 
 
 def with_defaults_of(log: FlightLog, config: Config) -> tuple[Config, tuple[Note, ...]]:
@@ -353,3 +362,67 @@ def _travel(values: FloatArray) -> float:
 def _cruising_speed(window: FlightLog, channel: str) -> float:
     """Return the median of an airspeed where it is not lost, nor the aircraft on the ground; 0 where there is none."""
     return cruise_of(np.abs(window.channel(channel).values))
+
+
+def what_would_help(
+    log: FlightLog, config: Config, verdicts: Mapping[Kind, Decision], *, dictionary: str | None = None
+) -> Note | None:
+    """Return advice on what would answer the kinds that are inconclusive, None where none is.
+
+    Parameters
+    ----------
+    log : with all its channels.
+    config : with the inputs in use.
+    dictionary : path of the dictionary of an identification, which may be no file; None of a search over all onsets.
+    """
+    left = [kind for kind, verdict in verdicts.items() if verdict == "inconclusive"]
+    if not left:
+        return None
+    unused = [name for name in TRUSTED if name not in (*config.inputs, *config.outputs)]
+    here = [name for name in unused if name in log.channels]
+    missing = [name for name in FIRST if name in unused and name not in log.channels]
+    decided = [kind for kind in verdicts if kind not in left]
+    wider = _wider(log, config) if "oscillating" in left else ()
+    options: tuple[str, ...] = ()
+    if here:
+        why, options = f"take {', '.join(here)} as inputs too", ("--input", "auto")
+    elif wider:
+        why, options = "take a longer window", wider
+    elif left == ["slow"] and decided:
+        why, options = "ask only for what the log can tell", ("--require", ",".join(decided))
+    helps = [f"record {' and '.join(channel_in_words(name) for name in missing)}"] if missing else []
+    if "oscillating" in left and not wider:
+        helps.append("record for longer")
+    if "abrupt" in left and not here and not missing:
+        helps.append("take a window with less turbulence and a manoeuvre")
+    if options:
+        helps.append(f"{'or ' if helps else ''}{why}: {_again(log, config, options, dictionary)}")
+    return Note.advice(f"for {', '.join(left)} faults: {', '.join(helps)}") if helps else None
+
+
+def _wider(log: FlightLog, config: Config) -> tuple[str, ...]:
+    """Return the options of a longer window within the same flight, none where the log has no more of it."""
+    from_s, to_s = log.ends(config.window.from_s, config.window.to_s)
+    flown = [(low, high) for low, high in airborne_stretches(log) if low <= from_s and to_s <= high]
+    if not flown:
+        return ()
+    low, high = max(flown[0][0], from_s - WIDER_S), min(flown[0][1], to_s + WIDER_S)
+    is_longer = (high - low) - (to_s - from_s) >= WIDER_S
+    return ("--from", instant(low), "--to", instant(high)) if is_longer else ()
+
+
+def _again(log: FlightLog, config: Config, options: tuple[str, ...], dictionary: str | None) -> str:
+    """Return the command line that asks anew with other options, these alone for a log that is no file.
+
+    Its configuration, dictionary, outputs and window are those in use.
+    """
+    if not Path(log.path).is_file():
+        return " ".join(options)
+    words = ["bfi", "start-time" if dictionary is None else "identify", log.path]
+    words += ["--config", config.path] if config.path else []
+    words += ["-d", dictionary] if dictionary and (is_shipped(dictionary) or Path(dictionary).is_file()) else []
+    if config.outputs != Config().outputs:
+        words += [word for name in config.outputs for word in ("--output", name)]
+    for option, at_s in (("--from", config.window.from_s), ("--to", config.window.to_s)):
+        words += [] if at_s is None or option in options else [option, instant(at_s)]
+    return shlex.join([*words, *options])

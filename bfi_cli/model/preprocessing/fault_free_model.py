@@ -16,8 +16,8 @@ from ...kernels.variable_projection import Fit
 from ...kernels.whiteness import exceedances
 from ...notes import Note
 from ...quantities.text import instant
+from ..result import ModelSummary, noise_of
 from .regression import RegressionData, build_regression, fault_free_fits
-from .summary import ModelSummary, noise_of
 from .window import PreparedWindow
 
 # "Minimal detectable" everywhere: declared with 90 % power at 1 % of false alarms shared by the dictionary.

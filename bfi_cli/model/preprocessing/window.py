@@ -23,6 +23,7 @@ from ...kernels import FloatArray
 from ...kernels.atom_signals import AtomSignals
 from ...kernels.low_pass import WHITE, Lowpass, Response
 from ...kernels.progress import Report, parts, silent
+from ..result import LogSummary, log_summary
 from .regression import RegressionData, build_regression, longest_order
 from .sampling_rate import (
     EXACT_SAMPLES,
@@ -33,7 +34,6 @@ from .sampling_rate import (
     require_one_model,
 )
 from .signals import LogSignal, NativeSignals, Signals, decimate_native
-from .summary import LogSummary, log_summary
 
 # Inputs of "auto": what moves a longitudinal motion, and what else of it a log may show. In recorded flights they cut
 # the largest statistic of healthy windows from 129 to 39 and made the thresholds of two flights agree; the price is

@@ -14,7 +14,7 @@ import pytest
 
 from bfi_cli import Config, merge, read_log
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.model.preprocessing import advice
+from bfi_cli.model.preprocessing import defaults
 
 DATA = Path(__file__).parents[3] / "data"
 CLEAN = DATA / "citation_clean.h5"
@@ -49,13 +49,13 @@ def test_the_command_that_is_advised_works_and_decides(bfi: Callable, words: tup
 def test_a_longer_window_is_taken_from_the_same_flight(monkeypatch: pytest.MonkeyPatch):
     log = read_log(CLEAN)
     log = replace(log, time_s=frozen_array(np.arange(log.n_samples) * 0.5))
-    monkeypatch.setattr(advice, "airborne_stretches", lambda _: [(100.0, 900.0)])
-    names = tuple(name for name in advice.TRUSTED if name in log.channels)
+    monkeypatch.setattr(defaults, "airborne_stretches", lambda _: [(100.0, 900.0)])
+    names = tuple(name for name in defaults.TRUSTED if name in log.channels)
     config = merge(Config(), {"inputs": names, "window.from_s": 120.0, "window.to_s": 240.0})
-    note = advice.what_would_help(log, config, OPEN)
+    note = defaults.what_would_help(log, config, OPEN)
     assert note is not None
     assert note.text.endswith(f"take a longer window: bfi start-time {CLEAN} --from 100 --to 300")
     beside = merge(config, {"window.from_s": 20.0, "window.to_s": 90.0})
-    note = advice.what_would_help(log, beside, OPEN)
+    note = defaults.what_would_help(log, beside, OPEN)
     assert note is not None
     assert note.text.endswith("record for longer")

@@ -185,10 +185,7 @@ def claims_of(
     beside = [shape for shape in BUILT_UP if shape not in settings.shapes and "bias" in settings.shapes]
     candidates = []
     wanted = [
-        (shape, i)
-        for i in range(record.y.shape[1])
-        for shape in (*settings.shapes, *beside)
-        if record.kinds.may_be(shape, i)
+        (shape, i) for i in range(record.y.shape[1]) for shape in (*settings.shapes, *beside) if record.may_be(shape, i)
     ]
     for (shape, output), share in parts(report, wanted):
         channel, scale, unit = record.output(output)
@@ -203,7 +200,7 @@ def claims_of(
         candidate = candidate_of(
             fault,
             unit,
-            name=record.kinds.names.get((shape, output), called),
+            name=record.names.get((shape, output), called),
             kind=kind,
             declared=declared is not None,
             magnitude=None if declared is None else scale * declared.z,
@@ -245,7 +242,7 @@ def _narrowed(record: ScanRecord, shape: Shape, output: int, order: int, note: s
 def _checked(record: ScanRecord, shape: Shape, output: int, order: int) -> tuple[tuple[float, float], ...]:
     """Return the onsets at which a fault was looked for: (from, to), s, or nothing."""
     earliest_s, latest_s = covered_s(record, order)
-    first_s, last_s = record.kinds.onsets_of(shape, output)
+    first_s, last_s = record.onsets_of(shape, output)
     span = (max(earliest_s, first_s), min(latest_s, last_s))
     return (span,) if span[0] <= span[1] else ()
 

@@ -278,7 +278,7 @@ def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, orde
         if peak.form.shape == "bias" and jump_s is None:
             jump_s = fault.onset_s
         is_last_and_alone = not criteria and n == len(peaks) - 1
-        nameable = record.kinds.may_be(peak.form.shape, peak.form.output) and fault.frequency_is_known
+        nameable = record.may_be(peak.form.shape, peak.form.output) and fault.frequency_is_known
         if nameable or is_last_and_alone:
             criteria.append((n_parameters * log_n * dispersion - fault.statistic, fault))
     rivals_report(1.0)
@@ -294,7 +294,7 @@ def _rival_peaks(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int
     """Return the best lag and the best ramp on every output on which anything stands out."""
     outputs = {peak.form.output for peak in verdict.significant}
     peaks: dict[tuple[str, int], list[Peak]] = {}
-    for form in record.kinds.rivals:
+    for form in record.rivals:
         if form.output in outputs:
             peak = lasting_peak(record, scan_of(record, y, order, output=form.output), form)
             peaks.setdefault((form.shape, form.output), []).append(peak)
@@ -307,7 +307,7 @@ def _with_likeliest_constant(record: ScanRecord, y: FloatArray, fault: Estimate,
     Those between the neighbours on the grid are tried, each weighted by its likelihood.
     """
     form = fault.form
-    stated = len({rival.parameter for rival in record.kinds.rivals if rival.shape == form.shape}) == 1
+    stated = len({rival.parameter for rival in record.rivals if rival.shape == form.shape}) == 1
     if form.shape not in SCANNED_AS or form.parameter is None or stated:
         return fault
     scan = scan_of(record, y, order, output=form.output)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -14,7 +14,7 @@ from ...decision.calibration import CalibrationSettings
 from ...dictionary import Dictionary
 from ...errors import ConfigError, LogError
 from ...faults import Fault, magnitude_unit
-from ...faults.shapes import sample_bytes
+from ...faults.shapes import SCANNED_AS, Shape, sample_bytes
 from ...flightlog import FlightLog
 from ...kernels import BoolArray, FloatArray, IntArray
 from ...kernels.atom_signals import AtomSignals
@@ -23,7 +23,7 @@ from ...kernels.onset.scan import ENDING, FLOOR, STARTING, Scan
 from ...kernels.progress import Report, Step, silent
 from ...kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
-from .shapes import KindsOfFault, Sampling, ShapeHypothesis, every_kind, fault_of, kinds_of_entries, shape_hypotheses
+from .shapes import Ranges, Sampling, ShapeHypothesis, fault_of, kinds_of_entries, lags_and_ramps, shape_hypotheses
 
 # Without --frequency an oscillation has at least three periods in the window, since two are the least that can be told
 # from a drift, and at least five samples per period.
@@ -46,7 +46,8 @@ class ScanRecord:
     layout : inputs, outputs and weights of the rows, without signals.
     unit : (n_outputs,), times which the scaled outputs are those in SI but for a constant.
     floor : smallest standard deviation of a prediction error, scaled; None for that of the kernel.
-    forms : hypotheses to test; kinds : that may be named.
+    forms : hypotheses to test; rivals : that compete with them for the name of what stands out.
+    ranges_s : of what may be named, the onsets, without any everything at any onset; names : what results call it.
     band_hz : lowest and highest frequency of an oscillation.
     settings : of the scan, as a calibration table states them.
     scans : the factorisations made last, by outputs, order, faulty output and first row (`scan.scan_of`).
@@ -58,7 +59,9 @@ class ScanRecord:
     floor: float | None
     sampling: Sampling
     forms: tuple[ShapeHypothesis, ...]
-    kinds: KindsOfFault
+    rivals: tuple[ShapeHypothesis, ...]
+    ranges_s: Ranges
+    names: Mapping[tuple[Shape, int], str]
     band_hz: tuple[float, float]
     settings: CalibrationSettings
     scans: dict[Hashable, Scan] = field(init=False, repr=False, default_factory=dict)
@@ -107,9 +110,22 @@ class ScanRecord:
         """Return the sample of the log's own rate at a time, counted from the first conditioned one."""
         return round((time_s - float(self.time_s[0])) * self.sampling.native_hz)
 
+    def may_be(self, shape: Shape, output: int) -> bool:
+        """Say whether a fault of this shape on this output may be named."""
+        return not self.ranges_s or (shape, output) in self.ranges_s
+
+    def onsets_of(self, shape: Shape, output: int) -> tuple[float, float]:
+        """Return the earliest and the latest onset, s, of faults of a shape, and of those that it is scanned for."""
+        alike = [
+            span
+            for (other, channel), span in self.ranges_s.items()
+            if channel == output and shape in (other, SCANNED_AS.get(other))
+        ]
+        return min((first for first, _ in alike), default=-np.inf), max((last for _, last in alike), default=np.inf)
+
     def admits(self, form: ShapeHypothesis, onsets: IntArray) -> BoolArray:
         """Return (n_onsets,) whether faults of a hypothesis may begin at onsets, conditioned samples."""
-        first_s, last_s = self.kinds.onsets_of(form.shape, form.output)
+        first_s, last_s = self.onsets_of(form.shape, form.output)
         at_s = float(self.time_s[0]) + onsets / self.sampling.rate_hz
         near_s = 0.5 / self.sampling.rate_hz
         admitted: BoolArray = (at_s >= first_s - near_s) & (at_s <= last_s + near_s)
@@ -180,13 +196,12 @@ def prepare_record(
     config = with_inputs_of(log, config)
     part = log.window(config.window.from_s, config.window.to_s)
     duration_s = part.n_samples / part.rate_hz
+    wanted, ranges_s, names = config.start_time, Ranges(), dict[tuple[Shape, int], str]()
     if entries:
-        kinds = kinds_of_entries(entries, config.outputs, duration_s)
-        asked = {"shapes": kinds.detected, "samples": None, "frequency_hz": kinds.band_hz, "ends": False}
-        config = config.model_copy(update={"start_time": config.start_time.model_copy(update=asked)})
+        wanted, rivals, ranges_s, names = kinds_of_entries(wanted, entries, config.outputs, duration_s)
+        config = config.model_copy(update={"start_time": wanted})
     else:
-        kinds = every_kind(config.start_time, len(config.outputs), duration_s)
-    wanted = config.start_time
+        rivals = lags_and_ramps(wanted, len(config.outputs), duration_s)
     window = prepare_window(log, _probes(part, config), config, report, purpose="scan")
     regression = regression_of(window, config)
     layout = regression.layout
@@ -218,7 +233,9 @@ def prepare_record(
             response=window.response,
         ),
         forms=shape_hypotheses(wanted, len(config.outputs), n / rate_hz),
-        kinds=kinds,
+        rivals=rivals,
+        ranges_s=ranges_s,
+        names=names,
         band_hz=(min(low, high), high),
         settings=CalibrationSettings(
             rate_hz=rate_hz,

@@ -6,8 +6,8 @@ through the same filter: it starts a few conditioned samples before its onset, w
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -24,6 +24,7 @@ from ...quantities.text import instant
 
 # A conditioned sample, and the phase of one of the log's own samples before it, see `waveform`.
 SubsampleIndex = tuple[int, int]
+Ranges = dict[tuple[Shape, int], tuple[float, float]]  # of onsets, s, by shape and output
 
 # Time constants and durations to try, a factor of two apart: the response to one between two of them differs little
 # from the nearer. One longer than a quarter of the window cannot be told from a drift.
@@ -108,66 +109,23 @@ def constants_s(duration_s: float) -> tuple[float, ...]:
     return tuple(c for c in CONSTANTS_S if c <= LARGEST_SHARE * duration_s) or CONSTANTS_S[:1]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class KindsOfFault:
-    """The kinds of fault that a search may name, on the outputs of an analysis.
-
-    A search detects steps, drifts and oscillations; what stands out is named by the likeliest of the kinds.
-
-    Attributes
-    ----------
-    detected : shapes that are scanned over all onsets.
-    rivals : hypotheses that compete for the name of what stands out, beside those that are scanned.
-    ranges_s : by shape and output, the onsets that it may have; names : what results call it. Others are named by their
-        onset, and may have any.
-    band_hz : of oscillations, None for that of the configuration.
-    only : whether the shapes of `ranges_s` are the only ones that may be named.
-    """
-
-    detected: tuple[Shape, ...]
-    rivals: tuple[ShapeHypothesis, ...] = ()
-    ranges_s: Mapping[tuple[Shape, int], tuple[float, float]] = field(default_factory=dict)
-    names: Mapping[tuple[Shape, int], str] = field(default_factory=dict)
-    band_hz: tuple[float, float] | None = None
-    only: bool = False
-
-    def may_be(self, shape: Shape, output: int) -> bool:
-        """Say whether a fault of this shape on this output may be named."""
-        return not self.only or (shape, output) in self.ranges_s
-
-    def onsets_of(self, shape: Shape, output: int) -> tuple[float, float]:
-        """Return the earliest and the latest onset, s, of faults of a shape, and of those that it is scanned for."""
-        alike = [
-            span
-            for (other, channel), span in self.ranges_s.items()
-            if channel == output and shape in (other, SCANNED_AS.get(other))
-        ]
-        if not alike or not self.only:
-            return -np.inf, np.inf
-        return min(first for first, _ in alike), max(last for _, last in alike)
-
-
-def every_kind(wanted: StartTime, n_outputs: int, duration_s: float) -> KindsOfFault:
-    """Return the kinds of a search without a dictionary: what the configuration asks for.
-
-    Where it asks for every kind, a step may be a lag or a ramp, too, unless it ends.
-    """
+def lags_and_ramps(wanted: StartTime, n_outputs: int, duration_s: float) -> tuple[ShapeHypothesis, ...]:
+    """Return what a step may be, too, where every kind is asked for without a dictionary, unless it ends."""
     asks_for_all = {SHAPES[shape].kind for shape in wanted.shapes} == set(KINDS) and "bias" in wanted.shapes
     beside = tuple(SCANNED_AS) if asks_for_all and not wanted.ends else ()
-    return KindsOfFault(
-        detected=wanted.shapes,
-        rivals=tuple(
-            ShapeHypothesis(shape=shape, output=output, parameter=parameter)
-            for output in range(n_outputs)
-            for shape in beside
-            if shape not in wanted.shapes
-            for parameter in constants_s(duration_s)
-        ),
+    return tuple(
+        ShapeHypothesis(shape=shape, output=output, parameter=parameter)
+        for output in range(n_outputs)
+        for shape in beside
+        if shape not in wanted.shapes
+        for parameter in constants_s(duration_s)
     )
 
 
-def kinds_of_entries(entries: Sequence[Fault], outputs: Sequence[str], duration_s: float) -> KindsOfFault:
-    """Return the kinds of the entries of a dictionary that state no onset and have a shape that is scanned.
+def kinds_of_entries(
+    wanted: StartTime, entries: Sequence[Fault], outputs: Sequence[str], duration_s: float
+) -> tuple[StartTime, tuple[ShapeHypothesis, ...], Ranges, dict[tuple[Shape, int], str]]:
+    """Return what is asked for, the rivals, the onsets and the names of entries that state no onset and are scanned.
 
     Parameters
     ----------
@@ -176,7 +134,7 @@ def kinds_of_entries(entries: Sequence[Fault], outputs: Sequence[str], duration_
     """
     detected: list[Shape] = []
     rivals: list[ShapeHypothesis] = []
-    ranges_s: dict[tuple[Shape, int], tuple[float, float]] = {}
+    ranges_s: Ranges = {}
     names: dict[tuple[Shape, int], str] = {}
     bands: list[tuple[float, float] | None] = []
     for entry in entries:
@@ -197,14 +155,10 @@ def kinds_of_entries(entries: Sequence[Fault], outputs: Sequence[str], duration_
             tried = (stated,) if stated else tuple(c for c in constants_s(duration_s) if low <= c <= high) or (low,)
             rivals += [ShapeHypothesis(shape=shape, output=key[1], parameter=parameter) for parameter in tried]
     known = [band for band in bands if band is not None]
-    return KindsOfFault(
-        detected=tuple(dict.fromkeys(detected)),
-        rivals=tuple(rivals),
-        ranges_s=ranges_s,
-        names=names,
-        band_hz=(min(low for low, _ in known), max(high for _, high in known)) if known and None not in bands else None,
-        only=True,
-    )
+    band_hz = (min(low for low, _ in known), max(high for _, high in known)) if known and None not in bands else None
+    shapes = tuple(dict.fromkeys(detected))
+    asked = {"shapes": shapes, "samples": None, "frequency_hz": band_hz, "ends": False}
+    return wanted.model_copy(update=asked), tuple(rivals), ranges_s, names
 
 
 # A shape is scanned, weighed against others and sized in one record.

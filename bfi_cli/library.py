@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, TypeVar, Unpack
@@ -42,30 +42,16 @@ def _silent(_sentence: str) -> None:
     """Tell nobody."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class ReadyLog:
-    """A log that is ready for an analysis of a window.
+def ready_log(
+    log: FlightLog, config: Config, tell: Tell = _silent
+) -> tuple[FlightLog, Config, tuple[Note, ...], tuple[Implausible, ...]]:
+    """Make a log ready for the analysis of a window: units, default channels, and what is to be asked about it.
 
-    Attributes
-    ----------
-    log : with units that are mended, where the configuration asks for that.
-    config : with channels of the log in place of defaults that it lacks.
-    notes : on these channels, the windows of a long log, and questions about it.
-    findings : on channels that contradict each other throughout the flight.
+    Returns
+    -------
+    The log with units that are mended, where the configuration asks for that; this with channels of the log in place
+    of defaults that it lacks; notes on these channels and on the log; findings on channels that contradict each other.
     """
-
-    log: FlightLog
-    config: Config
-    notes: tuple[Note, ...]
-    findings: tuple[Implausible, ...]
-
-    def noted(self, result: Result) -> Result:
-        """Return a result with the notes on its log, and with what is wrong with channels throughout."""
-        return noted(result, self.notes, self.findings)
-
-
-def ready_log(log: FlightLog, config: Config, tell: Tell = _silent) -> ReadyLog:
-    """Make a log ready for the analysis of a window: units, default channels, and what is to be asked about it."""
     from .flightlog.quality import advice_on_the_ground, advice_on_windows
     from .model.preprocessing.defaults import with_defaults_of
 
@@ -80,7 +66,7 @@ def ready_log(log: FlightLog, config: Config, tell: Tell = _silent) -> ReadyLog:
     for note in notes:
         tell(note.text)
     notes = (*notes, *doubts(log, (*config.outputs, *config.inputs), findings, tell))
-    return ReadyLog(log, config, notes, findings)
+    return log, config, notes, findings
 
 
 def with_findings(log: FlightLog, config: Config, tell: Tell = _silent) -> tuple[FlightLog, tuple[Implausible, ...]]:
@@ -165,18 +151,18 @@ def identify(
     """
     from .analysis import identify as identify_window
 
-    ready = ready_log(log, _config(config), tell)
-    known = _dictionary(dictionary, ready.config, allow_outside=allow_outside)
-    with _saying_first(ready.findings):
-        result, _ = identify_window(ready.log, known, ready.config, progress, findings=ready.findings)
+    log, config, notes, findings = ready_log(log, _config(config), tell)
+    known = _dictionary(dictionary, config, allow_outside=allow_outside)
+    with _saying_first(findings):
+        result, _ = identify_window(log, known, config, progress, findings=findings)
     if prove:
         from .proof import window_claims, with_proofs
 
         entries = () if known is None else known.exact.resolved(result.log.start_s)
-        claims = window_claims(result, ready.config, {entry.called: entry for entry in entries})
-        analyse = partial(_identified, dictionary=known, config=ready.config, findings=ready.findings)
-        result = with_proofs(result, ready.log, ready.config, analyse, claims, _proving(prove), progress)
-    return ready.noted(result)
+        claims = window_claims(result, config, {entry.called: entry for entry in entries})
+        analyse = partial(_identified, dictionary=known, config=config, findings=findings)
+        result = with_proofs(result, log, config, analyse, claims, _proving(prove), progress)
+    return noted(result, notes, findings)
 
 
 def _identified(
@@ -207,16 +193,16 @@ def start_time(
     """
     from .analysis import start_time as scan_window
 
-    ready = ready_log(log, _config(config), tell)
-    with _saying_first(ready.findings):
-        result = scan_window(ready.log, ready.config, progress, findings=ready.findings)
+    log, config, notes, findings = ready_log(log, _config(config), tell)
+    with _saying_first(findings):
+        result = scan_window(log, config, progress, findings=findings)
     if prove:
         from .proof import window_claims, with_proofs
 
-        analyse = partial(scan_window, config=ready.config, findings=ready.findings)
-        claims = window_claims(result, ready.config)
-        result = with_proofs(result, ready.log, ready.config, analyse, claims, _proving(prove), progress)
-    return ready.noted(result)
+        analyse = partial(scan_window, config=config, findings=findings)
+        claims = window_claims(result, config)
+        result = with_proofs(result, log, config, analyse, claims, _proving(prove), progress)
+    return noted(result, notes, findings)
 
 
 def diagnose(
@@ -304,14 +290,12 @@ def compare(
     from .lab.compare import PEERS
     from .lab.compare import compare as compare_on_window
 
-    config = _config(config)
-    ready = ready_log(log, config, tell)
-    known = _dictionary(dictionary, ready.config, allow_outside=allow_outside)
-    with _saying_first(ready.findings):
-        result = compare_on_window(
-            ready.log, known, ready.config, PEERS if peers is None else peers, progress, asked=config
-        )
-    return ready.noted(result)
+    asked = _config(config)
+    log, config, notes, findings = ready_log(log, asked, tell)
+    known = _dictionary(dictionary, config, allow_outside=allow_outside)
+    with _saying_first(findings):
+        result = compare_on_window(log, known, config, PEERS if peers is None else peers, progress, asked=asked)
+    return noted(result, notes, findings)
 
 
 class Simulation(TypedDict, total=False):

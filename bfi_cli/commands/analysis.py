@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import click
 
 from .options import CHANNELS, OPTIONS, Command, GroupedCommand, config_of, with_options
-from .output import check_out, emit, note, stages
+from .output import check_out, emit, stages
 
 if TYPE_CHECKING:
     from ..config import Config
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from ..faults.shapes import Kind
     from ..flightlog import FlightLog
     from ..kernels.progress import Progress
-    from ..library import ReadyLog
     from ..proof import Proving
     from ..quantities.text import Units
     from ..report.content import ReportContent
@@ -119,12 +118,6 @@ class Asked:
     def flight(self) -> FlightLog:
         """Return the log, of a large one what the analysis of the window needs."""
         return log_of(self.log, self.config)
-
-    def ready(self) -> ReadyLog:
-        """Return the log ready for the analysis of a window; what is told on the way is printed."""
-        from ..library import ready_log
-
-        return ready_log(self.flight(), self.config, note)
 
     def dictionary_of(self, config: Config) -> Dictionary | None:
         """Return the dictionary, its entries on the default channel of a configuration, which the log decides."""

@@ -9,6 +9,7 @@ import click
 from ..errors import ConfigError
 from .analysis import Answer, Asked, analysis
 from .options import FILES, MODEL, OPTIONS, SIGNALS
+from .output import note
 
 FLIGHT = ("manoeuvres", "noise", "amplitude_rad", "start_s", "unit_step_s", "flight_s", "turbulence_m_s", "draws")
 
@@ -28,6 +29,7 @@ def command(asked: Asked) -> Answer:
     manoeuvres: --model citation --noise tas=0.01 --manoeuvre 3211 --manoeuvre doublet.
     """
     from .. import diagnosability
+    from ..library import noted, ready_log
     from ..threads import one_thread
 
     _check_flight(asked)
@@ -37,9 +39,9 @@ def command(asked: Asked) -> Answer:
     asked.check_out(("divergence", "information", "manoeuvres"), ("faults", "manoeuvres"))
     with one_thread():
         if asked.has_log:
-            ready = asked.ready()
-            dictionary, log_sha256 = asked.dictionary_of(ready.config) or dictionary, ready.log.sha256
-            result = ready.noted(diagnosability.assess(ready.log, dictionary, ready.config))
+            log, config, notes, findings = ready_log(asked.flight(), asked.config, note)
+            dictionary, log_sha256 = asked.dictionary_of(config) or dictionary, log.sha256
+            result = noted(diagnosability.assess(log, dictionary, config), notes, findings)
         else:
             result = diagnosability.assess_manoeuvres(
                 dictionary,

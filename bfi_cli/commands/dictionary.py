@@ -10,6 +10,7 @@ import click
 
 from .analysis import Answer, Asked, analysis
 from .options import CHANNELS, FILES, OPTIONS
+from .output import note
 
 LOG_OPTIONS = ("inputs", "outputs", "order", *CHANNELS)
 
@@ -42,12 +43,13 @@ def command(asked: Asked) -> Answer:
     assert dictionary is not None
     asked.check_out(DRAWINGS, TABLES)
     if asked.has_log:
+        from ..library import noted, ready_log
         from ..threads import one_thread
 
-        ready = asked.ready()
-        dictionary, log_sha256 = asked.dictionary_of(ready.config) or dictionary, ready.log.sha256
+        log, config, notes, findings = ready_log(asked.flight(), asked.config, note)
+        dictionary, log_sha256 = asked.dictionary_of(config) or dictionary, log.sha256
         with one_thread():
-            audit = ready.noted(audit_on_log(ready.log, dictionary, ready.config))
+            audit = noted(audit_on_log(log, dictionary, config), notes, findings)
     else:
         audit = audit_dictionary(dictionary, asked.config, duration_s=asked.config.audit.duration_s)
     return Answer(

@@ -24,12 +24,11 @@ from ..preprocessing.defaults import manoeuvres_of, tolerances_of, what_would_he
 from ..preprocessing.window import with_inputs_of
 from .claims import claims_near_onsets, claims_of, covered_s
 from .decision import Rule, Verdict, rule_for
-from .estimate import Estimate, estimate, measure, subtract_faults, unit_signals
-from .result import OnsetResult
+from .estimate import Estimate, declared_faults, estimate, measure, subtract_faults, unit_signals
+from .result import OnsetResult, OnsetSearch, onset_result
 from .rivals import known_faults, rivals_of, scans_beside, unconfirmed, with_rivals
 from .scan import HypothesisScan, Peak, bic_change, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import ScanRecord, prepare_record
-from .search import OnsetSearch, declared_faults, onset_result
 
 # A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
 MOST_FAULTS = 5

@@ -11,14 +11,16 @@ of an estimate, as `identify` would with their onsets given.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...config import Config
+from ...decision import estimate_of
 from ...dictionary import Dictionary
 from ...errors import DictionaryError, LogError
+from ...faults import FaultEstimate
 from ...faults.filters import BETWEEN_RECORDERS, alternatives, response_of
 from ...faults.shapes import Shape
 from ...flightlog import FlightLog
@@ -126,6 +128,31 @@ def subtract_faults(y: FloatArray, *faults: Estimate) -> FloatArray:
     for fault in faults:
         y[:, fault.form.output] -= fault.signal
     return y
+
+
+def declared_faults(
+    record: ScanRecord, estimates: Sequence[Estimate], tolerances: Mapping[str, float]
+) -> tuple[FaultEstimate, ...]:
+    """Return faults in SI; `tolerances` are those of the outputs."""
+    faults = []
+    for estimate in estimates:
+        channel, scale, unit = record.output(estimate.form.output)
+        magnitude, onset_s, offset_s = scale * estimate.z, estimate.onset_s, estimate.offset_s
+        faults.append(
+            estimate_of(
+                fault_of(estimate.form, channel, magnitude=magnitude, onset_s=onset_s, offset_s=offset_s),
+                magnitude,
+                scale * estimate.sd,
+                unit,
+                effect=scale * float(np.abs(estimate.signal).max()),
+                tolerance=tolerances[channel],
+                onset_ci95=estimate.onset_ci95,
+                statistic=estimate.statistic,
+                p_value=estimate.verdict.p_value if estimate.verdict else None,
+                among=estimate.among,
+            )
+        )
+    return tuple(faults)
 
 
 def unit_signals(y: FloatArray, faults: Sequence[Estimate]) -> FloatArray:

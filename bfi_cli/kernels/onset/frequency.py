@@ -23,8 +23,8 @@ import numpy as np
 
 from .. import TINY, ComplexArray, FloatArray, IntArray
 from ..progress import Report, parts, shares, silent
-from .pairs import Pair, PairLimits, PairTables, climb, pair_limits, peaks, screen_pairs, spread, tabulate_pairs
-from .profile import CACHE_DOUBLES, profile_polynomial, screen
+from .pairs import Pair, PairLimits, PairTables, climb, pair_limits, screen_pairs, spread, tabulate_pairs
+from .profile import CACHE_DOUBLES, peaks, profile_polynomial, screen
 from .scan import ENDING, STARTING, Scan, default_onsets, difference, largest_magnitude, scan_shape
 from .waveform import sine
 

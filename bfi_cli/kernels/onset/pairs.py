@@ -15,7 +15,7 @@ import numpy as np
 
 from .. import FloatArray, IntArray
 from ..progress import Report, parts, shares, silent
-from .profile import ProfilePolynomial, minimise, profile_polynomial, screen
+from .profile import ProfilePolynomial, minimise, peaks, profile_polynomial, screen
 from .scan import (
     ENDING,
     FINALISTS,
@@ -252,10 +252,3 @@ def spread(ranked: IntArray, *, count: int, reach: int) -> list[Pair]:
         if len(kept) < count and all(max(abs(start - a), abs(end - b)) > reach for a, b in kept):
             kept.append((start, end))
     return kept
-
-
-def peaks(statistic: FloatArray, count: int) -> IntArray:
-    """Return the indices of the highest local maxima, highest first."""
-    padded = np.pad(statistic, 1, constant_values=-np.inf)
-    maxima = np.flatnonzero((statistic >= padded[:-2]) & (statistic >= padded[2:]))
-    return maxima[np.argsort(-statistic[maxima])[:count]]

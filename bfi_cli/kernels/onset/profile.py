@@ -240,3 +240,10 @@ def solved_norm(H: FloatArray, G: FloatArray) -> FloatArray:
         G[j + 1 :] -= H[j + 1 : len(G), j, None] * G[j]
     pivots = np.einsum("iin->in", H)[: len(G)]
     return np.asarray(np.einsum("irn,iqn->rqn", G / pivots[:, None], G))
+
+
+def peaks(statistic: FloatArray, count: int) -> IntArray:
+    """Return the indices of the highest local maxima, highest first."""
+    padded = np.pad(statistic, 1, constant_values=-np.inf)
+    maxima = np.flatnonzero((statistic >= padded[:-2]) & (statistic >= padded[2:]))
+    return maxima[np.argsort(-statistic[maxima])[:count]]

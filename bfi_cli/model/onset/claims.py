@@ -42,7 +42,7 @@ from ...kernels.onset.limits import (
     profile_with_deviances,
     undeclared_magnitudes,
 )
-from ...kernels.onset.pairs import peaks
+from ...kernels.onset.profile import peaks
 from ...kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onsets, scan_shape
 from ...kernels.onset.waveform import Waveform
 from ...kernels.progress import Report, parts, shares, silent

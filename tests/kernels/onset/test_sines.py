@@ -19,7 +19,7 @@ from bfi_cli.kernels.onset.frequency import (
     screen_sines,
     sine_onsets,
 )
-from bfi_cli.kernels.onset.pairs import peaks
+from bfi_cli.kernels.onset.profile import peaks
 from bfi_cli.kernels.onset.scan import default_onsets, prepare_scan, scan_shape, tabulate
 
 KINDS = ("white", "faulty", "spiky", "drifting", "smooth", "noise-free", "weighted", "two outputs")

@@ -215,19 +215,10 @@ def difference(rows: FloatArray, degree: int) -> FloatArray:
     return rows
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ShapeTables:
-    """Inner products of a shape with a record and with itself, by start sample.
-
-    Attributes
-    ----------
-    P : per difference 0..degree, (n_base + m, n_samples): [Q0 Q1]' times the shape started at each sample.
-    G : by the differences (a, b) of two lags and the samples d the second starts before the first, (n_samples,): their
-        inner product off the base, at the first's start.
-    """
-
-    P: tuple[FloatArray, ...]
-    G: dict[tuple[int, int, int], FloatArray]
+# P, per difference 0..degree (n_base + m, n_samples): [Q0 Q1]' times a shape started at each sample. G, by the
+# differences (a, b) of two lags and the samples d the second starts before the first, (n_samples,): their inner product
+# off the base, at the first's start.
+ShapeTables = tuple[tuple[FloatArray, ...], dict[tuple[int, int, int], FloatArray]]
 
 
 def tabulate(scan: Scan, h: FloatArray) -> ShapeTables:
@@ -251,7 +242,7 @@ def _tables(scan: Scan, h: FloatArray) -> ShapeTables:
     for (a, b, d), table in G.items():
         table[:d] = 0.0
         table[d:] -= np.einsum("qk,qk->k", P[a][:n_base, d:], P[b][:n_base, : n - d])
-    return ShapeTables(P=P, G=G)
+    return P, G
 
 
 @cache
@@ -276,7 +267,7 @@ def _summed(scan: Scan, products: FloatArray) -> FloatArray:
 
 
 def correlations(scan: Scan, h: FloatArray) -> tuple[FloatArray, ...]:
-    """Return `ShapeTables.P` of a shape h (n_samples,)."""
+    """Return P of the `ShapeTables` of a shape h (n_samples,)."""
     P = [_correlated(scan, "Q", np.diff(h, n=scan.degree, prepend=np.zeros(scan.degree)))]
     for _ in range(scan.degree):
         P.append(np.ascontiguousarray(np.cumsum(P[-1][:, ::-1], axis=1)[:, ::-1]))
@@ -407,12 +398,12 @@ def stack_onsets(scan: Scan, tables: ShapeTables, onsets: IntArray) -> ProfilePo
 
 def inner_products(scan: Scan, tables: ShapeTables, onsets: IntArray) -> tuple[FloatArray, FloatArray]:
     """Gather C and S of `profile_polynomial` at some onsets from the tables of a shape."""
-    s, degrees = scan.order, scan.degrees
-    C = np.stack([tables.P[a][scan.n_base :, onsets + s - j] for j, a in enumerate(degrees)], axis=1)
+    (P, G), s, degrees = tables, scan.order, scan.degrees
+    C = np.stack([P[a][scan.n_base :, onsets + s - j] for j, a in enumerate(degrees)], axis=1)
     S = np.empty((s + 1, s + 1, len(onsets)))
     for i, a in enumerate(degrees):
         for j in range(i, s + 1):
-            S[i, j] = S[j, i] = tables.G[a, degrees[j], j - i][onsets + s - i]
+            S[i, j] = S[j, i] = G[a, degrees[j], j - i][onsets + s - i]
     return C, S
 
 

@@ -60,13 +60,13 @@ def test_inner_products_are_those_of_the_tables(kind, seed):
     of_sines = Sines(scan, 2 * np.pi * frequencies)
     for k, frequency in enumerate(frequencies):
         C, S = of_sines.inner_products(np.full(len(onset), k), onset)
-        tables = tabulate(scan, shapes.sine(scan.n_samples, angle=2 * np.pi * frequency).samples)
+        P, G = tabulate(scan, shapes.sine(scan.n_samples, angle=2 * np.pi * frequency).samples)
         at = onset + scan.order
         for i, a in enumerate(scan.degrees):
-            expected = tables.P[a][scan.n_base :, at - i]
-            np.testing.assert_allclose(C[:, i], expected, rtol=0.0, atol=1e-11 * np.abs(tables.P[0]).max())
+            expected = P[a][scan.n_base :, at - i]
+            np.testing.assert_allclose(C[:, i], expected, rtol=0.0, atol=1e-11 * np.abs(P[0]).max())
             for j in range(i, scan.order + 1):
-                product = tables.G[a, scan.degrees[j], j - i]
+                product = G[a, scan.degrees[j], j - i]
                 np.testing.assert_allclose(S[i, j], product[at - i], rtol=0.0, atol=1e-10 * np.abs(product).max())
 
 

@@ -338,22 +338,13 @@ class Sources:
     earlier: BoolArray
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Derivation:
-    """How a channel is derived.
-
-    Attributes
-    ----------
-    needs : groups of channels, each by its alternatives.
-    told_by : from the sources, the function from recorded channels, (n_samples,) by name, to the derived channel, and
-        in words the parameter that was estimated for it, "" for none.
-    """
-
-    needs: tuple[Group, ...]
-    told_by: Callable[[Sources], tuple[Callable[[Values], FloatArray], str]]
+Maker = Callable[[Values], FloatArray]  # from recorded channels, (n_samples,) by name, to a derived channel
+# Groups of channels, each by its alternatives, and from what these are the maker, and in words the parameter that was
+# estimated for it, "" for none.
+Derivation = tuple[tuple[Group, ...], Callable[[Sources], tuple[Maker, str]]]
 
 
-def _lift(sources: Sources) -> tuple[Callable[[Values], FloatArray], str]:
+def _lift(sources: Sources) -> tuple[Maker, str]:
     """Return the airspeed that the lift shows; its angle of zero lift and its scale are estimated from the flight."""
     recorded, earlier = sources.values, sources.earlier
     q_impact = air_data_of(recorded).q_impact
@@ -370,7 +361,7 @@ def _lift(sources: Sources) -> tuple[Callable[[Values], FloatArray], str]:
     return lambda values: scale * shape(values), f"an angle of zero lift of {np.degrees(zero_lift):.2f} degrees"
 
 
-def _over_ground(sources: Sources) -> tuple[Callable[[Values], FloatArray], str]:
+def _over_ground(sources: Sources) -> tuple[Maker, str]:
     """Return the airspeed that ground velocity and a constant wind show."""
 
     def velocity(values: Values) -> tuple[FloatArray, FloatArray]:
@@ -394,9 +385,9 @@ def _each(*names: str) -> tuple[Group, ...]:
     return tuple(((name,),) for name in names)
 
 
-def _stated(needs: tuple[Group, ...], make: Callable[[Values], FloatArray]) -> Derivation:
+def _stated(needs: tuple[Group, ...], make: Maker) -> Derivation:
     """Return the derivation of a channel without a parameter to estimate."""
-    return Derivation(needs=needs, told_by=lambda _: (make, ""))
+    return needs, lambda _: (make, "")
 
 
 def _computed(make: Callable[..., FloatArray], *names: str) -> Derivation:
@@ -418,16 +409,16 @@ DERIVED: Mapping[str, Derivation] = {
     ),
     "p_total": _stated((STATIC, IMPACT), lambda values: air_data_of(values).p_total),
     "q_impact": _stated((STATIC, IMPACT), lambda values: air_data_of(values).q_impact),
-    "lift_speed": Derivation(needs=(*_each("aoa", "normal_acc", "tas"), STATIC), told_by=_lift),
+    "lift_speed": ((*_each("aoa", "normal_acc", "tas"), STATIC), _lift),
     "kinematic_acc": _computed(kinematic_acceleration, *KINEMATICS),
     "climb_angle": _computed(climb_angle, *KINEMATICS[2:]),
-    "ground_airspeed": Derivation(needs=(GROUND, *_each("altitude_rate", "tas")), told_by=_over_ground),
+    "ground_airspeed": ((GROUND, *_each("altitude_rate", "tas")), _over_ground),
 }
 
 
 def missing_for(name: str, has: Collection[str]) -> tuple[str, ...]:
     """Return the channels that a log with the channels `has` lacks to derive another, alternatives joined by "or"."""
-    lacking = (group for group in DERIVED[name].needs if not any(set(alternative) <= set(has) for alternative in group))
+    lacking = (group for group in DERIVED[name][0] if not any(set(alternative) <= set(has) for alternative in group))
     return tuple(" or ".join(" and ".join(alternative) for alternative in group) for group in lacking)
 
 
@@ -466,15 +457,15 @@ def with_derived(
         _check_possible(log, recorded, inside)
     channels, clean, notes = dict(log.channels), dict(log.truth.clean if log.truth else {}), list(log.notes)
     for name in wanted:
+        needs, estimate = DERIVED[name]
         try:
-            make, words = DERIVED[name].told_by(sources)
+            make, words = estimate(sources)
         except ValueError as error:
             raise LogError(
                 f"{log.path}: '{name}' cannot be derived: {error}; give a log with {ENOUGH_S:g} s of flight before "
                 "--from, or a longer window"
             ) from None
         # The first alternative of each group that the log has.
-        needs = DERIVED[name].needs
         used = {source for group in needs for source in next(names for names in group if set(names) <= set(recorded))}
         values = frozen_array(make(recorded))
         channels[name] = Channel(name=name, values=values, unit=STANDARD[name].unit, source=name)

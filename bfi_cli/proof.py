@@ -31,7 +31,7 @@ from .flight.parity.record import STEP_S
 from .flight.parity.sampled import quanta_of
 from .flightlog import FlightLog, inject
 from .flightlog.derived import with_derived
-from .flightlog.recorder import recorder_filters
+from .flightlog.quality import recorder_filters
 from .journal import Journal, lines_of_journal
 from .kernels.low_pass import Response
 from .kernels.progress import Progress

@@ -25,7 +25,7 @@ def command(asked: Asked) -> Answer:
     """
     from ..flightlog import inspect_log, read_log
     from ..flightlog.defects import find_defects
-    from ..flightlog.recorder import with_seen_recorder
+    from ..flightlog.quality import with_seen_recorder
     from ..library import with_findings
     from ..report.log import explained, info_content, info_document
 

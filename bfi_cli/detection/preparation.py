@@ -13,8 +13,8 @@ from ..faults.filters import alternatives, recorder_low_passes, response_of
 from ..flightlog import Channel, FlightLog, require_usable, resample
 from ..flightlog.derived import with_derived
 from ..flightlog.phases import APART_S, flight_stretches, phases_of
+from ..flightlog.quality import recorder_filters
 from ..flightlog.record import frozen_array
-from ..flightlog.recorder import recorder_filters
 from ..kernels import BoolArray, FloatArray
 from ..kernels.input_directions import directions, independent, moments
 from ..kernels.low_pass import WHITE, Response, decimate, lost_samples, lowpass_taps

@@ -17,7 +17,7 @@ from ..flightlog.defects import Defect, find_defects, with_bridges, without_defe
 from ..flightlog.ordinary import check_within
 from ..flightlog.phases import NO_AIRSPEED, Disagreement, Phase, find_phases
 from ..flightlog.plausible import IN_FLIGHT, impossible_median, sentence_of_impossible
-from ..flightlog.recorder import with_seen_recorder
+from ..flightlog.quality import with_seen_recorder
 from ..model.preprocessing.defaults import AIRSPEEDS, FIXED, tolerance_of
 from ..quantities.channels import STANDARD, quantity_of
 from .parity import (

@@ -12,10 +12,9 @@ from ..first_use import import_on_first_use
 if TYPE_CHECKING:
     from .formats import digest_of_log, is_log_folder
     from .injection import inject, without_line_fault
-    from .quality import LogReport, inspect_log, is_told_by_physics, require_usable
+    from .quality import LogReport, inspect_log, is_told_by_physics, recorder_filters, require_usable
     from .read import read_log
     from .record import Channel, FlightLog, Segment, Truth
-    from .recorder import recorder_filters
     from .resampling import resample, resample_with
     from .write import write_log
 
@@ -28,10 +27,9 @@ __getattr__ = import_on_first_use(
     {
         "formats": ("digest_of_log", "is_log_folder"),
         "injection": ("inject", "without_line_fault"),
-        "quality": ("LogReport", "inspect_log", "is_told_by_physics", "require_usable"),
+        "quality": ("LogReport", "inspect_log", "is_told_by_physics", "recorder_filters", "require_usable"),
         "read": ("read_log",),
         "record": ("Channel", "FlightLog", "Segment", "Truth"),
-        "recorder": ("recorder_filters",),
         "resampling": ("resample", "resample_with"),
         "write": ("write_log",),
     },

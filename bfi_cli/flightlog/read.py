@@ -23,6 +23,7 @@ from .derived import with_quantities
 from .formats import digest_of_log, read_columns
 from .phases import airborne_stretches
 from .plausible import NORMAL, RIGHT, Convention, assumed_units, sentence_of, time_scale, with_conventions
+from .quality import with_seen_recorder
 from .rates import on_one_clock
 from .raw import (
     Asked,
@@ -39,7 +40,6 @@ from .raw import (
     why_matched,
 )
 from .record import Channel, Column, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
-from .recorder import with_seen_recorder
 from .resampling import with_filled, with_short_gaps
 
 # Longest step, s, and highest rate, Hz, of a time axis without a unit, and its units beside seconds.

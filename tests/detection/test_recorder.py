@@ -14,8 +14,8 @@ from bfi_cli.detection import DetectResult, detect_faults
 from bfi_cli.faults import Fault
 from bfi_cli.faults.filters import Filter, response_of
 from bfi_cli.flightlog import FlightLog, inject
+from bfi_cli.flightlog.quality import recorder_filters
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.flightlog.recorder import recorder_filters
 
 EDGE_HZ, RATE_HZ, DURATION_S = 0.75, 10.0, 240.0
 RECORDER = Filter(kind="gaussian", edge_hz=EDGE_HZ, rate_hz=RATE_HZ)

@@ -19,8 +19,8 @@ from bfi_cli.flight.parity.holds import find_holds
 from bfi_cli.flight.parity.static_relations import find_static, relation_series
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
+from bfi_cli.flightlog.quality import with_seen_recorder
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.flightlog.recorder import with_seen_recorder
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

@@ -24,7 +24,7 @@ from bfi_cli.flight import DiagnoseResult, diagnose_flight
 from bfi_cli.flight.plausibility import implausible_channels
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
-from bfi_cli.flightlog.recorder import recorder_filters
+from bfi_cli.flightlog.quality import recorder_filters
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

@@ -16,7 +16,7 @@ from window_trials import LENGTH_S, flight_log, starts_s
 from bfi_cli import Config, Fault, inject, merge, start_time
 from bfi_cli.faults.filters import response_of
 from bfi_cli.flightlog.phases import airborne_stretches
-from bfi_cli.flightlog.recorder import recorder_filters
+from bfi_cli.flightlog.quality import recorder_filters
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

@@ -32,7 +32,7 @@ from bfi_cli.flight.parity.calibration import calibrate_air_data
 from bfi_cli.flight.parity.windows import configuration_changes
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import phases_of
-from bfi_cli.flightlog.recorder import with_seen_recorder
+from bfi_cli.flightlog.quality import with_seen_recorder
 from bfi_cli.serialization import provenance
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]

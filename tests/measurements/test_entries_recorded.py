@@ -18,7 +18,7 @@ from bfi_cli.faults import Fault
 from bfi_cli.faults.filters import response_of
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
-from bfi_cli.flightlog.recorder import recorder_filters
+from bfi_cli.flightlog.quality import recorder_filters
 from bfi_cli.model.result import IdentifyResult
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]

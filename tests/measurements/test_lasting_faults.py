@@ -19,7 +19,7 @@ from bfi_cli.faults import Fault
 from bfi_cli.flight import DiagnoseResult, diagnose_flight
 from bfi_cli.flight.result import Event
 from bfi_cli.flightlog import FlightLog, inject, read_log
-from bfi_cli.flightlog.recorder import with_seen_recorder
+from bfi_cli.flightlog.quality import with_seen_recorder
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

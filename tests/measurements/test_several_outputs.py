@@ -20,7 +20,7 @@ from bfi_cli.config import Config, merge
 from bfi_cli.faults import Fault
 from bfi_cli.faults.filters import response_of
 from bfi_cli.flightlog import FlightLog, inject
-from bfi_cli.flightlog.recorder import recorder_filters
+from bfi_cli.flightlog.quality import recorder_filters
 
 pytestmark = [
     pytest.mark.slow,

@@ -23,8 +23,8 @@ from bfi_cli.flight.parity.windows import flight_stretches
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.defects import Defect, find_defects, with_bridges, without_defects
 from bfi_cli.flightlog.phases import phases_of
+from bfi_cli.flightlog.quality import with_seen_recorder
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.flightlog.recorder import with_seen_recorder
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

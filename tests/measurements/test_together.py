@@ -17,7 +17,7 @@ from bfi_cli.dictionary import load_dictionary
 from bfi_cli.faults import Fault
 from bfi_cli.faults.filters import response_of
 from bfi_cli.flightlog import FlightLog, inject
-from bfi_cli.flightlog.recorder import recorder_filters
+from bfi_cli.flightlog.quality import recorder_filters
 from bfi_cli.model.identify import identify_faults
 from bfi_cli.model.preprocessing.window import with_inputs_of
 from bfi_cli.model.result import IdentifyResult

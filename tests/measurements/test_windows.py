@@ -19,8 +19,8 @@ from bfi_cli.config import Config, merge
 from bfi_cli.dictionary import load_dictionary
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import FlightLog
+from bfi_cli.flightlog.quality import with_seen_recorder
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.flightlog.recorder import with_seen_recorder
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 

@@ -32,8 +32,8 @@ from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, build_up_s, unit_signal
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
+from bfi_cli.flightlog.quality import with_seen_recorder
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.flightlog.recorder import with_seen_recorder
 from bfi_cli.model.onset import find_onset, table_of_windows
 from bfi_cli.model.onset.scan_record import prepare_record
 from bfi_cli.model.preprocessing.defaults import tolerance_of

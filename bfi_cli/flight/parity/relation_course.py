@@ -15,8 +15,7 @@ import numpy as np
 from ...faults.filters import response_of
 from ...faults.shapes import SHAPES
 from ...flightlog import FlightLog
-from ...flightlog.quality import held_hz
-from ...flightlog.recorder import recorder_filters
+from ...flightlog.quality import held_hz, recorder_filters
 from ...kernels import FloatArray
 from ...kernels.compiled import special
 from ...kernels.low_pass import Kind, Response, low_pass

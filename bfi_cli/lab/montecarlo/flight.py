@@ -15,7 +15,7 @@ from ...faults.filters import recorded_signal, response_of
 from ...faults.shapes import LINE_SHAPES, SHAPES
 from ...flightlog import FlightLog, read_log
 from ...flightlog.injection import added_by
-from ...flightlog.recorder import recorder_filters
+from ...flightlog.quality import recorder_filters
 from ...kernels import FloatArray
 from ...quantities.text import instant
 from .definition import FlownModel, InjectedFault, RecordedLog

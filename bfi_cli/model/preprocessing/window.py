@@ -17,8 +17,7 @@ from ...faults.shapes import SHAPES
 from ...flightlog import Channel, FlightLog, require_usable, resample, resample_with
 from ...flightlog.derived import with_derived
 from ...flightlog.injection import added_by, line_signals
-from ...flightlog.quality import held_hz, is_uniform
-from ...flightlog.recorder import recorder_filters
+from ...flightlog.quality import held_hz, is_uniform, recorder_filters
 from ...kernels import FloatArray
 from ...kernels.atom_signals import AtomSignals
 from ...kernels.low_pass import WHITE, Lowpass, Response

@@ -35,10 +35,17 @@ from ..report.content import (
     shown_notes,
     thinned,
 )
-from ..report.faults import fault_columns, meaning
 from ..report.first_screen import Screen, window_screen
 from ..report.proof import proof_tables
-from .result import DERIVED, IdentifyResult, OutputSeries, ResidualSummary, identify_from_document
+from .result import (
+    DERIVED,
+    IdentifyResult,
+    OutputSeries,
+    ResidualSummary,
+    fault_columns,
+    identify_from_document,
+    meaning,
+)
 
 # Entries of the dictionary that the figure of the magnitudes has room for.
 MAX_CANDIDATES = 30

@@ -15,10 +15,10 @@ from ...quantities.text import SI, Units, instant, interval, noise_levels, numbe
 from ...report.claims import candidate_columns, candidate_tables, hidden_drawing
 from ...report.clock import with_clock
 from ...report.content import Drawing, Panel, ReportContent, Span, Table, curve, shown_notes
-from ...report.faults import fault_columns, fault_entry, half, kind_in_words, meaning, plain_estimate, until
 from ...report.first_screen import Screen, window_screen
 from ...report.proof import proof_tables
 from ...serialization import Provenance, document_of, from_plain, member, to_plain
+from ..result import fault_columns, fault_entry, half, kind_in_words, meaning, plain_estimate, until
 from .result import OnsetResult, ShapeProfile
 
 Plain = Mapping[str, Any]

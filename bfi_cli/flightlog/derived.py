@@ -61,24 +61,6 @@ FOLLOWS, MOST_NATS = 5.0, 20.0
 LEAST_CHANGE_M = 2.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DirectDerivation:
-    """A channel that follows from others without a parameter.
-
-    Attributes
-    ----------
-    name : the channel; needs : what it follows from.
-    make : from (n_samples,) by name, and "time_s", to the channel, (n_samples,).
-    words : the sentence about it, after "'altitude' is "; stands_in : whether it is another quantity in its place.
-    """
-
-    name: str
-    needs: tuple[str, ...]
-    make: Callable[[Values], FloatArray]
-    words: str
-    stands_in: bool = False
-
-
 def pressure_altitude(baro_altitude: FloatArray, setting: FloatArray) -> FloatArray:
     """Return the pressure altitude, m, of an altimeter's reading, m, and setting, Pa; both (n_samples,).
 
@@ -165,58 +147,65 @@ def _same(name: str) -> Callable[[Values], FloatArray]:
     return lambda values: values[name]
 
 
-# The first that a log has the channels of is taken.
-DIRECT = (
-    DirectDerivation(
-        name="altitude",
-        needs=("baro_altitude", "baro_setting"),
-        make=lambda values: set_altitude(values["time_s"], values["baro_altitude"], values["baro_setting"]),
-        words="the pressure altitude of {0} at the setting {1}",
+# A channel, what it follows from without a parameter, and from these, and "time_s", by name, to (n_samples,) of it; the
+# sentence about it, after "'altitude' is "; and whether it is another quantity in its place. The first that a log has
+# the channels of is taken.
+DIRECT: tuple[tuple[str, tuple[str, ...], Maker, str, bool], ...] = (
+    (
+        "altitude",
+        ("baro_altitude", "baro_setting"),
+        lambda values: set_altitude(values["time_s"], values["baro_altitude"], values["baro_setting"]),
+        "the pressure altitude of {0} at the setting {1}",
+        False,
     ),
-    DirectDerivation(
-        name="altitude",
-        needs=("p_static", "baro_altitude"),
-        make=lambda values: altitude_of(np.clip(values["p_static"], PRESSURES[0], PRESSURES[1])),
-        words="the pressure altitude of {0}",
+    (
+        "altitude",
+        ("p_static", "baro_altitude"),
+        lambda values: altitude_of(np.clip(values["p_static"], PRESSURES[0], PRESSURES[1])),
+        "the pressure altitude of {0}",
+        False,
     ),
-    DirectDerivation(
-        name="altitude",
-        needs=("baro_altitude",),
-        make=_same("baro_altitude"),
-        words="{0}, by a setting of the altimeter that the log lacks: it steps where the knob is turned",
-        stands_in=True,
+    (
+        "altitude",
+        ("baro_altitude",),
+        _same("baro_altitude"),
+        "{0}, by a setting of the altimeter that the log lacks: it steps where the knob is turned",
+        True,
     ),
-    DirectDerivation(
-        name="altitude_rate",
-        needs=("gps_altitude_rate",),
-        make=_same("gps_altitude_rate"),
-        words="{0}, of satellites or an inertial system: no fault of the static line moves it",
-        stands_in=True,
+    (
+        "altitude_rate",
+        ("gps_altitude_rate",),
+        _same("gps_altitude_rate"),
+        "{0}, of satellites or an inertial system: no fault of the static line moves it",
+        True,
     ),
-    DirectDerivation(
-        name="track",
-        needs=("magnetic_track", "magnetic_variation"),
-        make=lambda values: np.asarray((values["magnetic_track"] + values["magnetic_variation"]) % (2.0 * np.pi)),
-        words="{0} from true north, by {1}",
+    (
+        "track",
+        ("magnetic_track", "magnetic_variation"),
+        lambda values: np.asarray((values["magnetic_track"] + values["magnetic_variation"]) % (2.0 * np.pi)),
+        "{0} from true north, by {1}",
+        False,
     ),
-    DirectDerivation(
-        name="track",
-        needs=("magnetic_track",),
-        make=_same("magnetic_track"),
-        words="{0}, from magnetic north: velocities and winds are turned by the variation",
-        stands_in=True,
+    (
+        "track",
+        ("magnetic_track",),
+        _same("magnetic_track"),
+        "{0}, from magnetic north: velocities and winds are turned by the variation",
+        True,
     ),
-    DirectDerivation(
-        name="velocity_north",
-        needs=("ground_speed", "track"),
-        make=lambda values: values["ground_speed"] * np.cos(values["track"]),
-        words="that of the ground velocity of {0} and {1}",
+    (
+        "velocity_north",
+        ("ground_speed", "track"),
+        lambda values: values["ground_speed"] * np.cos(values["track"]),
+        "that of the ground velocity of {0} and {1}",
+        False,
     ),
-    DirectDerivation(
-        name="velocity_east",
-        needs=("ground_speed", "track"),
-        make=lambda values: values["ground_speed"] * np.sin(values["track"]),
-        words="that of the ground velocity of {0} and {1}",
+    (
+        "velocity_east",
+        ("ground_speed", "track"),
+        lambda values: values["ground_speed"] * np.sin(values["track"]),
+        "that of the ground velocity of {0} and {1}",
+        False,
     ),
 )
 
@@ -247,17 +236,17 @@ def with_quantities(log: FlightLog, typed: Collection[str]) -> FlightLog:
     log = _with_baro_altitude(log, typed)
     channels, notes = dict(log.channels), list(log.notes)
     clean = dict(log.truth.clean) if log.truth else {}
-    for row in DIRECT:
+    for direct, wanted, make, about, stands_in in DIRECT:
         for number in ("", *(f"_{i}" for i in range(1, 10))):
-            name = row.name + number
+            name = direct + number
             # The setting is one for all sensors.
-            needs = {need: need + number if need + number in STANDARD else need for need in row.needs}
+            needs = {need: need + number if need + number in STANDARD else need for need in wanted}
             if name not in STANDARD or name in channels or not set(needs.values()) <= channels.keys():
                 continue
-            if row.stands_in and any(quantity_of(other) == row.name for other in channels):
+            if stands_in and any(quantity_of(other) == direct for other in channels):
                 continue
             recorded = {"time_s": log.time_s} | {need: channels[here].values for need, here in needs.items()}
-            values = frozen_array(row.make(recorded))
+            values = frozen_array(make(recorded))
             if not np.isfinite(values).any():
                 continue
             sources = tuple(needs.values())
@@ -271,10 +260,10 @@ def with_quantities(log: FlightLog, typed: Collection[str]) -> FlightLog:
             )
             if clean.keys() & set(sources):
                 right = {need: clean[here] for need, here in needs.items() if here in clean}
-                clean[name] = frozen_array(row.make(recorded | right))
+                clean[name] = frozen_array(make(recorded | right))
             named = (f"'{channels[source].source}'" for source in sources)
-            words = f"'{name}' is {row.words.format(*named)}"
-            notes.append(Note.limit(words) if row.stands_in else Note.method(words))
+            words = f"'{name}' is {about.format(*named)}"
+            notes.append(Note.limit(words) if stands_in else Note.method(words))
     if len(channels) == len(log.channels):
         return log
     return replace(log, channels=channels, truth=log.truth and replace(log.truth, clean=clean), notes=tuple(notes))
@@ -318,6 +307,7 @@ SLOWEST_FLIGHT = 0.33
 
 
 Values = Mapping[str, FloatArray]
+Maker = Callable[[Values], FloatArray]  # from recorded channels, (n_samples,) by name, to a derived channel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -338,7 +328,6 @@ class Sources:
     earlier: BoolArray
 
 
-Maker = Callable[[Values], FloatArray]  # from recorded channels, (n_samples,) by name, to a derived channel
 # Groups of channels, each by its alternatives, and from what these are the maker, and in words the parameter that was
 # estimated for it, "" for none.
 Derivation = tuple[tuple[Group, ...], Callable[[Sources], tuple[Maker, str]]]

@@ -96,16 +96,34 @@ def _levels_beside(kind: ResidualKind, rounding: FloatArray) -> FloatArray:
     return np.maximum(kind.levels, min(least, kind.levels[-1]))
 
 
-def rounding_of(kind: ResidualKind, record: Record, constants: Constants) -> FloatArray | None:
-    """Return (n, n) covariance of a residual by the steps of its channels, None where it is lost in its least noise."""
-    covariance = np.zeros((len(record.time_s), len(record.time_s)))
-    for hypothesis in hypotheses(record):
-        if hypothesis.fault in record.rounding:
-            slopes = slopes_of(kind, record, [hypothesis], constants)
-            if slopes.acting.size:
-                made = slopes.signatures(record.rounding[hypothesis.fault].factor())[:, 0]
-                covariance += made @ made.T
+def rounding_of(kind: ResidualKind, slopes: Slopes, factors: Sequence[FloatArray | None]) -> FloatArray | None:
+    """Return (n, n) covariance of a residual by the steps of its channels, None where it is lost in its least noise.
+
+    Parameters
+    ----------
+    slopes : of the residual.
+    factors : by fault, (n, n) of the covariance of its channel's rounding, see `Rounding.factor`.
+    """
+    n = len(slopes.values)
+    covariance = np.zeros((n, n))
+    for k, i in enumerate(slopes.acting.tolist()):
+        if (factor := factors[i]) is not None:
+            made = slopes.of(k).signatures(factor)[:, 0]
+            covariance += made @ made.T
     return covariance if np.median(covariance.diagonal()) > (LOST * kind.levels[0]) ** 2 else None
+
+
+def _rounding_factors(record: Record, faults: Sequence[Hypothesis]) -> list[FloatArray | None]:
+    roundings = [record.rounding.get(hypothesis.fault) for hypothesis in faults]
+    return [None if rounding is None else rounding.factor() for rounding in roundings]
+
+
+def _noise_of(kind: ResidualKind, slopes: Slopes, factors: Sequence[FloatArray | None], known: BoolArray) -> NoiseModel:
+    """Return the noise of the known seconds of a residual, with that of its rounding where it counts."""
+    rounding = rounding_of(kind, slopes, factors)
+    if rounding is None:
+        return _noise(kind.name, known.size, (~known).tobytes(), tuple(kind.levels.tolist()))
+    return _noise_beside(kind, known, rounding, _levels_beside(kind, rounding))
 
 
 def scan_window(
@@ -144,6 +162,7 @@ def scan_window(
     possible = hypotheses(record)
     begun = [candidate for candidate in possible if candidate.fault in lasting]
     course = np.column_stack([np.ones(n), (record.time_s - record.time_s[0]) / n])
+    factors = _rounding_factors(record, possible)
     used: list[tuple[ResidualKind, Residual, BoolArray, FloatArray]] = []
     for kind in kinds:
         values = residual_values(record, record, constants, kind)
@@ -159,11 +178,7 @@ def scan_window(
         if np.count_nonzero(known) < fewest:
             lacking[kind.name] = _gaps(record, kind, fewest)
             continue
-        rounding = rounding_of(kind, record, constants) if record.rounding else None
-        if rounding is None:
-            noise = _noise(kind.name, n, (~known).tobytes(), tuple(kind.levels.tolist()))
-        else:
-            noise = _noise_beside(kind, known, rounding, _levels_beside(kind, rounding))
+        noise = _noise_of(kind, _slopes_in(whole, kind, record, possible, constants), factors, known)
         residual = Residual.of(noise, values[known], columns[known], prior_sd, ramps[known])
         used.append((kind, residual, known, columns[known]))
     if not used:
@@ -275,6 +290,11 @@ class Slopes:
         """Return some of their samples, times a scale."""
         rate, climb = (None if x is None else scale * x[rows] for x in (self.rate, self.climb))
         return replace(self, values=scale * self.values[rows], rate=rate, climb=climb)
+
+    def of(self, k: int) -> Slopes:
+        """Return those of one fault that acts."""
+        rate, climb = (None if x is None else x[:, [k]] for x in (self.rate, self.climb))
+        return Slopes(acting=self.acting[[k]], values=self.values[:, [k]], rate=rate, climb=climb)
 
     def signatures(self, courses: FloatArray) -> FloatArray:
         """Return (n, n_acting, n_courses) what faults of these courses, (n, n_courses), make of it, 0 if unknown."""

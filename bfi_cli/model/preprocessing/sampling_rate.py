@@ -92,7 +92,7 @@ def choose_rate(
     if factor * SAMPLES_PER_CYCLE * fastest > signals.rate_hz * (1 + TIE):
         reason = f"{fastest:g} Hz is the fastest oscillation of the dictionary"
         factor = int(np.floor(signals.rate_hz / (SAMPLES_PER_CYCLE * fastest) + TIE))
-    if (longest := -(-len(signals.time_s) // ESTIMATED)) > factor:
+    if (longest := -(-len(signals.time_s) // ESTIMATED)) > max(factor, 1):
         factor, reason = longest, f"one model is fitted to {ESTIMATED} rows at most"
     factor = int(np.clip(factor, 1, max(1, len(signals.time_s) // FEWEST_SAMPLES)))
     return factor, reason if factor > 1 else f"the log's own rate; {reason}"

@@ -81,7 +81,7 @@ def sampled(log: Signals, rows: slice) -> AtomSignals:
         ({"seconds": 200.0, "rate_hz": 20.0}, (BIAS,), 20.0 / 6, "rigid-body"),
         ({"seconds": 200.0, "rate_hz": 20.0}, (BIAS, SINE), 10.0, "2.25 Hz is the fastest oscillation"),
         ({"seconds": 2000.0, "rate_hz": 10.0}, (BIAS,), 1.0, "rigid-body"),
-        ({"seconds": 60.0, "rate_hz": 8.0}, (BIAS,), 8.0, "the log's own rate"),
+        ({"seconds": 60.0, "rate_hz": 8.0}, (BIAS,), 8.0, "the log's own rate; 10 Hz suits rigid-body"),
         ({"seconds": 5.0}, (BIAS,), 20.0, "window of 5 s"),
         ({"noise_sd": 0.0}, (BIAS, SINE), 100.0, "to round-off"),
     ],

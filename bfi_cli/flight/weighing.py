@@ -593,8 +593,9 @@ def _described(bench: Bench, event: Event, weight: Weight) -> Event:
 
 def _with_temperature(channels: Sequence[str], weight: Weight) -> tuple[str, ...]:
     """Return the channels that a fault of a line makes wrong: a static temperature where it is made of them."""
-    others = tuple(name for name in channels if name != "sat")
-    return (*others, "sat") if weight.heats else others
+    if weight.heats:
+        return (*channels,) if "sat" in channels else (*channels, "sat")
+    return tuple(name for name in channels if name != "sat")
 
 
 def _stated_cause(bench: Bench, event: Event, weight: Weight, causes: Sequence[KnownCause]) -> KnownCause | None:

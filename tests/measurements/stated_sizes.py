@@ -128,15 +128,26 @@ def part_of(log: FlightLog, added: Added) -> FlightLog:
     )
 
 
+def begins_within(event: Event, name: str, from_s: float, to_s: float) -> bool:
+    """Return whether an event may be a fault that begins between two times, both with the slack of an onset."""
+    return name in event.among and event.onset_ci95[0] <= to_s + SLACK_S and from_s - SLACK_S <= event.onset_ci95[1]
+
+
+def text_of(answer: DiagnoseResult) -> str:
+    """Return the events and deviations of a diagnosis in a line."""
+    return "; ".join(
+        f"{event.state} {'/'.join(event.among)} {event.shape} {event.magnitude or 0.0:.3g} at {event.onset_s:.0f} s"
+        for event in (*answer.events, *answer.deviations)
+    )
+
+
 def said_of(log: FlightLog, added: Added) -> Said:
     """Diagnose the part of a log about a fault, and say whether that is named."""
     answer = diagnose_flight(part_of(faulty(log, added), added), Config())
-    first_s = added.onset_s - SLACK_S
-    last_s = added.onset_s + (added.length_s if added.grows else 0.0) + SLACK_S
-    name = added.limit.fault
+    name, last_s = added.limit.fault, added.onset_s + (added.length_s if added.grows else 0.0)
 
     def is_it(event: Event) -> bool:
-        return name in event.among and event.onset_ci95[0] <= last_s and first_s <= event.onset_ci95[1]
+        return begins_within(event, name, added.onset_s, last_s)
 
     def order(event: Event) -> tuple[bool, bool, float]:
         return event.state == "declared", event.fault == name, event.margin or 0.0
@@ -158,8 +169,5 @@ def said_of(log: FlightLog, added: Added) -> Said:
         named=named,
         margin=None if best is None else best.margin,
         others=tuple("/".join(event.among) for event in others),
-        text="; ".join(
-            f"{event.state} {'/'.join(event.among)} {event.shape} {event.magnitude or 0.0:.3g} at {event.onset_s:.0f} s"
-            for event in (*answer.events, *answer.deviations)
-        ),
+        text=text_of(answer),
     )

@@ -16,7 +16,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from functools import cache
 from itertools import islice
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from multiprocessing.connection import Connection
 from typing import Any, Protocol, TypeVar
 
@@ -31,6 +31,11 @@ R = TypeVar("R")
 CHUNK, AHEAD = 10, 4
 # Seconds in which a Dask scheduler must answer.
 CONNECT_S = 10
+# Seconds between two looks of a worker whether its parent is still there to read what it sends.
+LOOK_S = 0.1
+
+# Held by a worker while it does not work: it sends a result then, or waits for the next items.
+_resting = threading.Lock()
 
 
 class _Future(Protocol):
@@ -79,7 +84,7 @@ def _on_processes(
     ending, alive = context.Pipe(duplex=False)
     pool = ProcessPoolExecutor(workers, context, initializer=_begin_worker, initargs=(ending,))
     try:
-        yield from _ordered(lambda chunk: pool.submit(_in_worker, work, chunk), chunks, AHEAD * workers)
+        yield from _ordered(lambda chunk: pool.submit(_in_process, work, chunk), chunks, AHEAD * workers)
     except BrokenProcessPool:
         raise SweepError(
             f"--workers {workers}: a worker was ended from outside, perhaps for want of memory; {again} and "
@@ -98,13 +103,29 @@ def _on_processes(
 def _begin_worker(ending: Connection) -> None:
     """Leave interrupts to the parent, and end when it does."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _resting.acquire()
     threading.Thread(target=_end_with_parent, args=(ending,), daemon=True).start()
 
 
 def _end_with_parent(ending: Connection) -> None:
+    """End the worker amid its work, but not amid a result: a parent that lives would wait for the rest of it forever.
+
+    A worker that rests is ended by its pool.
+    """
     with suppress(EOFError, OSError):
         ending.recv_bytes()
+    parent = parent_process()
+    while not _resting.acquire(timeout=LOOK_S) and parent is not None and parent.is_alive():
+        pass
     os._exit(1)
+
+
+def _in_process(work: Callable[[T], R], items: Sequence[T]) -> list[tuple[R, float]]:
+    _resting.release()
+    try:
+        return _in_worker(work, items)
+    finally:
+        _resting.acquire()
 
 
 def _on_dask(

@@ -31,6 +31,18 @@ def work(k):
 if __name__ == "__main__":
     list(in_order(work, range(8), workers=2, chunk=1))
 """
+SENDING = """
+import sys
+from pathlib import Path
+from bfi_cli.engine import in_order
+
+def work(k):
+    return bytes(100_000_000)  # longer sent than made
+
+if __name__ == "__main__":
+    for _ in in_order(work, range(1000), workers=2, chunk=1):
+        Path(sys.argv[1]).touch()
+"""
 IGNORED = """
 import signal
 signal.signal(signal.SIGHUP, signal.SIG_IGN)
@@ -122,6 +134,19 @@ def test_workers_end_with_their_parent(number: int, started: list, tmp_path: Pat
     process.send_signal(number)
     wait_for(lambda: process.poll() is not None, "the end of the parent")
     wait_for(lambda: not others & {*processes()}, "the end of its workers")
+
+
+def test_workers_that_send_end_with_their_parent(started: list, tmp_path: Path):
+    (tmp_path / "work.py").write_text(SENDING)
+    for trial in range(2):
+        mark = tmp_path / f"first_{trial}"
+        process = start(tmp_path / "work.py", mark)
+        started.append(process)
+        wait_for(mark.exists, "the first result")
+        others = below(process.pid)
+        process.send_signal(signal.SIGINT)
+        wait_for(lambda process=process: process.poll() is not None, "the end of the parent")
+        wait_for(lambda others=others: not others & {*processes()}, "the end of its workers")
 
 
 @pytest.mark.slow

@@ -25,9 +25,9 @@ from .decision import (
 from .dictionary import Dictionary, dead_reason_of_kind
 from .errors import ConfigError, DictionaryError, LogError
 from .faults import Fault, FaultEstimate
+from .faults.fault import compare_by_onset
 from .faults.filters import alternatives, response_of
 from .faults.shapes import LINE_SHAPES, SHAPES, Kind, Shape, scanned_shape
-from .faults.truth import compare_by_onset
 from .kernels.progress import Progress, unseen
 from .methods import METHODS
 from .model import onset, preprocessing
@@ -36,7 +36,7 @@ from .quantities.text import instant, quantity
 
 if TYPE_CHECKING:
     from .decision.implausible import Implausible
-    from .faults.truth import Comparison
+    from .faults.fault import Comparison
     from .flightlog import FlightLog
     from .model import Identification, IdentifyResult, ScanSummary
     from .model.onset import OnsetResult, OnsetSearch

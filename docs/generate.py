@@ -71,8 +71,7 @@ def with_tables(page: str, text: str, made: dict[str, str]) -> str:
 def tables() -> dict[str, dict[str, str]]:
     """Return the tables of the pages that are written by hand, by page and name."""
     from bfi_cli.flight.tables import ORDINARY
-    from bfi_cli.quantities.channels import STANDARD
-    from bfi_cli.quantities.units import CASE_MATTERS, CONVERSIONS
+    from bfi_cli.quantities.channels import CASE_MATTERS, CONVERSIONS, STANDARD
 
     channels = [
         (f"`{one.name}`", one.unit, one.description, ", ".join(f"`{alias.partition('=')[0]}`" for alias in one.aliases))

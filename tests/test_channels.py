@@ -11,6 +11,8 @@ from hypothesis import strategies as st
 
 from bfi_cli.errors import LogError
 from bfi_cli.quantities.channels import (
+    BY_SPELLING,
+    CONVERSIONS,
     INPUTS,
     LARGEST_ERROR,
     REPEATED,
@@ -18,9 +20,10 @@ from bfi_cli.quantities.channels import (
     match_name,
     meant_channel,
     quantity_of,
+    si_unit,
     split_unit,
+    to_si,
 )
-from bfi_cli.quantities.units import BY_SPELLING, CONVERSIONS, si_unit, to_si
 
 FINITE = st.floats(-1e9, 1e9)
 

@@ -46,7 +46,8 @@ print(json.dumps({
 }))
 """
 # What is counted, how much of it there is today, and the most that the house is to have.
-COUNTS = (("imported", 120, None), ("called", 91, 80), ("made", 96, 60))
+COUNTS = (("imported", 109, None), ("called", 80, 80), ("made", 96, 60))
+MISSED = pytest.param("made", marks=pytest.mark.xfail(strict=True, reason="96 types are made, several for one concept"))
 
 
 @cache
@@ -62,11 +63,9 @@ def test_an_answer_goes_through_no_more_than_today(what: str, today: int):
     assert len(counts()[what]) <= today, "\n".join(counts()[what])
 
 
-@pytest.mark.xfail(
-    strict=True, reason="91 files take part and 96 types are made: concepts that stand in several are not merged"
-)
-@pytest.mark.parametrize(("what", "most"), [(what, most) for what, _, most in COUNTS if most is not None])
-def test_an_answer_goes_through_a_house_that_is_read_in_a_day(what: str, most: int):
+@pytest.mark.parametrize("what", ["called", MISSED])
+def test_an_answer_goes_through_a_house_that_is_read_in_a_day(what: str):
+    (most,) = (most for counted, _, most in COUNTS if counted == what)
     assert len(counts()[what]) <= most
 
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..kernels import MAD
-from ..kernels.running import block_means
+from ..kernels.runs import block_means
 from .airspeed import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, FloatArray, G
 
 # Fits are made again without samples this many robust standard deviations off: flaps, gear, the ground, gusts.

@@ -16,7 +16,7 @@ from ..faults import Fault, did_you_mean, magnitude_unit, physical
 from ..flightlog import FlightLog
 from ..kernels import FloatArray
 from ..model.onset import OnsetSearch, search_onsets
-from ..model.preprocessing.sampling_rate import SAMPLES_PER_CYCLE
+from ..model.preprocessing.signals import SAMPLES_PER_CYCLE
 from ..model.result import LogSummary, ModelSummary
 from ..notes import Note
 from ..quantities.channels import STANDARD

@@ -11,7 +11,7 @@ import numpy as np
 from ..faults import fault_to_dict
 from ..faults.shapes import SHAPES
 from ..kernels import FloatArray
-from ..model.preprocessing.sampling_rate import SAMPLES_PER_CYCLE
+from ..model.preprocessing.signals import SAMPLES_PER_CYCLE
 from ..notes import Note
 from ..printable import shortened
 from ..quantities.text import SI, Units, change, instant, noise_levels, number, with_unit

@@ -30,9 +30,8 @@ from ..faults import did_you_mean, shown
 from ..faults.shapes import SCANNED, Kind, ScannedShape
 from ..faults.validation import Deferred, Number, Positive, Rules, Text, Whole, editor_schema, path_beside, validate
 from ..methods import METHODS
-from ..quantities.channels import STANDARD
+from ..quantities.channels import STANDARD, change_in_si
 from ..quantities.text import UnitsName
-from ..quantities.units import change_in_si
 from ..yaml12 import load_yaml, read_text
 
 __all__ = ["STRONG_EVIDENCE", "Config", "Detect", "Diagnosability", "DictionarySource", "Natural", "StartTime"]

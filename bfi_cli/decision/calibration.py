@@ -19,7 +19,7 @@ import numpy as np
 
 from ..errors import ConfigError
 from ..kernels import FloatArray
-from ..kernels.exponential_tail import ExcessTail
+from ..kernels.whiteness import ExcessTail
 from ..notes import Note, unique
 from ..serialization import SCHEMA, Provenance, check_schema, from_plain, mapping, member, to_json
 from ..yaml12 import read_text

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from ..config import Config
 from ..flightlog.record import frozen_array
 from ..kernels import ONE_SIDED_90, ONE_SIDED_99, FloatArray
-from ..kernels.exponential_tail import block_maxima, fit_tail, white_level
 from ..kernels.parity import Drops, StepHeight, drop_at, largest_drops, step_height
 from ..kernels.progress import Report, silent
-from ..kernels.running import running_weights
-from ..model.preprocessing.sampling_rate import SAMPLES_PER_EDGE
+from ..kernels.runs import running_weights
+from ..kernels.whiteness import block_maxima, fit_tail, white_level
+from ..model.preprocessing.signals import SAMPLES_PER_EDGE
 from ..notes import Note
 from .predictor import Predictor, fit_predictor
 from .preparation import UNSTATED_HZ, DecimatedRecord, PreparedRecord, decimate_record

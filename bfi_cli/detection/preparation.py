@@ -18,8 +18,7 @@ from ..flightlog.record import frozen_array
 from ..kernels import BoolArray, FloatArray
 from ..kernels.input_directions import directions, independent, moments
 from ..kernels.low_pass import WHITE, Response, decimate, lost_samples, lowpass_taps
-from ..model.preprocessing.sampling_rate import choose_rate, is_exact
-from ..model.preprocessing.signals import NativeSignals, decimate_native
+from ..model.preprocessing.signals import NativeSignals, choose_rate, decimate_native, is_exact
 from ..model.preprocessing.window import moves, must_resample, require_outputs_move
 from ..notes import Note
 from ..quantities.channels import INPUTS

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from math import isfinite
 
 from ..errors import ConfigError, LogError
-from ..quantities.units import change_in_si
+from ..quantities.channels import change_in_si
 from .fault import did_you_mean, shown
 
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from ..errors import DictionaryError, reason_of
 from ..kernels.atom_signals import Tail
 from ..kernels.onset import waveform as waveforms
-from ..quantities.units import per_second
+from ..quantities.channels import per_second
 
 FloatArray = NDArray[np.float64]
 Rule = Literal["number", "positive", "nonzero", "reference", "file"]

@@ -22,9 +22,8 @@ from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.progress import Progress, unseen
 from ..model.onset.claims import CLAIMED_CYCLES
 from ..notes import Note
-from ..quantities.channels import STANDARD
+from ..quantities.channels import STANDARD, per_second
 from ..quantities.text import instant, quantity
-from ..quantities.units import per_second
 from ..threads import one_thread
 from .diagnose import events_of, lasting_faults
 from .events import growth

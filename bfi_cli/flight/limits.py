@@ -12,8 +12,7 @@ import numpy as np
 from ..decision import MOSTLY
 from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.runs import runs
-from ..quantities.channels import LARGEST_ERROR, STANDARD
-from ..quantities.units import per_second
+from ..quantities.channels import LARGEST_ERROR, STANDARD, per_second
 from .flight import Flight
 from .judge import REFERENCES, WIDE
 from .looks import Scanned

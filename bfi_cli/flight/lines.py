@@ -18,8 +18,7 @@ import numpy as np
 
 from ..airdata import HIGHEST, LOWEST, G, channels_of, isa_temperature, pressure_at, speed_of_sound, total_temperature
 from ..kernels import BoolArray, FloatArray
-from ..kernels.running import noise_of_second_differences
-from ..kernels.runs import runs
+from ..kernels.runs import noise_of_second_differences, runs
 from .bench import FAULT_STATES, SHOWN_S, ZERO, Bench, Place, jump_seconds, run_place
 from .model import FlightModel, second_airspeed
 from .parity.record import STATIC_LEAK, without_fault

@@ -16,8 +16,7 @@ import numpy as np
 from ..airdata import G, channels_of, isa_temperature, pressure_at, speed_of_sound
 from ..kernels import BoolArray, FloatArray
 from ..kernels.bounded_filter import Coupling, Transition
-from ..kernels.running import greatest_of_neighbours, median_of_neighbours
-from ..kernels.runs import runs
+from ..kernels.runs import greatest_of_neighbours, median_of_neighbours, runs
 from .seconds import Seconds, filled, rate_of, smoothed, spread, temperature_of
 from .tables import AIRSPEED_ROWS, LEVELS, ROWS, STATES, Coefficients
 

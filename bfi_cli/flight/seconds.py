@@ -10,8 +10,7 @@ import numpy as np
 from ..airdata import AirData, channels_of, static_temperature
 from ..flightlog import FlightLog
 from ..kernels import BoolArray, FloatArray
-from ..kernels.running import mean_of_stretches
-from ..kernels.runs import bridged
+from ..kernels.runs import bridged, mean_of_stretches
 from .parity.record import Record, over_seconds, record_of, seconds_of_samples
 
 GROUND_VELOCITY = frozenset(("velocity_north", "velocity_east"))

@@ -13,8 +13,7 @@ from ..flightlog.phases import NO_AIRSPEED
 from ..kernels import TWO_SIDED_95
 from ..kernels.runs import within
 from ..notes import Note
-from ..quantities.channels import STANDARD
-from ..quantities.units import per_second
+from ..quantities.channels import STANDARD, per_second
 from .bench import AFTER_S, Bench, bench_of
 from .flight import Flight
 from .gross import FEWEST_S, Gross, gross_errors, swings_of

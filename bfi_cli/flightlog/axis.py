@@ -13,9 +13,9 @@ import numpy as np
 
 from ..epoch import DAY_S
 from ..errors import LogError
-from ..kernels import IntArray
+from ..kernels import BoolArray, IntArray
 from ..kernels.regular_clock import quantum_of, regular_times
-from ..kernels.runs import BoolArray, runs
+from ..kernels.runs import runs
 from ..notes import Note
 from ..quantities.text import instant
 from .record import FloatArray, frozen_array

@@ -17,10 +17,18 @@ import numpy as np
 from ..airdata import IMPACT_SOURCES
 from ..airdata.relations import RELATIONS, relatives
 from ..faults.filters import response_of
-from ..kernels import MAD
+from ..kernels import MAD, BoolArray
 from ..kernels.generalised_least_squares import least_squares
-from ..kernels.running import block_means, greatest_of_neighbours, interpolation_error, running_median, travel
-from ..kernels.runs import BoolArray, bridged, runs, within
+from ..kernels.runs import (
+    block_means,
+    bridged,
+    greatest_of_neighbours,
+    interpolation_error,
+    running_median,
+    runs,
+    travel,
+    within,
+)
 from ..quantities.text import instant
 from .phases import HOVER, TRANSITION, Phase, phases_of
 from .quality import hold_of

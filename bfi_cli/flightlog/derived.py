@@ -32,9 +32,9 @@ from ..airdata import (
     zero_lift_angle,
 )
 from ..errors import LogError
-from ..kernels import MAD
+from ..kernels import MAD, BoolArray
 from ..kernels.quantisation import find_quantum
-from ..kernels.runs import BoolArray, runs
+from ..kernels.runs import runs
 from ..notes import Note
 from ..quantities.channels import STANDARD, quantity_of
 from ..quantities.text import instant

@@ -16,8 +16,8 @@ import numpy as np
 
 from ..errors import LogError
 from ..notes import Note
+from ..quantities.channels import si_unit, to_si
 from ..quantities.text import instant
-from ..quantities.units import si_unit, to_si
 from . import raw
 from .raw import ATTRIBUTES, LARGEST, LARGEST_CHUNK, TRUTH_KEYS, Asked, FloatArray, RawLog, Track, annotated
 from .record import CLEAN, nothing_between

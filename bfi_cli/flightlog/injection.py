@@ -23,8 +23,9 @@ from ..faults import Fault, active_samples, course, has_channel
 from ..faults.filters import recorded_signal, response_of
 from ..faults.ordinary import Occurrence
 from ..faults.shapes import SHAPES
+from ..kernels import BoolArray
 from ..kernels.low_pass import Response
-from ..kernels.runs import BoolArray, bridged
+from ..kernels.runs import bridged
 from ..notes import Note
 from ..quantities.text import instant
 from .derived import pressures_of

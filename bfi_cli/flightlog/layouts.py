@@ -12,8 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from ..errors import LogError
-from ..quantities.channels import split_unit
-from ..quantities.units import si_unit
+from ..quantities.channels import si_unit, split_unit
 from .cells import ABSENT, Lines, cells_of, with_commas
 from .raw import Asked, Track, fits, require_few
 from .topics import RECORDERS, Recorder, maps_of

@@ -23,8 +23,7 @@ import numpy as np
 from ..epoch import DAY_S, Epoch
 from ..errors import LogError
 from ..files import MCAP
-from ..quantities.channels import match_name, split_unit
-from ..quantities.units import si_unit
+from ..quantities.channels import match_name, si_unit, split_unit
 from .raw import (
     LARGEST_CHUNK,
     Asked,

@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..airdata import G
-from ..kernels.running import block_means
-from ..kernels.runs import BoolArray, FloatArray, Run, bridged, joined, left_of, runs, runs_with, within
+from ..kernels import BoolArray, FloatArray
+from ..kernels.runs import Run, block_means, bridged, joined, left_of, runs, runs_with, within
 from ..notes import Note
 from ..quantities.channels import quantity_of
 from ..quantities.text import instant

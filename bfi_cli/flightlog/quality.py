@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from ..errors import LogError
 from ..faults.filters import Filter
-from ..kernels.low_pass import Kind
+from ..kernels import BoolArray
+from ..kernels.low_pass import Kind, recorder_from_jumps, recorder_from_spectra
 from ..kernels.quantisation import Hold, find_hold, may_be_held, repeat_fraction
-from ..kernels.recorder_response import recorder_from_jumps, recorder_from_spectra
-from ..kernels.runs import BoolArray, repeats, shared, within
+from ..kernels.runs import repeats, shared, within
 from ..notes import Note
 from ..quantities.channels import INDEPENDENT, INPUTS, STANDARD, quantity_of
 from ..quantities.text import instant, quantity

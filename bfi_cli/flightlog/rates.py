@@ -22,9 +22,8 @@ from ..kernels.low_pass import WHITE, lowpass_taps
 from ..kernels.quantisation import find_quantum
 from ..kernels.regular_clock import regular_times
 from ..notes import Note
-from ..quantities.channels import match_name
+from ..quantities.channels import match_name, si_unit, to_si
 from ..quantities.text import instant
-from ..quantities.units import si_unit, to_si
 from .axis import MENDED, longest_in_order
 from .raw import BY_RANK, FLAGS, Asked, FloatArray, RawLog, Track, claimed, require_memory, time_column
 

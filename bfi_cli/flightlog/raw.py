@@ -20,8 +20,7 @@ from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..faults.filters import Filter, filters_from_json, filters_to_json
 from ..faults.ordinary import Occurrence
 from ..notes import Note
-from ..quantities.channels import STANDARD, NameMatch, match_name
-from ..quantities.units import si_unit, to_si
+from ..quantities.channels import STANDARD, NameMatch, match_name, si_unit, to_si
 from .record import FlightLog, Segment
 
 FloatArray = NDArray[np.float64]

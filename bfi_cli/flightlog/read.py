@@ -15,9 +15,8 @@ import numpy as np
 from ..epoch import Epoch, epoch_since_1970
 from ..errors import ConfigError, LogError
 from ..notes import Note
-from ..quantities.channels import STANDARD, match_name, meant_channel
+from ..quantities.channels import STANDARD, match_name, meant_channel, si_unit, to_si
 from ..quantities.text import instant
-from ..quantities.units import si_unit, to_si
 from .axis import FEWEST_TIMES, LATEST, axis_of, boot_starts
 from .derived import with_quantities
 from .formats import digest_of_log, read_columns

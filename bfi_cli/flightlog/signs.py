@@ -16,8 +16,8 @@ from typing import Literal
 import numpy as np
 
 from ..airdata import SEA_LEVEL_PRESSURE, ground_speed_of, isa_temperature, pressure_at
-from ..kernels.running import median_of_neighbours
-from ..kernels.runs import BoolArray, FloatArray, Run, bridged, runs
+from ..kernels import BoolArray, FloatArray
+from ..kernels.runs import Run, bridged, median_of_neighbours, runs
 from .record import LARGEST_VALUE, FlightLog
 
 Says = Literal["ground", "flight"]

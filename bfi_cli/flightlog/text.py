@@ -15,8 +15,7 @@ import numpy as np
 from ..epoch import DAY_S, Epoch, epoch_of_clock
 from ..errors import LogError
 from ..notes import Note
-from ..quantities.channels import match_name
-from ..quantities.units import si_unit, to_si
+from ..quantities.channels import match_name, si_unit, to_si
 from .axis import made_regular, note_on_order, out_of_order, with_midnights, without_jumps
 from .cells import Kind, Lines, Table
 from .layouts import Heading, heading_of, with_channels

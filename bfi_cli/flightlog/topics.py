@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from ..epoch import Epoch, epoch_of_clock, utc_of_gps
 from ..errors import LogError
 from ..notes import Note
-from ..quantities.channels import REPEATED, STANDARD
-from ..quantities.units import DEGREE
+from ..quantities.channels import DEGREE, REPEATED, STANDARD
 from .raw import Asked, FloatArray, RawLog, Track
 
 Recorder = Literal[

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..quantities.units import FOOT, POUND, G
+from ..quantities.channels import FOOT, POUND, G
 
 # File in the folder of a flight with the part of the flight that is done.
 FLOWN = "flown.txt"

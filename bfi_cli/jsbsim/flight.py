@@ -22,7 +22,7 @@ import numpy as np
 from ..errors import first_line
 from ..kernels import FloatArray
 from ..kernels.progress import Report, silent
-from ..quantities.units import FOOT
+from ..quantities.channels import FOOT
 from .channels import CONTROLS, FLOWN, RECORDED
 from .ordinary import FLAPS, SIMULATED
 from .pilot import Pilot

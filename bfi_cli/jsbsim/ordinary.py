@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ..faults.ordinary import Making
-from ..quantities.units import FOOT
+from ..quantities.channels import FOOT
 from .pilot import Pilot
 
 FRONT_S = 10.0  # in which the wind of a front changes

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..kernels import FloatArray
-from ..quantities.units import FOOT
+from ..quantities.channels import FOOT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

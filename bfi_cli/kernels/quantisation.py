@@ -13,8 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import FloatArray
-from .running import travel
-from .runs import runs
+from .runs import runs, travel
 
 # s; a signal that rests this long has left a recorder's low-pass of 0.4 Hz and more behind it.
 PLATEAU_S = 0.9

@@ -19,7 +19,7 @@ import numpy as np
 from . import EPS, FloatArray
 from .compiled import lapack
 from .lagged import PANEL
-from .termination import Iterate, StoppingRule, Termination, iterate
+from .progress import Iterate, StoppingRule, Termination, iterate
 from .variable_projection import ProjectedRegression, without_signal
 
 # Condition number, inverted, beyond which a least squares is taken to be rank deficient: its solution has four digits.
@@ -95,7 +95,7 @@ def risro(
     rank : of X, 1 <= rank <= min(p1, p2).
     initial : the start; by default the unconstrained least squares cut to the rank, or where the data do not
         determine that, the leading part of sum_k y_k A_k.
-    max_iterations, tolerance, fixed : see `termination.StoppingRule`.
+    max_iterations, tolerance, fixed : see `progress.StoppingRule`.
     between : changes X after every step but the last (the sparsity stage).
 
     Raises

@@ -18,7 +18,7 @@ import numpy as np
 from . import TINY, BoolArray, FloatArray
 from .compiled import lapack
 from .lagged import Compressed, restrict
-from .termination import Termination
+from .progress import Termination
 
 # Below this share of the largest, a direction of the regressors is round-off: 1e5 times the precision of a double.
 RANK_TOLERANCE = 1e-11

@@ -21,9 +21,9 @@ from ..decision import KINDS, Conclusion, Evidence, conclude, estimate_of
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
 from ..faults import Fault, FaultEstimate, active_samples, unit_signal
+from ..faults.fault import Comparison, compare_faults, is_same_fault, name_of
 from ..faults.filters import BETWEEN_RECORDERS, Filter, alternatives, recorder_low_passes
 from ..faults.shapes import ADDITIVE
-from ..faults.truth import Comparison, compare_faults, is_same_fault, name_of
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels import FloatArray

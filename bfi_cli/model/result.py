@@ -17,8 +17,8 @@ from ..decision.implausible import Implausible
 from ..epoch import Epoch
 from ..errors import ConfigError
 from ..faults import Decision, Fault, FaultEstimate
+from ..faults.fault import Comparison
 from ..faults.shapes import SHAPES, Kind
-from ..faults.truth import Comparison
 from ..kernels import FloatArray
 from ..notes import Note
 from ..quantities.text import Shown, Units, instant, number

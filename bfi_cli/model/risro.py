@@ -19,10 +19,8 @@ from ..config import Config
 from ..errors import ConfigError, LogError
 from ..kernels import FloatArray
 from ..kernels.model_selection import Penalty, ScoredFit, refine_supports
-from ..kernels.progress import Progress, parts, unseen
-from ..kernels.risro_varx import VarxSolution
-from ..kernels.sparsity import PUBLISHED, SparseStage, penalty_constants
-from ..kernels.termination import Termination
+from ..kernels.progress import Progress, Termination, parts, unseen
+from ..kernels.risro_varx import PUBLISHED, SparseStage, VarxSolution, penalty_constants
 from ..kernels.variable_projection import fit_magnitudes
 from ..notes import Note
 from .maximum_likelihood import best_of, none_of, select

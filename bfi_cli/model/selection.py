@@ -21,10 +21,8 @@ from ..kernels import FloatArray
 from ..kernels.atom_signals import AtomSignals
 from ..kernels.covariance import Adding, FitRows, adding_to
 from ..kernels.model_selection import Penalty, Proposal, ScoredFit, Visited, least_criterion
-from ..kernels.progress import Report, parts, silent
-from ..kernels.risro_varx import VarxSolution, risro_varx, sparse_varx
-from ..kernels.sparsity import SparseSolution, SparseStage
-from ..kernels.termination import StoppingRule, Termination
+from ..kernels.progress import Report, StoppingRule, Termination, parts, silent
+from ..kernels.risro_varx import SparseSolution, SparseStage, VarxSolution, risro_varx, sparse_varx
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..notes import Note
 from .preprocessing.magnitudes import MagnitudeEstimates, searched

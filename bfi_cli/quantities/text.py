@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..printable import shortened
-from .channels import unit_of
-from .units import factor_and_offset, split_rates
+from .channels import factor_and_offset, split_rates, unit_of
 
 FloatArray = NDArray[np.float64]
 UnitsName = Literal["si", "aviation"]
@@ -93,7 +92,7 @@ class Units:
 
         Parameters
         ----------
-        unit : SI, as `quantities.units` and the shapes of faults write it: "m/s", "rad/s^2", "1/s"; "" for none.
+        unit : SI, as `quantities.channels` and the shapes of faults write it: "m/s", "rad/s^2", "1/s"; "" for none.
         channel : of the values, or of the fault; "" without a channel.
         channel_unit : unit of that channel, if it is not standard.
         """

@@ -18,7 +18,7 @@ from bfi_cli.detection.parity import (
     parity_limits,
 )
 from bfi_cli.detection.preparation import DecimatedRecord
-from bfi_cli.kernels.exponential_tail import fit_tail
+from bfi_cli.kernels.whiteness import fit_tail
 
 N, HEALTHY, RATE_HZ = 240, 140, 5.0
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.faults import Fault, FaultEstimate
-from bfi_cli.faults.truth import compare_by_onset, compare_faults
+from bfi_cli.faults.fault import compare_by_onset, compare_faults
 
 FAULTS = st.dictionaries(st.sampled_from("abcd"), st.floats(0.1, 9.0))
 

@@ -160,8 +160,7 @@ def test_euler_angles_are_those_of_the_rotation():
 
 
 def test_every_map_is_of_a_known_channel_and_unit():
-    from bfi_cli.quantities.channels import STANDARD
-    from bfi_cli.quantities.units import si_unit
+    from bfi_cli.quantities.channels import STANDARD, si_unit
 
     for row in (row for recorder in RECORDERS for row in maps_of(recorder) if row.channel):
         assert si_unit(row.unit) in (STANDARD[row.channel].unit, "1"), row

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from bfi_cli.kernels.exponential_tail import (
+from bfi_cli.kernels.whiteness import (
     ExcessTail,
     block_maxima,
     fit_tail,

@@ -20,8 +20,7 @@ from bfi_cli.kernels.model_selection import (
     refine_supports,
     search_orders,
 )
-from bfi_cli.kernels.risro_varx import risro_varx, sparse_varx
-from bfi_cli.kernels.sparsity import SparseStage
+from bfi_cli.kernels.risro_varx import SparseStage, risro_varx, sparse_varx
 from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs, relaxed_bound
 
 ORDER = 2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from bfi_cli.kernels.recorder_response import recorder_from_jumps
+from bfi_cli.kernels.low_pass import recorder_from_jumps
 
 QUANTUM, FACTOR = 0.25, 10
 

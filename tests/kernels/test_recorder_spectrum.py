@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, firwin, lfilter, sosfiltfilt
 
-from bfi_cli.kernels.recorder_response import recorder_from_spectra
+from bfi_cli.kernels.low_pass import recorder_from_spectra
 
 FACTOR, RATE_HZ = 10, 10.0
 FINE_HZ = FACTOR * RATE_HZ

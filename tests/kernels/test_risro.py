@@ -14,10 +14,9 @@ from plain_risro import covariates, plain_risro
 from scipy.signal import lfilter
 
 from bfi_cli.kernels.lagged import compress, lagged, with_fault
+from bfi_cli.kernels.progress import StoppingRule, Termination, iterate
 from bfi_cli.kernels.risro import Factors, least_squares, risro
-from bfi_cli.kernels.risro_varx import risro_varx, sparse_varx
-from bfi_cli.kernels.sparsity import SparseStage
-from bfi_cli.kernels.termination import StoppingRule, Termination, iterate
+from bfi_cli.kernels.risro_varx import SparseStage, risro_varx, sparse_varx
 from bfi_cli.kernels.variable_projection import project_inputs
 
 ORDER = 4

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import ndimage
 
-from bfi_cli.kernels import running as module
-from bfi_cli.kernels.running import (
+from bfi_cli.kernels import runs as module
+from bfi_cli.kernels.runs import (
     block_means,
     greatest_of_neighbours,
     interpolation_error,

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bfi_cli.kernels.sparsity import SparseStage, penalty_constants, pseudo_norm, published_updates, sparse_supports
+from bfi_cli.kernels.risro_varx import SparseStage, penalty_constants, pseudo_norm, published_updates, sparse_supports
 from bfi_cli.kernels.variable_projection import ProjectedRegression
 
 KINDS = ("l1", "lp", "exp-l0")

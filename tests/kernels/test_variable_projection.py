@@ -14,7 +14,7 @@ from bfi_cli.kernels import variable_projection as module
 from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.covariance import Layout, single_additions, unfold
 from bfi_cli.kernels.lagged import compress, lagged
-from bfi_cli.kernels.termination import Termination
+from bfi_cli.kernels.progress import Termination
 from bfi_cli.kernels.variable_projection import (
     Fit,
     fit_magnitudes,

@@ -126,7 +126,7 @@ CONSTANTS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
         ("HOLDING", "SIMPLER", "LARGE", "BETTER"),
         ("tests/flight/plausibility/test_*.py",),
     ),
-    ("flight/plausibility/circling.py", ("TURN",), ("tests/flight/plausibility/test_circling.py",)),
+    ("flight/plausibility/implausible.py", ("TURN",), ("tests/flight/plausibility/test_circling.py",)),
 )
 LINES = (
     *(constant(file, name, tests) for file, names, tests in CONSTANTS for name in names),
@@ -381,7 +381,7 @@ LINES = (
         ("tests/airdata/test_*motion*.py",),
     ),
     Line(
-        "kernels/sparsity.py",
+        "kernels/risro_varx.py",
         "dof = n - float(np.sum((w[:, None] * lapack.dtrtri(S[:n, :n])[0]) ** 2))",
         (
             "dof = float(n)",
@@ -391,7 +391,7 @@ LINES = (
         ("tests/kernels/test_sparsity*.py",),
     ),
     Line(
-        "kernels/exponential_tail.py",
+        "kernels/whiteness.py",
         "WHITE_WEIGHT = 5",
         ("WHITE_WEIGHT = 2", "WHITE_WEIGHT = 10"),
         ("tests/kernels/test_exponential_tail*.py", "tests/kernels/test_*tail*.py"),

@@ -37,7 +37,7 @@ from bfi_cli.jsbsim.pilot import (
     Leg,
     Pilot,
 )
-from bfi_cli.quantities.units import FOOT, G
+from bfi_cli.quantities.channels import FOOT, G
 
 FloatArray = NDArray[np.float64]
 

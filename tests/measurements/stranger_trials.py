@@ -27,7 +27,7 @@ from bfi_cli.errors import BfiError
 from bfi_cli.flight.result import DiagnoseResult, Event
 from bfi_cli.flightlog import read_log
 from bfi_cli.library import diagnose
-from bfi_cli.quantities.units import FOOT
+from bfi_cli.quantities.channels import FOOT
 
 FloatArray, BoolArray = NDArray[np.float64], NDArray[np.bool_]
 Signals = dict[str, FloatArray]

@@ -22,7 +22,7 @@ from trials import sized
 
 from bfi_cli.errors import LogError
 from bfi_cli.flight.plausibility import Implausible, implausible_channels
-from bfi_cli.flight.plausibility.circling import circle_scales, scale_by_circles
+from bfi_cli.flight.plausibility.implausible import circle_scales, scale_by_circles
 from bfi_cli.flightlog import FlightLog, read_log, write_log
 from bfi_cli.flightlog.record import frozen_array
 

@@ -25,7 +25,7 @@ from bfi_cli.flight.parity.static_relations import (
 )
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.kernels.change_scan import steps_and_ramps
-from bfi_cli.kernels.running import sd_about_lines
+from bfi_cli.kernels.runs import sd_about_lines
 
 pytestmark = pytest.mark.slow
 

@@ -14,7 +14,7 @@ from bfi_cli.dictionary import load_dictionary
 from bfi_cli.errors import ConfigError, DictionaryError, ExcitationError, LogError
 from bfi_cli.faults import Fault
 from bfi_cli.flightlog import inject
-from bfi_cli.kernels.termination import Termination
+from bfi_cli.kernels.progress import Termination
 from bfi_cli.model import identify_faults
 from bfi_cli.model import result as results
 from bfi_cli.model.result import identify_document, identify_from_document

@@ -10,9 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from bfi_cli.faults.shapes import SHAPES
-from bfi_cli.quantities.channels import STANDARD
+from bfi_cli.quantities.channels import STANDARD, to_si
 from bfi_cli.quantities.text import AVIATION, SI, UNITS
-from bfi_cli.quantities.units import to_si
 
 KNOT, FOOT, DEGREE = (
     1852 / 3600,

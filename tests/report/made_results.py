@@ -8,7 +8,7 @@ import numpy as np
 
 from bfi_cli.decision import KINDS, Candidate, summarise, verdicts_of
 from bfi_cli.faults import Fault, FaultEstimate
-from bfi_cli.faults.truth import Comparison
+from bfi_cli.faults.fault import Comparison
 from bfi_cli.model.result import (
     IdentifyResult,
     LogSummary,

@@ -6,7 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bfi_cli.quantities.text import axis_label, duration, instant, interval, number, quantity, shortened
+from bfi_cli.quantities.channels import shortened
+from bfi_cli.quantities.text import axis_label, duration, instant, interval, number, quantity
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...flightlog.record import frozen_array
 from ...kernels import FloatArray
-from ...quantities.units import DEGREE, FOOT
+from ...quantities.channels import DEGREE, FOOT
 from ...yaml12 import load_yaml
 
 IntArray = NDArray[np.intp]

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...kernels import FloatArray
-from ...quantities.units import FOOT
+from ...quantities.channels import FOOT
 from .airframe import (
     AIRFRAME,
     ALTITUDE,

@@ -16,8 +16,7 @@ from ...flightlog.derived import pressures_of
 from ...flightlog.phases import Phase, airborne
 from ...kernels import BoolArray, FloatArray
 from ...kernels.quantisation import find_hold
-from ...kernels.running import noise_of_second_differences, sd_about_lines
-from ...kernels.runs import runs
+from ...kernels.runs import noise_of_second_differences, runs, sd_about_lines
 from .sampled import Blocks, quanta_of
 
 # s of a log of which one mean is taken: five to a point.

@@ -31,8 +31,7 @@ from ...airdata.relations import State
 from ...flightlog import FlightLog
 from ...flightlog.derived import pressures_of
 from ...kernels import FloatArray, IntArray
-from ...kernels.running import block_means
-from ...kernels.runs import bridged
+from ...kernels.runs import block_means, bridged
 from .sampled import quanta_of
 
 STEP_S = 1.0  # faults of interest last tens of seconds; a sample per second holds all that tells them

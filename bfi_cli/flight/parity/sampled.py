@@ -9,7 +9,7 @@ import numpy as np
 
 from ...flightlog import FlightLog
 from ...kernels import FloatArray, IntArray
-from ...kernels.running import block_means
+from ...kernels.runs import block_means
 from ...quantities.channels import STANDARD
 
 

@@ -8,8 +8,7 @@ from itertools import chain, combinations
 
 from ...airdata.relations import State
 from ...decision.implausible import What
-from ...quantities.channels import STANDARD
-from ...quantities.units import CONVERSIONS, factor_and_offset
+from ...quantities.channels import CONVERSIONS, STANDARD, factor_and_offset
 
 # The likelier first: what is known by name, and then what fits whatever it is. Within a rank all are as likely.
 RANKS: Mapping[What, int] = {"unit": 0, "sign": 0, "clock": 0, "swapped": 1, "offset": 2, "scale": 2}

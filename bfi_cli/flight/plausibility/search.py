@@ -1,5 +1,7 @@
 """Which channel is to blame where relations fail throughout a flight, and what would make all of them fit.
 
+Relations are held against a whole log once a second, in flight.
+
 Whether an error is the same from the first sample on, or begins during the flight: of what a relation is off by, a
 constant error and one that changes at an unknown time (by a step, a drift, or a ramp that ends) are compared by their
 likelihoods. The noise is an AR(1) process of unknown size and correlation, under each at its best. An error that
@@ -8,15 +10,20 @@ changes is constant only as far as it is there before.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
 from ...airdata.relations import LARGEST_SCALE, LEAST_CORRELATION, Relation, State
+from ...flightlog import FlightLog
+from ...flightlog.record import LARGEST_VALUE
+from ...flightlog.signs import BORNE, FASTEST, METRES_PER_SECOND, MOVING, WALK
 from ...kernels import BoolArray, FloatArray, IntArray
 from ...kernels.change_scan import steps_and_ramps, whitened
+from ...kernels.runs import block_means, runs
+from ...quantities.channels import STANDARD
 from .changes import Change, named_changes
 
 # Samples on which the rivals are compared, onsets that are tried, evenly between the ends, and durations of ramps as
@@ -412,3 +419,90 @@ def _solved(known: KnownRelation, name: str, state: State, *, is_scale: bool) ->
         last, size, was = size, size - now * (size - last) / (now - was), now
         now = left(size)
     return change(size) if np.isfinite(now) and abs(now) <= 10.0 * goal else None
+
+
+# Samples of a large log that are looked at, from its middle: three hours at 100 Hz take a tenth of a second.
+LOOKED_AT = 1_000_000
+# Seconds on which every hypothesis is tried: a hundred for the median of each of eight pieces of a flight.
+MOST_TRIED = 800
+FEWEST = 100  # parts of a log that is shorter than so many seconds
+# A speed that reads no more than a walk says that nothing flies.
+SPEEDS = ("tas", "cas", "ias", "mach", "ground_speed")
+# Seconds of take-off and landing, beside what is not flown, in which vanes and pressures settle.
+SETTLING = 10
+# An angle beyond is none in radians, from -pi to 2 pi with a turn to spare for rounding.
+ONE_TURN = 6.4
+
+
+def seconds_of(log: FlightLog, names: Collection[str]) -> State | None:
+    """Return channels of a log once a second, in flight; None where nothing tells that it flies."""
+    middle = max(0, (log.n_samples - LOOKED_AT) // 2)
+    rows = slice(middle, middle + LOOKED_AT)
+    time_s = log.time_s[rows]
+    # A short log, whose clock may run too slowly, is cut into parts of a second.
+    width_s = float(np.clip((time_s[-1] - time_s[0]) / FEWEST, (time_s[-1] - time_s[0]) / time_s.size, 1.0))
+    bins = np.floor((time_s - time_s[0]) / width_s + 1e-6)
+    first = np.flatnonzero(np.diff(bins, prepend=-1.0))
+    if first.size < 3:
+        return None
+    block = np.cumsum(np.diff(bins, prepend=-1.0) > 0.0) - 1
+    every = {
+        name: block_means(_continuous(name, log.channels[name].between(rows)), block, first.size)
+        for name in log.independent(names)
+        if log.channels[name].unit in ("", "1", STANDARD[name].unit)
+    }
+    flown = _flown(every)
+    if flown is None or not flown.any():
+        return None
+    at_s = width_s * bins[first]
+    rates = {name: np.gradient(values, at_s) for name, values in every.items()}
+    # Even steps through what is flown, so that pieces of it are pieces of the flight.
+    kept = np.flatnonzero(flown)
+    kept = kept[:: max(1, -(-kept.size // MOST_TRIED))]
+    return State(
+        values={name: _as_slow(values)[kept] for name, values in every.items()},
+        rates={name: values[kept] for name, values in rates.items()},
+        time_s=time_s[0] + at_s[kept],
+    )
+
+
+def _continuous(name: str, values: FloatArray) -> FloatArray:
+    """Return the values without jumps by a whole turn, of headings; NaN where they are no measurements."""
+    values = np.where(np.abs(values) < LARGEST_VALUE, values, np.nan)
+    if name != "yaw" or not np.isfinite(values).any():
+        return values
+    period = 360.0 if np.nanmax(np.abs(values)) > ONE_TURN else 2.0 * np.pi
+    known = np.isfinite(values)
+    values[known] = np.unwrap(values[known], period=period)
+    return values
+
+
+def _as_slow(values: FloatArray) -> FloatArray:
+    """Return means over as long as a rate is one of, by the differences between the seconds beside: weights 1, 2, 1."""
+    slow = values.copy()
+    slow[1:-1] = 0.25 * (values[:-2] + 2.0 * values[1:-1] + values[2:])
+    return slow
+
+
+def _flown(values: Mapping[str, FloatArray]) -> BoolArray | None:
+    """Return (n_seconds,) where most of the speeds say that the aircraft flies; None where no speed says anything.
+
+    Each is taken in parts of its own cruise, so that their units do not matter.
+    """
+    shares = []
+    north, east = (values.get(name) for name in ("velocity_north", "velocity_east"))
+    ground = {} if north is None or east is None else {"ground_speed": np.hypot(north, east)}
+    for name, values_of in ({**values, **ground}).items():
+        if name not in SPEEDS or not np.isfinite(values_of).any():
+            continue
+        speed = np.abs(values_of)
+        known = speed[np.isfinite(speed)]
+        cruise = float(np.median(known[known >= MOVING * np.quantile(known, FASTEST)]))
+        flies = cruise * METRES_PER_SECOND.get(name, 1.0) > WALK
+        shares.append(np.nan_to_num(speed) / cruise if flies else np.zeros(speed.size))
+    if not shares:
+        return None
+    flown: BoolArray = np.median(shares, axis=0) >= BORNE
+    for low, high in runs(~flown):
+        flown[max(0, low - SETTLING) : high + SETTLING] = False
+    return flown

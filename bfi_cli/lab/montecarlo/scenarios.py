@@ -17,8 +17,8 @@ from ...config import Config, merge
 from ...dictionary import Dictionary, load_dictionary
 from ...errors import ConfigError
 from ...faults import Fault, did_you_mean
+from ...faults.fault import is_same_fault
 from ...faults.shapes import PARAMETERS, SHAPES
-from ...faults.truth import is_same_fault
 from ...faults.validation import validate
 from ...printable import printable
 from ...yaml12 import load_yaml, read_text

@@ -17,11 +17,11 @@ from ...analysis import identify
 from ...decision import KINDS, State, kind_of
 from ...errors import BfiError
 from ...faults import Decision, Fault, FaultEstimate
+from ...faults.fault import compare_faults
 from ...faults.shapes import ADDITIVE, LINE_SHAPES, Kind
-from ...faults.truth import compare_faults
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
-from ...kernels.termination import Termination
+from ...kernels.progress import Termination
 from ...methods import METHODS
 from ...model import identify_faults
 from ...model.preprocessing.defaults import tolerances_of

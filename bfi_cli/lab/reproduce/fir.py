@@ -16,8 +16,8 @@ from ...dictionary import signals
 from ...errors import ConfigError, DictionaryError
 from ...flightlog.record import frozen_array
 from ...kernels import FloatArray
+from ...kernels.progress import Termination
 from ...kernels.risro import risro
-from ...kernels.termination import Termination
 from ...quantities.text import number
 from ...report.content import Panel, ReportContent, curve
 from .page import drawing, joined, load, report_content, table

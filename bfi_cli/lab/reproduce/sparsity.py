@@ -21,8 +21,7 @@ from ...faults import Fault
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
 from ...kernels.model_selection import Penalty, Proposal, Visited, least_criterion, refine_supports, search_orders
-from ...kernels.risro_varx import risro_varx
-from ...kernels.sparsity import SparseStage
+from ...kernels.risro_varx import SparseStage, risro_varx
 from ...kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes
 from ...model.preprocessing.regression import RegressionData, build_regression
 from ...model.preprocessing.window import prepare_window

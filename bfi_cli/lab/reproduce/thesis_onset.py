@@ -15,8 +15,7 @@ from ...flightlog import FlightLog
 from ...kernels import FloatArray
 from ...kernels.lagged import Compressed, compress
 from ...kernels.model_selection import Penalty, least_criterion, refine_supports
-from ...kernels.risro_varx import risro_varx, sparse_varx
-from ...kernels.sparsity import SparseStage
+from ...kernels.risro_varx import SparseStage, risro_varx, sparse_varx
 from ...kernels.variable_projection import project_inputs
 from ...model.onset import OnsetResult, find_onset
 from ...model.preprocessing.regression import ROUND_OFF, solve

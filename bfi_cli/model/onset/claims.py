@@ -1,7 +1,7 @@
 """What a scan over all onsets says of the shapes that it looked for: declared, suspected, excluded or not seen.
 
 The rule that decides, a threshold on the statistic, is turned into the magnitude that a fault of each shape would have
-needed at every onset (`kernels.onset.limits`). The worst onset counts: a claim that there is no step above a size holds
+needed at every onset (`kernels.onset.scan`). The worst onset counts: a claim that there is no step above a size holds
 from three orders of samples after the window's start to two before its end.
 
 A claim that there is no step means no lag and no ramp either, and these are followed by the model rather than predicted
@@ -34,16 +34,21 @@ from ...faults import Fault
 from ...faults.shapes import ADDITIVE, SHAPES, Kind, Shape, scanned_shape
 from ...kernels import ONE_SIDED_90, ONE_SIDED_95, BoolArray, FloatArray, IntArray
 from ...kernels.onset.frequency import PEAKS, frequency_grid, screen_grid
-from ...kernels.onset.limits import (
+from ...kernels.onset.profile import peaks
+from ...kernels.onset.scan import (
+    ENDING,
     SPAN,
+    STARTING,
+    Profile,
+    Scan,
+    default_onsets,
     excluded_error,
     likelihood_ratios,
     mean_ratios,
     profile_with_deviances,
+    scan_shape,
     undeclared_magnitudes,
 )
-from ...kernels.onset.profile import peaks
-from ...kernels.onset.scan import ENDING, STARTING, Profile, Scan, default_onsets, scan_shape
 from ...kernels.onset.waveform import Waveform
 from ...kernels.progress import Report, parts, shares, silent
 from ...quantities.text import instant

@@ -21,8 +21,7 @@ from ...kernels import TINY
 from ...kernels.lagged import compress
 from ...kernels.onset.scan import Profile, Scan, default_onsets
 from ...kernels.progress import Progress, Report, parts, unseen
-from ...kernels.risro_varx import sparse_varx
-from ...kernels.sparsity import SparseStage
+from ...kernels.risro_varx import SparseStage, sparse_varx
 from ...kernels.variable_projection import project_inputs
 from ...notes import Note
 from ..preprocessing.defaults import tolerances_of

@@ -12,7 +12,7 @@ from ...first_use import import_on_first_use
 
 if TYPE_CHECKING:
     from .defaults import require_one_trim
-    from .sampling_rate import Purpose, require_one_model, slowest_rate_hz
+    from .signals import Purpose, require_one_model, slowest_rate_hz
     from .window import must_resample, with_inputs_of
 
 __all__ = ["Purpose", "must_resample", "require_one_model", "require_one_trim", "slowest_rate_hz", "with_inputs_of"]
@@ -21,7 +21,7 @@ __getattr__ = import_on_first_use(
     __name__,
     {
         "defaults": ("require_one_trim",),
-        "sampling_rate": ("Purpose", "require_one_model", "slowest_rate_hz"),
+        "signals": ("Purpose", "require_one_model", "slowest_rate_hz"),
         "window": ("must_resample", "with_inputs_of"),
     },
 )

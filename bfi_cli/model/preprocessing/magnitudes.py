@@ -220,7 +220,7 @@ def profiled_limits(
     enough; no smaller than those of `estimates`.
 
     A fault m added to the record and analysed without it leaves the likelihood that the record has at -m: that tells
-    its statistic exactly, where a model that nearly integrates absorbs it (`kernels.onset.limits` does the same for
+    its statistic exactly, where a model that nearly integrates absorbs it (`kernels.onset.scan` does the same for
     the scan). The mean of both signs must reach what the criterion and 90 % power ask for.
 
     Parameters

@@ -14,21 +14,17 @@ from ...kernels.atom_signals import AtomSignals, standardised
 from ...kernels.covariance import FitRows, Layout, unfold_own
 from ...kernels.lagged import Compressed, EarlierRows, restrict, with_fault, with_scaled_outputs
 from ...kernels.model_selection import Penalty, ScoredFit
-from ...kernels.progress import Report, silent
-from ...kernels.risro_varx import VarxSolution, risro_varx
-from ...kernels.running import running_weights
-from ...kernels.sparsity import SparseStage
-from ...kernels.termination import StoppingRule
+from ...kernels.progress import Report, StoppingRule, silent
+from ...kernels.risro_varx import SparseStage, VarxSolution, risro_varx
+from ...kernels.runs import running_weights
 from ...kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes, project_inputs
 from ...kernels.whiteness import effective_rows
-from .signals import Signals
+from .signals import EXACT, Signals
 
 # Smallest standard deviation of a prediction error, over that of the output: round-off at the log's own rate, and what
 # decimation leaves unpredicted even of a record that a VARX explains exactly. Smaller errors are no noise.
 ROUND_OFF = 1e-10
 DECIMATION_REMAINDER = 1e-4
-# Prediction error over the output's range: double precision leaves 1e-10 and less, single precision 1e-7 and more.
-EXACT = 1e-8
 # Seconds on each side over which the size of the prediction error is taken: gusts last tens of seconds. A window whose
 # running deviation spreads by less than this factor, as white noise's does, is left unweighted.
 RUNNING_S, UNEQUAL = 10.0, 2.0

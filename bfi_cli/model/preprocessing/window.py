@@ -24,15 +24,18 @@ from ...kernels.low_pass import WHITE, Lowpass, Response
 from ...kernels.progress import Report, parts, silent
 from ..result import LogSummary, log_summary
 from .regression import RegressionData, build_regression, longest_order
-from .sampling_rate import (
+from .signals import (
     EXACT_SAMPLES,
+    LogSignal,
+    NativeSignals,
     Purpose,
+    Signals,
     candidate_orders,
     choose_rate,
+    decimate_native,
     is_exact,
     require_one_model,
 )
-from .signals import LogSignal, NativeSignals, Signals, decimate_native
 
 # Inputs of "auto": what moves a longitudinal motion, and what else of it a log may show. In recorded flights they cut
 # the largest statistic of healthy windows from 129 to 39 and made the thresholds of two flights agree; the price is

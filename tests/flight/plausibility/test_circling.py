@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from bfi_cli.flight.plausibility.circling import circle_scales, scale_by_circles
+from bfi_cli.flight.plausibility.implausible import circle_scales, scale_by_circles
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.record import frozen_array
 

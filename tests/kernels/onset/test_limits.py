@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 from plain_onset import plain_rss, record, signal, waveforms
 
-from bfi_cli.kernels.onset.limits import (
+from bfi_cli.kernels.onset.scan import (
     deviances,
     excluded_error,
     likelihood_ratios,
     mean_ratios,
+    prepare_scan,
+    scan_shape,
     undeclared_magnitudes,
 )
-from bfi_cli.kernels.onset.scan import prepare_scan, scan_shape
 
 N, ORDER = 300, 4
 ONSETS = np.array([60, 150, 250])

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from bfi_cli.dictionary import load_dictionary, signals
 from bfi_cli.errors import ConfigError, DictionaryError
-from bfi_cli.kernels.termination import Termination
+from bfi_cli.kernels.progress import Termination
 from bfi_cli.lab.reproduce.fir import FirResult, identify_fir
 
 CONFIGS = Path(__file__).parents[3] / "configs"

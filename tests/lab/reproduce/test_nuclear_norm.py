@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bfi_cli.kernels.termination import Termination
+from bfi_cli.kernels.progress import Termination
 from bfi_cli.lab.reproduce.fir import largest_penalty, nuclear_least_squares, soft_threshold
 
 P1, P2, N = 4, 6, 60

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bfi_cli.kernels.sparsity import SparseStage, published_updates
+from bfi_cli.kernels.risro_varx import SparseStage, published_updates
 from bfi_cli.lab.montecarlo import load_sweep
 from bfi_cli.lab.reproduce import Settings
 from bfi_cli.lab.reproduce.page import load

@@ -16,9 +16,16 @@ from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.low_pass import WHITE, Lowpass
-from bfi_cli.model.preprocessing import sampling_rate
-from bfi_cli.model.preprocessing.sampling_rate import SAMPLES_PER_EDGE, candidate_orders, choose_rate, is_exact
-from bfi_cli.model.preprocessing.signals import NativeSignals, Signals, decimate_native
+from bfi_cli.model.preprocessing import signals as module
+from bfi_cli.model.preprocessing.signals import (
+    SAMPLES_PER_EDGE,
+    NativeSignals,
+    Signals,
+    candidate_orders,
+    choose_rate,
+    decimate_native,
+    is_exact,
+)
 
 CITATION = MODELS["citation"]
 BIAS = Fault(shape="bias", channel="tas", onset_s=13.8)
@@ -121,7 +128,7 @@ def test_a_known_recorder_fixes_rate_and_order(purpose, rate_hz, order):
 def test_a_chosen_rate_leaves_no_more_rows_than_one_model_is_fitted_to(monkeypatch: pytest.MonkeyPatch):
     """What a recorder's edge would give is lowered; a rate that is asked for is not."""
     log = record(seconds=120.0, noise_sd=0.05)
-    monkeypatch.setattr(sampling_rate, "ESTIMATED", 100)
+    monkeypatch.setattr(module, "ESTIMATED", 100)
     factor, why = choose_rate(log, (BIAS,), exact=False, recorder_hz=0.75)
     assert (factor, "100 rows" in why) == (120, True)
     assert choose_rate(log, (BIAS,), exact=False, asked=20.0) == (5, "asked for")

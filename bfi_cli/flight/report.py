@@ -11,7 +11,8 @@ import numpy as np
 from ..files import EVENTS
 from ..kernels import TWO_SIDED_95
 from ..notes import Note
-from ..quantities.text import SI, Shown, Units, capital, change, duration, instant, number, with_unit
+from ..quantities.channels import Conversion
+from ..quantities.text import SI, Units, capital, change, duration, instant, number, with_unit
 from ..report.clock import with_clock
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, shown_notes
 from ..report.log import lane_panel
@@ -400,7 +401,7 @@ def _channel_panel(
     )
 
 
-def _course_label(course: Course, shown: Shown) -> str:
+def _course_label(course: Course, shown: Conversion) -> str:
     if course.channel == "pitot_icing":
         return "loss of\nq_impact [1]"
     return f"error of\n{course.channel} [{shown.unit}]"

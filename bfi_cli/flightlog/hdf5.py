@@ -9,7 +9,8 @@ from __future__ import annotations
 import contextlib
 from bisect import bisect_left
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,32 +44,25 @@ FREQUENCY, OFFSET, COMPUTED = "frequency", "supf_offset", "Airspeed"
 OWN_DATA = "a log must hold its own data, copy it into the file"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Signal:
-    """A dataset with the values of a signal, which are not read yet."""
+# A signal that is not read yet, and the dataset with its values.
+_Signal = tuple[Track, "h5py.Dataset"]
 
-    name: str
-    data: h5py.Dataset
-    unit: str | None
 
-    def values(self, rows: slice) -> FloatArray:
-        """Return the samples of these rows, along the only axis that is longer than 1."""
-        place = tuple(rows if n > 1 else 0 for n in self.data.shape)
-        return np.ravel(self.data[place]).astype(np.float64, copy=False)
+def _values(data: h5py.Dataset, rows: slice) -> FloatArray:
+    """Return the samples of these rows, along the only axis that is longer than 1."""
+    place = tuple(rows if n > 1 else 0 for n in data.shape)
+    return np.ravel(data[place]).astype(np.float64, copy=False)
 
-    def track(self, rows: slice) -> Track:
-        return Track(source=self.name, values=self.values(rows), unit=self.unit)
 
-    def track_in_file(self, path: str, rows: slice) -> Track:
-        """Return the signal of these rows, which is read when its values are asked for."""
-        place, signal = self.data.name, self
+def _read_later(path: str, track: Track, data: h5py.Dataset, rows: slice) -> Track:
+    """Return these rows of a signal, which are read from its file when they are asked for."""
+    place = data.name
 
-        def read(rows: slice) -> FloatArray:
-            with _opened(path) as file:  # which may also have changed since
-                return replace(signal, data=file[place]).values(rows)
+    def read(rows: slice) -> FloatArray:
+        with _opened(path) as file:  # which may also have changed since
+            return _values(file[place], rows)
 
-        rows = slice(rows.start, min(rows.stop, self.data.size))
-        return Track(source=self.name, values=np.empty(0), unit=self.unit, read=read, rows=rows)
+    return replace(track, read=read, rows=slice(rows.start, min(rows.stop, data.size)))
 
 
 def read_hdf5(path: str, asked: Asked) -> RawLog:
@@ -122,9 +116,9 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
     node = file if chosen is None else root[chosen]
     if chosen is not None:
         signals, unlike = _signals(path, dict(_members(path, node, (file,))))
-    if signals and all(FREQUENCY in signal.data.parent.attrs for signal in signals.values()):
+    if signals and all(FREQUENCY in data.parent.attrs for _, data in signals.values()):
         return _log_of_parameters(path, signals, unlike)
-    rates = [_rate(path, signal) for signal in signals.values()]
+    rates = [_rate(path, name, data) for name, (_, data) in signals.items()]
     if rates and all(rate is not None for rate in rates):
         return _log_of_rates(path, signals, [rate for rate in rates if rate is not None], unlike)
     clean: dict[str, _Signal] = {}
@@ -140,17 +134,17 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
     if rate is None and any("sample_rate_hz" in group.attrs for group in (node, file)):
         rate = raw.rate_of(path, stated("sample_rate_hz"))
     rows, n, notes = _rows(path, signals, list(clean.values()), rate, asked)
-    is_large = 8 * sum(signal.data.size for signal in signals.values()) > READ_AT_ONCE
+    is_large = 8 * sum(data.size for _, data in signals.values()) > READ_AT_ONCE
     columns = []
-    for name, signal in signals.items():
-        if n in (None, signal.data.size):
-            columns.append(signal.track_in_file(path, rows) if is_large else signal.track(rows))
+    for name, (track, data) in signals.items():
+        if n in (None, data.size):
+            columns.append(_read_later(path, track, data, rows) if is_large else track.part(rows).here())
         elif name in asked.keep:  # as `read_log` spreads a channel of another number of samples
-            values = signal.values(slice(0, signal.data.size))
+            values = _values(data, slice(0, data.size))
             spread = np.interp(np.arange(rows.start, rows.stop), np.arange(values.size) * (n / values.size), values)
-            columns.append(Track(source=name, values=spread, unit=signal.unit))
+            columns.append(Track(source=name, values=spread, unit=track.unit))
         else:
-            unlike[name] = raw.unlike_time(name, signal.data.size, n)
+            unlike[name] = raw.unlike_time(name, data.size, n)
     texts = {key: _text(stated(key)) for key in ATTRIBUTES if any(key in group.attrs for group in (node, file))}
     if isinstance(truth, h5py.Group):
         texts |= {key: _text(_attribute(truth, key)) for key in TRUTH_KEYS}
@@ -158,7 +152,7 @@ def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
         columns=columns,
         sample_rate_hz=rate,
         first_sample=rows.start,
-        clean={name: signal.track(rows) for name, signal in clean.items()},
+        clean={name: track.part(rows).here() for name, (track, _) in clean.items()},
         notes=notes,
         left_out=unlike,
     )
@@ -171,25 +165,23 @@ def _log_of_parameters(path: str, signals: Mapping[str, _Signal], unlike: Mappin
     Each parameter is a group with the samples in `data`, marks of the invalid samples in `mask`, and the attributes
     `frequency`, Hz, `supf_offset`, s, and `units`.
     """
-    raw.require_memory(
-        path, 16 * sum(signal.data.size for signal in signals.values()), "its parameters", "export fewer"
-    )
+    raw.require_memory(path, 16 * sum(data.size for _, data in signals.values()), "its parameters", "export fewer")
     tracks = []
-    for name, signal in signals.items():
-        _require_readable(path, name, signal.data)
-        group = signal.data.parent
+    for name, (track, data) in signals.items():
+        _require_readable(path, name, data)
+        group = data.parent
         rate_hz, offset_s = (
             _number(path, name, group, key, default) for key, default in ((FREQUENCY, None), (OFFSET, 0.0))
         )
         if not 0.0 < rate_hz < np.inf or not np.isfinite(offset_s):
             raise LogError(f"{path}: '{name}' has a frequency of {rate_hz:g} Hz, from {offset_s:g} s; mend the file")
-        values = np.array(signal.values(slice(0, signal.data.size)))
+        values = np.array(track.here().values)
         mask = _member(path, group, "mask")
-        if mask is not None and getattr(mask, "shape", None) == signal.data.shape and mask.dtype.kind in "biu":
+        if mask is not None and getattr(mask, "shape", None) == data.shape and mask.dtype.kind in "biu":
             _require_readable(path, f"{name}/mask", mask)
             values[np.ravel(mask[()]) != 0] = np.nan
         unit = _text(_attribute(group, "units")).strip()
-        stated = signal.unit or (unit if si_unit(unit) is not None else None)
+        stated = track.unit or (unit if si_unit(unit) is not None else None)
         time_s = offset_s + np.arange(values.size) / rate_hz
         channel = "cas" if name == COMPUTED else None
         why = "by the name of FlightDataAccessor" if channel else ""
@@ -197,13 +189,13 @@ def _log_of_parameters(path: str, signals: Mapping[str, _Signal], unlike: Mappin
     return RawLog(columns=tracks, left_out=unlike)
 
 
-def _rate(path: str, signal: _Signal) -> float | None:
+def _rate(path: str, name: str, data: h5py.Dataset) -> float | None:
     """Return the rate, Hz, that MATLAB's struct of a signal states in its field `Rate`; None where it states none."""
-    is_struct = str(signal.data.name).endswith(f"/{signal.name}/data")
-    rate = _member(path, signal.data.parent, "Rate") if is_struct else None
+    is_struct = str(data.name).endswith(f"/{name}/data")
+    rate = _member(path, data.parent, "Rate") if is_struct else None
     if rate is None or getattr(rate, "size", 0) != 1 or rate.dtype.kind not in "fiu":
         return None
-    _require_readable(path, f"{signal.name}/Rate", rate)
+    _require_readable(path, f"{name}/Rate", rate)
     stated = float(np.ravel(rate[()])[0])
     return stated if 0.0 < stated < np.inf else None
 
@@ -212,16 +204,13 @@ def _log_of_rates(
     path: str, signals: Mapping[str, _Signal], rates: Sequence[float], unlike: Mapping[str, str]
 ) -> RawLog:
     """Return the log of MATLAB's structs with separate rates, which begin together, as `matlab.read_matlab` does."""
-    raw.require_memory(
-        path, 16 * sum(signal.data.size for signal in signals.values()), "its parameters", "export fewer"
-    )
+    raw.require_memory(path, 16 * sum(data.size for _, data in signals.values()), "its parameters", "export fewer")
     from .layouts import with_channels  # and with it the tables of all recorders
 
     tracks = []
-    for signal, rate_hz in zip(signals.values(), rates, strict=True):
-        _require_readable(path, signal.name, signal.data)
-        track = signal.track(slice(0, signal.data.size))
-        tracks.append(replace(track, time_s=np.arange(track.values.size) / rate_hz))
+    for (name, (track, data)), rate_hz in zip(signals.items(), rates, strict=True):
+        _require_readable(path, name, data)
+        tracks.append(replace(track.here(), time_s=np.arange(data.size) / rate_hz))
     return RawLog(columns=with_channels(tracks, "dashlink"), left_out=unlike)
 
 
@@ -258,7 +247,9 @@ def _signals(path: str, children: Mapping[str, Any]) -> tuple[dict[str, _Signal]
                 unit = "".join(chr(int(code)) for code in np.ravel(units[()]) if 0 < code <= 0xFFFF).strip()
             elif _is_text(units):
                 unit = _text(np.ravel(units[()])[0]).strip()
-        signals[name] = _Signal(name=name, data=data, unit=unit or None)
+        rows = slice(0, data.size)
+        track = Track(source=name, values=np.empty(0), unit=unit or None, read=partial(_values, data), rows=rows)
+        signals[name] = track, data
     return signals, unlike
 
 
@@ -271,27 +262,27 @@ def _rows(
     and one more on either side, found by bisection of the time axis.
     """
     every = [*signals.values(), *clean]
-    for signal in every:
-        _require_readable(path, signal.name, signal.data)
-    sizes, whole = [signal.data.size for signal in every] or [0], asked.span == (None, None)
+    for track, data in every:
+        _require_readable(path, track.source, data)
+    sizes, whole = [data.size for _, data in every] or [0], asked.span == (None, None)
     if 8 * sum(sizes) <= (LARGEST if whole else WHOLE):
         return slice(0, max(sizes)), None, ()
     if whole:
         what = f"{len(every)} channels of {max(sizes)} samples"
         raw.require_memory(path, 8 * sum(sizes), what, "give --from/--to for a part of it")
-    time = raw.time_column([Track(source=s.name, values=np.empty(0), unit=s.unit) for s in signals.values()], asked)
-    n = raw.most_common(sizes) if time is None else signals[time.source].data.size
-    for signal in every:
-        is_needed = signal in clean or signal.name in {*asked.sources} - {*asked.keep}
-        if is_needed and signal.data.size != n:
-            raise raw.different_length(path, signal.name, signal.data.size, n)
+    time = raw.time_column([track for track, _ in signals.values()], asked)
+    n = raw.most_common(sizes) if time is None else signals[time.source][1].size
+    wanted = {*asked.sources} - {*asked.keep}
+    for k, (track, data) in enumerate(every):
+        if data.size != n and (k >= len(signals) or track.source in wanted):
+            raise raw.different_length(path, track.source, data.size, n)
     if time is None and not (rate is not None and 0.0 < rate < np.inf):
         return slice(0, 2), n, ()  # too few to matter: without a time axis the log is refused later, and by name
 
     def at(k: int) -> float:
         if time is None:
             return k / float(rate or 1.0)
-        return float(to_si(signals[time.source].values(slice(k, k + 1)), time.unit or "", where=path)[0][0])
+        return float(to_si(time.part(slice(k, k + 1)).here().values, time.unit or "", where=path)[0][0])
 
     first, last = at(0), at(n - 1)
     if not first < last:

@@ -90,18 +90,35 @@ class Regressors:
 
     Attributes
     ----------
+    layout : the record; fit : of it.
     Q : (n_all, rank), their orthogonal basis; now : (n_all, n_outputs) the corrected outputs, weighted; those of the
         record, then those of earlier ones.
     singular : all of their singular values, columns scaled; Vt : (rank, n_regressors); scale : of the columns.
     weights : (n_rows,).
     """
 
+    layout: Layout
+    fit: Fit
     Q: FloatArray
     now: FloatArray
     singular: FloatArray
     Vt: FloatArray
     scale: FloatArray
     weights: FloatArray
+
+    def with_signals(self, theta: AtomSignals) -> Layout:
+        """Return the record with others after its signals."""
+        return self.layout.with_signals(self.layout.theta.joined(theta))
+
+    def each_of(self, theta: AtomSignals) -> tuple[FloatArray, FloatArray]:
+        """Return (n_signals,) magnitude and variance of each signal, scaled, added alone to those of the record."""
+        n_own, every, step = self.layout.theta.n_atoms, list[FloatArray](), max(1, MOST_VALUES // theta.n_samples)
+        for k in range(0, theta.n_atoms, step):
+            some = theta.of(range(k, min(k + step, theta.n_atoms)))
+            unfolded = unfold(self.with_signals(some), self.fit, self)
+            every.append(np.stack(single_additions(self.fit, unfolded))[:, n_own:])
+        magnitude, variance = np.concatenate(every, axis=1)
+        return magnitude, variance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -159,21 +176,14 @@ def regressors_of(layout: Layout, fit: Fit) -> Regressors:
     if others is not None:
         past = np.hstack([others.u[:, : n_base - 1], others.past[:, : X.shape[1] - n_base]])
         X, now = np.asfortranarray(_above(X, np.pad(past, ((0, 0), (1, 0))))), _above(now, others.y)
-    return _orthogonalised(X, now, weights)
-
-
-def _above(rows: FloatArray, others: FloatArray) -> FloatArray:
-    return np.concatenate([rows, others]) if len(others) else rows
-
-
-def _orthogonalised(X: FloatArray, now: FloatArray, weights: FloatArray) -> Regressors:
-    """Return regressors X (n_rows, n_regressors), which are overwritten, of outputs `now` (n_rows, n_outputs)."""
     scale = np.linalg.norm(X, axis=0) if X.size <= MOST_VALUES else np.array([np.linalg.norm(column) for column in X.T])
     scale[scale == 0.0] = 1.0
     X /= scale
     U, s, Vt = np.linalg.svd(X, full_matrices=False) if X.size <= MOST_VALUES else _svd_in_place(X)
     keep = s > RANK_TOLERANCE * s[0]
     return Regressors(
+        layout=layout,
+        fit=fit,
         Q=U if keep.all() else U[:, keep],
         now=now,
         singular=s,
@@ -181,6 +191,10 @@ def _orthogonalised(X: FloatArray, now: FloatArray, weights: FloatArray) -> Regr
         scale=scale,
         weights=weights,
     )
+
+
+def _above(rows: FloatArray, others: FloatArray) -> FloatArray:
+    return np.concatenate([rows, others]) if len(others) else rows
 
 
 def _svd_in_place(X: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -243,7 +257,11 @@ def _coefficients(made: Regressors, x: FloatArray) -> FloatArray:
 
 def unfold_own(layout: Layout, fit: Fit) -> FitRows:
     """Evaluate a fit on the rows of its record, with the signatures of its own support alone."""
-    return unfold(replace(layout, theta=layout.theta.of(fit.atoms)), replace(fit, atoms=tuple(range(len(fit.atoms)))))
+    return unfold(*_support_alone(layout, fit))
+
+
+def _support_alone(layout: Layout, fit: Fit) -> tuple[Layout, Fit]:
+    return layout.with_signals(layout.theta.of(fit.atoms)), replace(fit, atoms=tuple(range(len(fit.atoms))))
 
 
 def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:
@@ -305,40 +323,9 @@ def single_additions(fit: Fit, unfolded: FitRows) -> tuple[FloatArray, FloatArra
     return magnitude, np.where(seen, _small_sample_factor(fit, unfolded) / safe, np.nan)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Adding:
-    """A fit, to which signals are added that are no atoms of its regression.
-
-    Attributes
-    ----------
-    layout : with the signals of the fit's support alone; fit : of them.
-    regressors : of the fit on the rows of its record.
-    """
-
-    layout: Layout
-    fit: Fit
-    regressors: Regressors
-
-    def with_signals(self, theta: AtomSignals) -> Layout:
-        """Return the record with the fit's own signals and others after them."""
-        return self.layout.with_signals(self.layout.theta.joined(theta))
-
-    def each_of(self, theta: AtomSignals) -> tuple[FloatArray, FloatArray]:
-        """Return (n_signals,) magnitude and variance of each signal, scaled, added alone."""
-        n_own, every, step = self.layout.theta.n_atoms, list[FloatArray](), max(1, MOST_VALUES // theta.n_samples)
-        for k in range(0, theta.n_atoms, step):
-            some = theta.of(range(k, min(k + step, theta.n_atoms)))
-            unfolded = unfold(self.with_signals(some), self.fit, self.regressors)
-            every.append(np.stack(single_additions(self.fit, unfolded))[:, n_own:])
-        magnitude, variance = np.concatenate(every, axis=1)
-        return magnitude, variance
-
-
-def adding_to(layout: Layout, fit: Fit) -> Adding:
-    """Return what adds signals to a fit of atoms of a record."""
-    chosen = layout.with_signals(layout.theta.of(fit.atoms))
-    same = replace(fit, atoms=tuple(range(len(fit.atoms))))
-    return Adding(layout=chosen, fit=same, regressors=regressors_of(chosen, same))
+def regressors_of_support(layout: Layout, fit: Fit) -> Regressors:
+    """Return the regressors of a fit on its record with the signals of its support alone, to which others are added."""
+    return regressors_of(*_support_alone(layout, fit))
 
 
 def _small_sample_factor(fit: Fit, unfolded: FitRows) -> float:

@@ -7,7 +7,7 @@ Chen and Chen (2008) for the criterion; an atom must lower it by `evidence`, on 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, combinations
 from operator import attrgetter
 
@@ -67,16 +67,12 @@ class Penalty:
         cost = fit.n_parameters * self.per_parameter + len(fit.atoms) * self.per_atom
         return self.n_effective * fit.log_det + cost
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScoredFit:
-    """A fit and its criterion."""
-
-    criterion: float
-    fit: Fit
+    def scored(self, fit: Fit) -> Fit:
+        """Return a fit with its criterion."""
+        return replace(fit, criterion=self.criterion(fit))
 
 
-def least_criterion(scored: Iterable[ScoredFit]) -> ScoredFit:
+def least_criterion(scored: Iterable[Fit]) -> Fit:
     """Return the fit with the least criterion."""
     return min(scored, key=attrgetter("criterion"))
 
@@ -84,7 +80,7 @@ def least_criterion(scored: Iterable[ScoredFit]) -> ScoredFit:
 # A support (ascending) to score at an order, its first number, and its magnitudes to start from.
 Proposal = tuple[int, tuple[int, ...], FloatArray]
 # Every support (ascending) visited at one order, the best visit of each.
-Visited = Mapping[tuple[int, ...], ScoredFit]
+Visited = Mapping[tuple[int, ...], Fit]
 
 
 def search_orders(
@@ -120,7 +116,7 @@ def search_orders(
         if len(candidates) <= min(BACKWARD_LIMIT, visits.room):
             visits.search_backward(visits.fit_all(tuple(candidates)))
         visits.search_backward(forward)
-    leaders = [visits.best.fit for visits in every]
+    leaders = [visits.best for visits in every]
     for (visits, best), part_report in parts(comparing, list(zip(every, leaders, strict=True))):
         visits.step = steps(part_report, about)
         for leader in leaders:
@@ -167,25 +163,25 @@ def refine_supports(
     while True:
         best = least_criterion(visits.best for visits in every)
         for visits in every:
-            if best.fit.atoms not in visits.scored and len(best.fit.atoms) <= visits.limit:
-                visits.visit(best.fit.atoms, [best.fit.z])
+            if best.atoms not in visits.scored and len(best.atoms) <= visits.limit:
+                visits.visit(best.atoms, [best.z])
         at = min(every, key=lambda visits: visits.best.criterion)
         best = at.best
-        if (at.problem.order, best.fit.atoms) in seen:
+        if (at.problem.order, best.atoms) in seen:
             return tuple(visits.allowed for visits in every), agreed
-        seen.add((at.problem.order, best.fit.atoms))
+        seen.add((at.problem.order, best.atoms))
         at.search_backward(best)
         if dropping_only or at.best is not best:
             continue
         for visits in every:
             # An atom more may pay at an order at which the support itself is worse by less than its price.
-            same = visits.scored.get(best.fit.atoms)
+            same = visits.scored.get(best.atoms)
             if same and same.criterion < best.criterion + penalty.per_fault:
-                visits.search_beside(same.fit, candidates, exchanging=visits is at)
+                visits.search_beside(same, candidates, exchanging=visits is at)
         agreed = agreed and min(visits.best.criterion for visits in every) == best.criterion
 
 
-def full_support(problem: ProjectedRegression, atoms: tuple[int, ...], penalty: Penalty) -> ScoredFit | None:
+def full_support(problem: ProjectedRegression, atoms: tuple[int, ...], penalty: Penalty) -> Fit | None:
     """Return the fit of all atoms at once, None where the rows do not suffice."""
     visits = _Visits(problem, penalty, len(atoms))
     return visits.fit_all(atoms) if len(atoms) <= visits.room else None
@@ -202,7 +198,7 @@ class _Visits:
         self.problem, self.penalty = problem, penalty
         self.room = max(0, penalty.n_rows - problem.n_base - problem.order * problem.n_outputs - 2)
         self.limit = min(limit, self.room)
-        self.scored = {fit.atoms: ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in known}
+        self.scored = {fit.atoms: penalty.scored(fit) for fit in known}
         self.step: Step = steps(silent, 1)
 
     @property
@@ -211,17 +207,17 @@ class _Visits:
         return {atoms: scored for atoms, scored in self.scored.items() if len(atoms) <= self.limit}
 
     @property
-    def best(self) -> ScoredFit:
+    def best(self) -> Fit:
         return least_criterion(self.allowed.values())
 
-    def visit(self, atoms: tuple[int, ...], starts: Iterable[Sequence[float] | FloatArray]) -> ScoredFit:
+    def visit(self, atoms: tuple[int, ...], starts: Iterable[Sequence[float] | FloatArray]) -> Fit:
         """Fit a support (ascending) from several starts."""
         for start in starts:
             self.step()
             fit = fit_magnitudes(self.problem, atoms, np.asarray(start, dtype=np.float64))
             known = self.scored.get(atoms)
-            if known is None or fit.log_det < known.fit.log_det:
-                self.scored[atoms] = ScoredFit(criterion=self.penalty.criterion(fit), fit=fit)
+            if known is None or fit.log_det < known.log_det:
+                self.scored[atoms] = self.penalty.scored(fit)
         return self.scored[atoms]
 
     def bound(self, base: Fit | None, atom: int) -> tuple[float, float]:
@@ -229,36 +225,36 @@ class _Visits:
         self.step()
         return relaxed_bound(self.problem, base, atom)
 
-    def fit_all(self, atoms: tuple[int, ...]) -> ScoredFit:
+    def fit_all(self, atoms: tuple[int, ...]) -> Fit:
         """Fit all atoms at once, from zero and from the magnitudes of the relaxed problem."""
         guess = [self.bound(None, atom)[1] for atom in atoms]
         return self.visit(atoms, [np.zeros(len(atoms)), guess])
 
-    def search_forward(self, candidates: Sequence[int]) -> ScoredFit:
+    def search_forward(self, candidates: Sequence[int]) -> Fit:
         """Add the best atom again and again, from none; return the best support on the way."""
         best = current = self.visit((), [[]])
         since = 0
-        while len(current.fit.atoms) < self.limit and since < PATIENCE:
-            current = self.best_addition(current.fit, candidates)
+        while len(current.atoms) < self.limit and since < PATIENCE:
+            current = self.best_addition(current, candidates)
             since = 0 if current.criterion < best.criterion else since + 1
             best = least_criterion((best, current))
         return best
 
-    def best_addition(self, base: Fit, candidates: Sequence[int]) -> ScoredFit:
+    def best_addition(self, base: Fit, candidates: Sequence[int]) -> Fit:
         """Return the best single addition, each fitted from zero and from its relaxed magnitude.
 
         Atoms whose relaxed fit is worse than the best addition so far are not fitted.
         """
         known = dict(zip(base.atoms, base.z, strict=True))
         bounds = [(*self.bound(base, atom), atom) for atom in candidates if atom not in known]
-        best: ScoredFit | None = None
+        best: Fit | None = None
         for bound, magnitude, atom in sorted(bounds):
-            if best is not None and bound > best.fit.log_det + MARGIN:
+            if best is not None and bound > best.log_det + MARGIN:
                 break
             atoms = tuple(sorted((*base.atoms, atom)))
             starts = ([(known | {atom: start})[a] for a in atoms] for start in (0.0, magnitude))
             trial = self.visit(atoms, starts)
-            if best is None or trial.fit.log_det < best.fit.log_det:
+            if best is None or trial.log_det < best.log_det:
                 best = trial
         assert best is not None
         return best
@@ -272,7 +268,7 @@ class _Visits:
             base = fit
             for atom in leaving:
                 j = base.atoms.index(atom)
-                base = (self.scored.get(base.atoms[:j] + base.atoms[j + 1 :]) or self.without(base, j)).fit
+                base = self.scored.get(base.atoms[:j] + base.atoms[j + 1 :]) or self.without(base, j)
             others = [atom for atom in candidates if atom not in leaving and atom not in base.atoms]
             if not others or len(base.atoms) >= self.limit:
                 continue
@@ -283,7 +279,7 @@ class _Visits:
                 if atoms not in self.scored:
                     self.visit(atoms, [[together[atom] for atom in atoms]])
 
-    def without(self, fit: Fit, j: int) -> ScoredFit:
+    def without(self, fit: Fit, j: int) -> Fit:
         """Visit the support of a fit less its j-th atom, from what the others are to first order.
 
         A support that was visited from elsewhere is visited again: that may have ended in a poorer maximum.
@@ -292,15 +288,15 @@ class _Visits:
         share = fit.z[j] / covariance[j, j] if covariance[j, j] > 0.0 else 0.0
         return self.visit(atoms, [np.delete(fit.z - share * covariance[:, j], j)])
 
-    def search_backward(self, start: ScoredFit) -> None:
+    def search_backward(self, start: Fit) -> None:
         """Drop the least atom again and again."""
         current, since, best = start, 0, start.criterion
-        while current.fit.atoms and (since < PATIENCE or len(current.fit.atoms) > self.limit):
-            fit, variance = current.fit, np.diag(current.fit.covariance)
+        while current.atoms and (since < PATIENCE or len(current.atoms) > self.limit):
+            fit, variance = current, np.diag(current.covariance)
             costs = np.divide(fit.z**2, variance, out=np.zeros(len(fit.z)), where=variance > 0.0)
             current = least_criterion(self.without(fit, j) for j in np.argsort(costs)[:REMOVALS].tolist())
             since = 0 if current.criterion < best else since + 1
-            best = min(best, current.criterion) if len(current.fit.atoms) <= self.limit else current.criterion
+            best = min(best, current.criterion) if len(current.atoms) <= self.limit else current.criterion
 
 
 def _visits(
@@ -312,5 +308,5 @@ def _visits(
 ) -> list[_Visits]:
     """Return the visits of every order, with what is known of it."""
     limit = len(candidates) if max_active is None else min(max_active, len(candidates))
-    fits = [[scored.fit for scored in visited.values()] for visited in known] or [[] for _ in problems]
+    fits = [list(visited.values()) for visited in known] or [[] for _ in problems]
     return [_Visits(problem, penalty, limit, order_fits) for problem, order_fits in zip(problems, fits, strict=True)]

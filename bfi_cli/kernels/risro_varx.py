@@ -310,7 +310,7 @@ def risro_varx(
 
     A, y = _covariates(data)
     live = np.array([atom for _, atom in columns.signals], dtype=np.intp)
-    start = _start(A, y) if initial is None else _pair(initial[0][live], initial[1])
+    start = _start(A, y) if initial is None else (initial[0][live], initial[1])
 
     stage, updates = sparse if as_published and sparse else SparseStage(), 0
 
@@ -326,24 +326,23 @@ def risro_varx(
             A,
             y,
             rank=1,
-            initial=start,
+            initial=_pair(*start),
             max_iterations=rule.max_iterations,
             tolerance=rule.tolerance,
             fixed=rule.fixed,
             between=sparsify if stage.kind != "none" and stage.updates > 0 else None,
         )
         z, K = _read(free.factors)
-        misfit, corner_value = _state(A, y, _pair(z, K), NO_SKETCH).misfit, float(free.factors.X[-1, -1])
+        misfit, corner_value = _state(A, y, z, K, NO_SKETCH).misfit, float(free.factors.X[-1, -1])
         iterations, termination, condition_number = free.iterations, free.termination, free.condition_number
     else:
         last, iterations, termination = iterate(
             lambda state: _gauss_newton(A, y, state),
-            _state(A, y, start, NO_SKETCH),
+            _state(A, y, *start, NO_SKETCH),
             scale=float(np.linalg.norm(y)),
             settings=rule,
         )
-        z, K = _read(last.pair)
-        misfit, corner_value = last.misfit, 1.0
+        z, K, misfit, corner_value = last.z, last.K, last.misfit, 1.0
         condition_number = float(np.linalg.cond(np.triu(last.sketch)))
 
     whole = np.zeros(columns.n_atoms)
@@ -488,10 +487,11 @@ def sparse_varx(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _State:
+class _State(Iterate):
     """An iterate with corner 1, A applied to its right factor, and the triangular factor of the sketch behind it."""
 
-    pair: Factors
+    z: FloatArray
+    K: FloatArray
     X: FloatArray
     AV: FloatArray
     residual: FloatArray
@@ -499,28 +499,27 @@ class _State:
     sketch: FloatArray
 
 
-def _state(A: FloatArray, y: FloatArray, pair: Factors, sketch: FloatArray) -> _State:
-    AV = A @ pair.right[:, 0]
-    residual = y - AV @ pair.left[:, 0]
+def _state(A: FloatArray, y: FloatArray, z: FloatArray, K: FloatArray, sketch: FloatArray) -> _State:
+    left, right = np.append(z, 1.0), np.append(K, 1.0)
+    AV = A @ right
+    residual = y - AV @ left
     misfit = float(np.linalg.norm(residual))
-    return _State(pair=pair, X=pair.X, AV=AV, residual=residual, misfit=misfit, sketch=sketch)
+    return _State(z=z, K=K, X=np.outer(left, right), AV=AV, residual=residual, misfit=misfit, sketch=sketch)
 
 
 def _gauss_newton(A: FloatArray, y: FloatArray, state: _State) -> _State:
     """Return the iterate after a step in (z, K), the corner of X held at 1."""
-    left, right = state.pair.left[:, 0], state.pair.right[:, 0]
-    S = np.hstack([state.AV[:, :-1], (left @ A)[:, :-1]])
+    S = np.hstack([state.AV[:, :-1], (np.append(state.z, 1.0) @ A)[:, :-1]])
     x, sketch = least_squares(S, state.residual)
-    n = len(left) - 1
-    return _state(A, y, _pair(left[:-1] + x[:n], right[:-1] + x[n:]), sketch)
+    return _state(A, y, state.z + x[: len(state.z)], state.K + x[len(state.z) :], sketch)
 
 
-def _start(A: FloatArray, y: FloatArray) -> Factors:
+def _start(A: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return z and K of the unconstrained least squares, X's corner being 1; no fault where the rows are too few."""
     if len(A) < A[0].size - 1:
-        return _pair(np.zeros(A.shape[1] - 1), least_squares(A[:, -1, :-1], y)[0])
+        return np.zeros(A.shape[1] - 1), least_squares(A[:, -1, :-1], y)[0]
     X = np.append(least_squares(A.reshape(len(A), -1)[:, :-1], y)[0], 1.0).reshape(A.shape[1:])
-    return _pair(X[:-1, -1], X[-1, :-1])
+    return X[:-1, -1], X[-1, :-1]
 
 
 def _pair(z: FloatArray, K: FloatArray) -> Factors:

@@ -8,6 +8,7 @@ covariance. Golub and Pereyra (1973) for variable projection.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from copy import copy
@@ -100,6 +101,7 @@ class Fit:
     information : (n_active, n_active) of z with the predictor eliminated: its inverse is the covariance of z.
     n_parameters : predictor and magnitudes.
     iterations, termination : steps made, and why no more were.
+    criterion : of the penalty under which supports are compared, NaN of a fit that is compared with none.
     """
 
     order: int
@@ -112,6 +114,7 @@ class Fit:
     n_parameters: int
     iterations: int
     termination: Termination
+    criterion: float = math.nan
 
     @property
     def covariance(self) -> FloatArray:

@@ -50,7 +50,7 @@ def identify_by_mf2d(
         dropping_only=True,
     )
     selection = best_of(window, regression, searches, penalty)
-    fit = selection.best.fit
+    fit = selection.best
     estimates = magnitudes_of_fit(regression, selection.best, penalty)
     return result_of_selection(
         selection,

@@ -12,7 +12,6 @@ from functools import partial
 import numpy as np
 
 from ..config import Config
-from ..kernels.model_selection import ScoredFit
 from ..kernels.progress import Progress, unseen
 from ..kernels.variable_projection import fit_magnitudes
 from ..kernels.whiteness import exceedances
@@ -39,7 +38,7 @@ def identify_by_residual(
     3. Of the entries that begin at an alarm, that which explains most alone is declared, with its own magnitude.
     """
     plain = select(window, regression, none_of(config.selection), partial(progress, "the model without faults"))
-    fit, error = plain.best.fit, plain.unfolded.error
+    fit, error = plain.best, plain.unfolded.error
     estimates = magnitudes_of_fit(regression, plain.best, plain.penalty)
     rows_s = window.signals.time_s[-len(error) :]
     alarms_s = np.unique(np.concatenate([rows_s[exceedances(column)] for column in error.T]))
@@ -54,7 +53,7 @@ def identify_by_residual(
     # The declared magnitudes, each estimated alone, in one fit; the model stays that without faults.
     z = estimates.value[list(atoms)] / regression.magnitude_unit[list(atoms)]
     with_faults = fit_magnitudes(regression.problem(fit.order), atoms, z, max_iterations=1)
-    together = magnitudes_of_fit(regression, ScoredFit(criterion=0.0, fit=with_faults), plain.penalty)
+    together = magnitudes_of_fit(regression, with_faults, plain.penalty)
     unfolded = regression.unfold(with_faults)
     shown = ", ".join(f"{time_s:.6g}" for time_s in alarms_s[:5])
     return MethodResult(

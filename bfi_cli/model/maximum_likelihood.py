@@ -22,7 +22,6 @@ from ..kernels.model_selection import (
     BACKWARD_LIMIT,
     Penalty,
     Proposal,
-    ScoredFit,
     Visited,
     full_support,
     least_criterion,
@@ -96,7 +95,7 @@ def identify_by_likelihood(
     while not is_stated and (failed := _not_whole(now)) is not None:
         now = _declining(now, failed, declined)
     about_signals: list[Note] = []
-    if any(now.window.faults[now.window.live[n]].shape in LINE_SHAPES for n in now.best.fit.atoms):
+    if any(now.window.faults[now.window.live[n]].shape in LINE_SHAPES for n in now.best.atoms):
         refit = partial(_by_threshold, selection=now, threshold=threshold)
         now, about_signals = _with_secants(now, config, refit if is_stated else choose)
     # The errors, 70 MB for a day at 100 Hz, are made again for the answer.
@@ -112,7 +111,7 @@ def identify_by_likelihood(
     coarse, dispersion, estimates = estimated
     limits = _limits(now, config, coarse, dispersion, estimates, within=not is_stated, progress=progress)
     del coarse, estimated  # its memory is wanted for what follows
-    fit = now.best.fit
+    fit = now.best
     notes = [*about_signals]
     notes += [
         Note.limit(f"'{names[n]}' begins {abs(s):.3g} s {'after' if s > 0 else 'before'} the onset stated")
@@ -197,11 +196,11 @@ def _limits(
     within : at every onset within the tolerance, not at the stated onset alone.
     """
     regression, penalty = now.regression, now.penalty
-    likely, sized = overdispersion_if_declared(now.window, regression, now.best.fit, dispersion), estimates
+    likely, sized = overdispersion_if_declared(now.window, regression, now.best, dispersion), estimates
     if np.any(likely > dispersion):
         sizing = partial(progress, "magnitudes that would be declared")
         sized = estimate_magnitudes(regression, now.fits, penalty, likely, coarse, sizing)
-    limits = profiled_limits(regression, now.best.fit, sized, penalty, likely)
+    limits = profiled_limits(regression, now.best, sized, penalty, likely)
     if not within:
         return limits
     sizing = partial(progress, "magnitudes within the onset tolerance")
@@ -211,7 +210,7 @@ def _limits(
 
 def _rival(now: Selection, config: Config) -> tuple[int, str] | None:
     """Return a declared entry that begins with another of its output and explains less alone; None where none does."""
-    window, fit = now.window, now.best.fit
+    window, fit = now.window, now.best
     near_s = 2.0 * config.onset_tolerance_s + 1.0 / window.signals.rate_hz
     declared = {n: window.faults[window.live[n]] for n in fit.atoms}
     problem = now.regression.problem(fit.order)
@@ -228,7 +227,7 @@ def _rival(now: Selection, config: Config) -> tuple[int, str] | None:
 def _estimated(now: Selection, config: Config, progress: Progress) -> Estimated:
     coarse = at_half_rate(now.window, now.regression, config, partial(progress, "the record at half the rate"))
     elsewhere = partial(progress, "the same shapes elsewhere")
-    dispersion = overdispersion(now.window, now.regression, now.best.fit, elsewhere)
+    dispersion = overdispersion(now.window, now.regression, now.best, elsewhere)
     estimates = estimate_magnitudes(
         now.regression,
         now.fits,
@@ -290,7 +289,7 @@ def _with_secants(now: Selection, config: Config, choose: Select) -> tuple[Selec
     ----------
     choose : returns the selection on another regression.
     """
-    fit, z = now.best.fit, now.best.fit.z
+    fit, z = now.best, now.best.z
     sized = [k for k, n in enumerate(fit.atoms) if _is_sized(now.window, n)]
     if not sized:
         return now, []
@@ -331,7 +330,7 @@ def select(window: PreparedWindow, regression: RegressionData, rules: Rules, rep
         searches = search_orders(problems, atoms, penalty, max_active=max_active, known=searches, report=searching)
     searching(1.0)
     selection = best_of(window, regression, searches, penalty)
-    per_output = selection.best.fit.n_parameters / regression.layout.y.shape[1]
+    per_output = selection.best.n_parameters / regression.layout.y.shape[1]
     effective = regression.effective_rows(selection.unfolded.weighted_error, per_output)
     if effective >= regression.n_rows:
         return selection
@@ -352,7 +351,7 @@ def _by_threshold(
             f"{regression.signals.path}: too few samples to estimate all magnitudes at once; choose a longer window or "
             "a smaller dictionary"
         )
-    fit = least_criterion(scored).fit
+    fit = least_criterion(scored)
     z = fit.z * regression.magnitude_unit
     atoms = tuple(int(j) for j in np.flatnonzero(np.abs(z) >= threshold * np.linalg.norm(z)))
     start = replace(fit, atoms=atoms, z=fit.z[list(atoms)])
@@ -362,7 +361,7 @@ def _by_threshold(
         for visited, fitted in zip(selection.searches, fits, strict=True)
     )
     best = least_criterion(fits)
-    unfolded = regression.unfold(best.fit)
+    unfolded = regression.unfold(best)
     return replace(
         selection, window=window, regression=regression, best=best, fits=fits, searches=searches, unfolded=unfolded
     )
@@ -378,24 +377,24 @@ def best_of(
         window=window,
         regression=regression,
         best=best,
-        fits=tuple(_refit(regression, order, visited, best.fit, penalty) for order, visited in by_order),
+        fits=tuple(_refit(regression, order, visited, best, penalty) for order, visited in by_order),
         searches=tuple(searches),
         penalty=penalty,
-        unfolded=regression.unfold(best.fit),
+        unfolded=regression.unfold(best),
     )
 
 
-def _refit(regression: RegressionData, order: int, visited: Visited, fit: Fit, penalty: Penalty) -> ScoredFit:
+def _refit(regression: RegressionData, order: int, visited: Visited, fit: Fit, penalty: Penalty) -> Fit:
     """Return the support of a fit at an order, fitted from the magnitudes of `fit` if not visited there yet."""
     if fit.atoms in visited:
         return visited[fit.atoms]
     fitted = fit_magnitudes(regression.problem(order), fit.atoms, fit.z)
-    return ScoredFit(criterion=penalty.criterion(fitted), fit=fitted)
+    return penalty.scored(fitted)
 
 
 def _failed_test(now: Selection, estimates: MagnitudeEstimates, dispersion: FloatArray) -> tuple[int, str] | None:
     """Return the least certain active atom that fails a test, and which; None where none does."""
-    best, penalty = now.best.fit, now.penalty
+    best, penalty = now.best, now.penalty
     atoms = list(best.atoms)
     if not atoms:
         return None
@@ -404,7 +403,7 @@ def _failed_test(now: Selection, estimates: MagnitudeEstimates, dispersion: Floa
     for atom in atoms:
         kept = [n for n, other in enumerate(atoms) if other != atom]
         smaller = replace(best, atoms=tuple(atoms[n] for n in kept), z=best.z[kept])
-        fall = _refit(now.regression, best.order, visited, smaller, penalty).fit.log_det - best.log_det
+        fall = _refit(now.regression, best.order, visited, smaller, penalty).log_det - best.log_det
         margins.append(
             penalty.n_effective * fall / ((penalty.per_fault + now.prices.get(atom, 0.0)) * dispersion[atom])
         )
@@ -426,7 +425,7 @@ def _not_whole(now: Selection) -> tuple[int, str] | None:
 
     Its signal is that of all of the fault, so that its magnitude is 1 where it is in the log.
     """
-    fit, window = now.best.fit, now.window
+    fit, window = now.best, now.window
     sd = np.sqrt(np.maximum(np.diag(np.linalg.pinv(fit.information, hermitian=True)), 0.0))
     for n, z, spread in zip(fit.atoms, fit.z, sd, strict=True):
         fault, unit = window.faults[window.live[n]], float(now.regression.magnitude_unit[n])
@@ -443,17 +442,17 @@ def _not_whole(now: Selection) -> tuple[int, str] | None:
 
 def _rival_note(names: Sequence[str], selection: Selection) -> list[Note]:
     """Name the best other support of the same size, if it explains the log nearly as well."""
-    best, size = selection.best, len(selection.best.fit.atoms)
+    best, size = selection.best, len(selection.best.atoms)
     others = [
         scored
         for visited in selection.searches
         for scored in visited.values()
-        if scored.fit.atoms != best.fit.atoms and len(scored.fit.atoms) == size
+        if scored.atoms != best.atoms and len(scored.atoms) == size
     ]
     rival = min(others, key=lambda scored: scored.criterion, default=None)
     if rival is None or rival.criterion - best.criterion >= STRONG_EVIDENCE:
         return []
-    there, here = (" and ".join(f"'{names[j]}'" for j in scored.fit.atoms) or "no fault" for scored in (rival, best))
+    there, here = (" and ".join(f"'{names[j]}'" for j in scored.atoms) or "no fault" for scored in (rival, best))
     return [
         Note.limit(
             f"{there} would explain the log nearly as well as {here} (criterion {rival.criterion - best.criterion:.1f} "
@@ -469,7 +468,7 @@ def _near_miss(names: Sequence[str], selection: Selection) -> dict[int, Note]:
         scored
         for visited in selection.searches
         for scored in visited.values()
-        if set(scored.fit.atoms) > set(best.fit.atoms) and len(scored.fit.atoms) == len(best.fit.atoms) + 1
+        if set(scored.atoms) > set(best.atoms) and len(scored.atoms) == len(best.atoms) + 1
     ]
     nearest = min(above, key=lambda scored: scored.criterion, default=None)
     if nearest is None or evidence <= 0.0:
@@ -477,7 +476,7 @@ def _near_miss(names: Sequence[str], selection: Selection) -> dict[int, Note]:
     shown = evidence - (nearest.criterion - best.criterion)
     if shown <= evidence / 2.0:
         return {}
-    (atom,) = set(nearest.fit.atoms) - set(best.fit.atoms)
+    (atom,) = set(nearest.atoms) - set(best.atoms)
     words = (
         f"'{names[atom]}' has some support but not enough to be declared (evidence {shown:.1f}, {evidence:.1f} needed)"
     )

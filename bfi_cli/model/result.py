@@ -21,7 +21,8 @@ from ..faults.fault import Comparison
 from ..faults.shapes import SHAPES, Kind
 from ..kernels import FloatArray
 from ..notes import Note
-from ..quantities.text import Shown, Units, instant, number
+from ..quantities.channels import Conversion
+from ..quantities.text import Units, instant, number
 from ..report.first_screen import window_screen
 from ..report.presented import Presented
 from ..serialization import Provenance, document_of, document_of_kind, from_plain, mapping, member, to_plain
@@ -246,7 +247,7 @@ def plain_estimate(entry: object, *, where: str) -> dict[str, Any]:
     }
 
 
-def meaning(estimate: FaultEstimate, units: Units, channel_unit: str) -> tuple[float, Shown]:
+def meaning(estimate: FaultEstimate, units: Units, channel_unit: str) -> tuple[float, Conversion]:
     """Return the physical value of a magnitude of 1, in the unit that is shown, and that unit."""
     shown = units.of(estimate.physical_unit, channel=estimate.fault.channel, channel_unit=channel_unit)
     return (estimate.physical_value / estimate.magnitude if estimate.magnitude else 1.0) / shown.factor, shown

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from ..config import Config
 from ..errors import ConfigError, LogError
 from ..kernels import FloatArray
-from ..kernels.model_selection import Penalty, ScoredFit, refine_supports
+from ..kernels.model_selection import Penalty, refine_supports
 from ..kernels.progress import Progress, Termination, parts, unseen
 from ..kernels.risro_varx import PUBLISHED, SparseStage, VarxSolution, penalty_constants
 from ..kernels.variable_projection import fit_magnitudes
@@ -89,7 +89,7 @@ def _by_stage(
         dropping_only=True,
     )
     selection = best_of(window, regression, searches, penalty)
-    fit = selection.best.fit
+    fit = selection.best
     whole = solutions[fit.order]
     before = np.flatnonzero(declared(whole, whole.z * regression.magnitude_unit, config))
     left_out = tuple(names[j] for j in before if j not in fit.atoms)
@@ -157,7 +157,7 @@ def _by_rule(
     z = solution.z * regression.magnitude_unit
     active = [int(j) for j in np.flatnonzero(declared(solution, z, config))]
     whole = fit_magnitudes(problem, range(n_atoms), solution.z, max_iterations=1)
-    estimates = magnitudes_of_fit(regression, ScoredFit(criterion=criteria[order], fit=whole), penalty)
+    estimates = magnitudes_of_fit(regression, whole, penalty)
     fit = fit_magnitudes(problem, active, solution.z[active])
     unfolded = regression.unfold(fit)
     plain = select(window, regression, none_of(config.selection))

@@ -19,8 +19,8 @@ import numpy as np
 from ..config import Config
 from ..kernels import FloatArray
 from ..kernels.atom_signals import AtomSignals
-from ..kernels.covariance import Adding, FitRows, adding_to
-from ..kernels.model_selection import Penalty, Proposal, ScoredFit, Visited, least_criterion
+from ..kernels.covariance import FitRows, Regressors, regressors_of_support
+from ..kernels.model_selection import Penalty, Proposal, Visited, least_criterion
 from ..kernels.progress import Report, StoppingRule, Termination, parts, silent
 from ..kernels.risro_varx import SparseSolution, SparseStage, VarxSolution, risro_varx, sparse_varx
 from ..kernels.variable_projection import Fit, fit_magnitudes, project_inputs
@@ -49,8 +49,8 @@ class Selection:
 
     window: PreparedWindow
     regression: RegressionData
-    best: ScoredFit
-    fits: tuple[ScoredFit, ...]
+    best: Fit
+    fits: tuple[Fit, ...]
     searches: tuple[Visited, ...]
     penalty: Penalty
     unfolded: FitRows
@@ -196,7 +196,7 @@ def result_of_selection(
     ----------
     more : further attributes of the result.
     """
-    regression, fit, searches = selection.regression, selection.best.fit, selection.searches
+    regression, fit, searches = selection.regression, selection.best, selection.searches
     plain = [visited.get(()) for visited in searches]
     lowest = least_criterion(scored for scored in plain if scored is not None)
     several = len(searches) > 1
@@ -204,7 +204,7 @@ def result_of_selection(
         atoms=fit.atoms,
         magnitudes=magnitudes,
         error=regression.unfold(fit).error * regression.unit,
-        plain_error=regression.unfold(lowest.fit).error * regression.unit,
+        plain_error=regression.unfold(lowest).error * regression.unit,
         order=fit.order,
         feedthrough=regression.layout.feedthrough,
         condition_number=selection.unfolded.condition_number,
@@ -245,12 +245,12 @@ def move_onsets(stated: Selection, config: Config, select: Select) -> Selection:
         n, shift_s, price = move
         shifts_s, prices = {**now.shifts_s, n: shift_s}, {**now.prices, n: price}
         moved = _at(stated, shifts_s, prices, select)
-        chosen = moved.best.fit.atoms
+        chosen = moved.best.atoms
         left = {entry: shift for entry, shift in shifts_s.items() if entry in chosen}
         if len(left) < len(shifts_s):  # one that is not declared stays where the dictionary states it
             moved = _at(stated, left, {entry: prices[entry] for entry in left}, select)
         penalty = now.penalty
-        if n not in moved.best.fit.atoms or _cost(moved, penalty) >= _cost(now, penalty):
+        if n not in moved.best.atoms or _cost(moved, penalty) >= _cost(now, penalty):
             break
         now = moved
     return now
@@ -272,7 +272,7 @@ def move_entry(now: Selection, entry: int, stated: Selection, config: Config, se
         return None
     _, shift_s, price = move
     there = _at(stated, {**now.shifts_s, entry: shift_s}, {**now.prices, entry: price}, select)
-    return there if set(there.shifts_s) <= set(there.best.fit.atoms) else None
+    return there if set(there.shifts_s) <= set(there.best.atoms) else None
 
 
 def _at(
@@ -288,7 +288,7 @@ def _at(
 
 def _cost(moved: Selection, penalty: Penalty) -> float:
     """Return the criterion with the prices, by one penalty: the effective rows of two selections may differ."""
-    return penalty.criterion(moved.best.fit) + sum(moved.prices.values())
+    return penalty.criterion(moved.best) + sum(moved.prices.values())
 
 
 def _best_move(
@@ -311,16 +311,16 @@ def _best_move(
     }
     shifts = {n: entry_shifts for n, entry_shifts in shifts.items() if entry_shifts.size}
     prices = {n: searched(penalty, entry_shifts.size).evidence - penalty.evidence for n, entry_shifts in shifts.items()}
-    supports: dict[tuple[int, ...], Adding] = {}
+    supports: dict[tuple[int, ...], Regressors] = {}
     moves: dict[tuple[int, ...], list[tuple[float, int, FloatArray]]] = {}
     kept: dict[int, AtomSignals] = {}  # signals of the last group's moves: those of all are too many numbers
     for together in _groups(shifts, len(now.regression.signals.time_s)):
         signals = _signals(now.regression, window, {n: shifts[n] for n in together})
         owners = np.repeat(together, [shifts[n].size for n in together])
         kept = {}
-        for base, entries in _bases(best.fit.atoms, together).items():
+        for base, entries in _bases(best.atoms, together).items():
             if (support := supports.get(base)) is None:
-                support = supports[base] = _support(now.regression, best.fit, base)
+                support = supports[base] = _support(now.regression, best, base)
             z, variance = support.each_of(signals.of(np.flatnonzero(np.isin(owners, entries)).tolist()))
             gains = np.nan_to_num(z**2 / variance)
             ends = np.cumsum([shifts[n].size for n in entries])
@@ -382,14 +382,16 @@ def _signals(regression: RegressionData, window: PreparedWindow, shifts: Mapping
     return AtomSignals(signals_of_faults(window, faults, sizes).over(regression.unit).array * units)
 
 
-def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> Adding:
+def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> Regressors:
     """Return the fit of a support at the order of another fit, to which signals are added."""
     known = dict(zip(fit.atoms, fit.z, strict=True))
     without = fit_magnitudes(regression.problem(fit.order), base, np.array([known.get(atom, 0.0) for atom in base]))
-    return adding_to(regression.layout, without)
+    return regressors_of_support(regression.layout, without)
 
 
-def _fits(regression: RegressionData, support: Adding, theta: AtomSignals, gains: FloatArray) -> list[tuple[int, Fit]]:
+def _fits(
+    regression: RegressionData, support: Regressors, theta: AtomSignals, gains: FloatArray
+) -> list[tuple[int, Fit]]:
     """Return those of some signals that promise most when they are added to a support, and the fit with each.
 
     Parameters

@@ -280,11 +280,43 @@ FloatArray = NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class Conversion:
-    """SI value = factor * value + offset."""
+    """A unit in which values are written or shown: value in SI = factor * value + offset.
+
+    Attributes
+    ----------
+    si : the SI unit, "" for a log that states none.
+    offset : of readings; differences, limits and rates have none.
+    name : that is shown; "" for the SI unit, and where several spellings are known.
+    """
 
     factor: float
     si: str
     offset: float = 0.0
+    name: str = ""
+
+    @property
+    def unit(self) -> str:
+        """The unit that is shown."""
+        return self.name or self.si
+
+    def reading(self, value: float | None) -> float | None:
+        """Return a reading in the unit shown, None for None."""
+        return None if value is None else (value - self.offset) / self.factor
+
+    def change(self, value: float | None) -> float | None:
+        """Return a difference of two readings: a fault, a limit, a standard deviation; None for None."""
+        return None if value is None else value / self.factor
+
+    def readings(self, values: ArrayLike) -> FloatArray:
+        """Return readings of any shape; the same array where nothing changes."""
+        if self.offset == 0.0:
+            return self.changes(values)
+        return (np.asarray(values, dtype=np.float64) - self.offset) / self.factor
+
+    def changes(self, values: ArrayLike) -> FloatArray:
+        """Return differences of readings, of any shape; the same array where nothing changes."""
+        array = np.asarray(values, dtype=np.float64)
+        return array if self.factor == 1.0 else array / self.factor
 
 
 # Exact by definition: the international foot, inch and pound (1959), the standard gravity (CGPM 1901).
@@ -375,7 +407,7 @@ def to_si(values: ArrayLike, unit: str, *, where: str = "unit") -> tuple[FloatAr
     array = np.array(values, dtype=np.float64)
     if not unit.strip():
         return array, ""
-    conversion = _known(unit, where)
+    conversion = conversion_of(unit, where)
     if conversion.factor != 1.0:
         array *= conversion.factor
     if conversion.offset:
@@ -383,15 +415,23 @@ def to_si(values: ArrayLike, unit: str, *, where: str = "unit") -> tuple[FloatAr
     return array, conversion.si
 
 
-def factor_and_offset(unit: str) -> tuple[float, float]:
-    """Return factor and offset of a unit: the SI value is factor * value + offset.
+def conversion_of(unit: str, where: str = "unit", *, stated: str | None = None) -> Conversion:
+    """Return the conversion of a unit.
+
+    Parameters
+    ----------
+    where : start of the error message; stated : the unit that it names.
 
     Raises
     ------
     LogError : the unit is not known.
     """
-    conversion = _known(unit)
-    return conversion.factor, conversion.offset
+    conversion = _conversion(unit)
+    if conversion is None:
+        close = difflib.get_close_matches(_plain(stated or unit), BY_SPELLING, n=1, cutoff=0.6)
+        hint = f"did you mean '{close[0]}'?" if close else "give an SI unit, or one like kt, ft, deg, degC, hPa, g"
+        raise LogError(f"{where}: unknown unit '{stated or unit}'; {hint}")
+    return conversion
 
 
 def change_in_si(text: str) -> tuple[float, str]:
@@ -413,7 +453,7 @@ def change_in_si(text: str) -> tuple[float, str]:
         power = int(rate["power"] or 1)
         stem = f"{rate['of'].strip()}/s^{power - 1}" if power > 1 else rate["of"].strip()
         rates += 1
-    conversion = _known(stem, stated=unit)
+    conversion = conversion_of(stem, stated=unit)
     si = conversion.si
     for _ in range(rates):
         si = per_second(si)
@@ -436,16 +476,6 @@ def si_unit(unit: str) -> str | None:
     """Return the SI unit a spelling converts to, None where it is not known."""
     conversion = _conversion(unit)
     return None if conversion is None else conversion.si
-
-
-def _known(unit: str, where: str = "unit", *, stated: str | None = None) -> Conversion:
-    """Return the conversion of a unit; the error names the one that was `stated`."""
-    conversion = _conversion(unit)
-    if conversion is None:
-        close = difflib.get_close_matches(_plain(stated or unit), BY_SPELLING, n=1, cutoff=0.6)
-        hint = f"did you mean '{close[0]}'?" if close else "give an SI unit, or one like kt, ft, deg, degC, hPa, g"
-        raise LogError(f"{where}: unknown unit '{stated or unit}'; {hint}")
-    return conversion
 
 
 def _conversion(unit: str) -> Conversion | None:

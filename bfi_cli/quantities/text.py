@@ -13,10 +13,10 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from ..printable import shortened
-from .channels import factor_and_offset, split_rates, unit_of
+from .channels import Conversion, conversion_of, split_rates, unit_of
 
 FloatArray = NDArray[np.float64]
 UnitsName = Literal["si", "aviation"]
@@ -32,40 +32,6 @@ AMOUNT = re.compile(
     r"(?<![\w.='/-])(?:(?P<low>-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) to )?(?P<high>-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) "
     r"(?P<unit>m/s\^2|m/s|m|rad/s|rad|Pa)(?![\w/^])(?= on (?P<channel>\w+))?"
 )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Shown:
-    """The shown unit of values in an SI unit: value in SI = factor * value shown + offset.
-
-    Attributes
-    ----------
-    unit : shown, "" for a log that states none.
-    offset : of readings; differences, limits and rates have none.
-    """
-
-    unit: str
-    factor: float = 1.0
-    offset: float = 0.0
-
-    def reading(self, value: float | None) -> float | None:
-        """Return a reading in the unit shown, None for None."""
-        return None if value is None else (value - self.offset) / self.factor
-
-    def change(self, value: float | None) -> float | None:
-        """Return a difference of two readings: a fault, a limit, a standard deviation; None for None."""
-        return None if value is None else value / self.factor
-
-    def readings(self, values: ArrayLike) -> FloatArray:
-        """Return readings of any shape; the same array where nothing changes."""
-        if self.offset == 0.0:
-            return self.changes(values)
-        return (np.asarray(values, dtype=np.float64) - self.offset) / self.factor
-
-    def changes(self, values: ArrayLike) -> FloatArray:
-        """Return differences of readings, of any shape; the same array where nothing changes."""
-        array = np.asarray(values, dtype=np.float64)
-        return array if self.factor == 1.0 else array / self.factor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -84,7 +50,7 @@ class Units:
     names: Mapping[tuple[str, int], str]
     climb: str = "m/s"
 
-    def of(self, unit: str, *, channel: str = "", channel_unit: str = "") -> Shown:
+    def of(self, unit: str, *, channel: str = "", channel_unit: str = "") -> Conversion:
         """Return the shown unit of values in the SI `unit`.
 
         A rate of a channel is the channel's unit per second: a drift of an airspeed in m/s^2 is shown in kt/s, while
@@ -104,18 +70,17 @@ class Units:
         else:
             named = max((k for known, k in self.names if known == stem and k <= most), default=-1)
             if named < 0:
-                return Shown(unit=unit)
+                return Conversion(1.0, unit)
             name = self.names[stem, named]
-        factor, offset = factor_and_offset(name)
-        rates = power - named
+        known, rates = conversion_of(name), power - named
         per_second = "" if not rates else "/s" if rates == 1 else f"/s^{rates}"
         if per_second and re.fullmatch(r".*/s(\^\d+)?", name):
-            return Shown(unit=unit)
-        return Shown(unit=f"{name}{per_second}", factor=factor, offset=0.0 if rates else offset)
+            return Conversion(1.0, unit)
+        return Conversion(known.factor, unit, 0.0 if rates else known.offset, f"{name}{per_second}")
 
-    def in_file(self, unit: str, *, channel: str = "", channel_unit: str = "") -> Shown:
+    def in_file(self, unit: str, *, channel: str = "", channel_unit: str = "") -> Conversion:
         """Return the shown unit of values of a file: in SI as stored, angles in rad too."""
-        return Shown(unit=unit) if self.name == "si" else self.of(unit, channel=channel, channel_unit=channel_unit)
+        return Conversion(1.0, unit) if self.name == "si" else self.of(unit, channel=channel, channel_unit=channel_unit)
 
     def sentence(self, text: str, *, channel: str = "") -> str:
         """Return a stored sentence with its amounts in these units, with as many digits as in SI, at least two.
@@ -235,7 +200,7 @@ def quantity(value: float | None, unit: str) -> str:
     return with_unit(number(value, digits=2) if abs(value) < TWO_DIGITS else f"{value:.0f}", unit)
 
 
-def change(value: float | None, shown: Shown) -> str:
+def change(value: float | None, shown: Conversion) -> str:
     """Return a difference in SI (a fault, a limit, a standard deviation) as a `quantity` in the unit that is shown."""
     return quantity(shown.change(value), shown.unit)
 

@@ -9,7 +9,8 @@ from typing import Any
 from ..decision import Candidate, shown_limit
 from ..kernels import TWO_SIDED_95
 from ..printable import shortened
-from ..quantities.text import SI, Shown, Units, change, number, quantity, with_unit
+from ..quantities.channels import Conversion
+from ..quantities.text import SI, Units, change, number, quantity, with_unit
 from .content import Curve, Drawing, Panel, Span, Style, Table, curve
 
 CANDIDATE_HEADS = ("fault", "state", "magnitude", "min. detectable", "could hide", "channel", "note")
@@ -34,11 +35,11 @@ HIDDEN_CAPTION = (
 )
 
 
-def shown_meaning(candidate: Candidate, units: Units) -> tuple[float, Shown]:
+def shown_meaning(candidate: Candidate, units: Units) -> tuple[float, Conversion]:
     """Return the physical value of a magnitude of 1, in SI, and how that is shown; see `Candidate.meaning`."""
     scale, unit = candidate.meaning
     if candidate.shape == "drift" and not unit and candidate.channel_unit:  # of a result that does not say the slope
-        return scale, Shown(unit="x slope")
+        return scale, Conversion(1.0, "x slope")
     return scale, units.of(unit, channel=candidate.channel, channel_unit=candidate.channel_unit)
 
 

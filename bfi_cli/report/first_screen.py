@@ -17,8 +17,8 @@ from ..faults import Decision, FaultEstimate
 from ..faults.shapes import SHAPES, Kind
 from ..notes import Note
 from ..printable import shortened
-from ..quantities.channels import STANDARD, channel_in_words
-from ..quantities.text import SI, Shown, Units, capital, change, duration, instant, interval, number, with_unit
+from ..quantities.channels import STANDARD, Conversion, channel_in_words
+from ..quantities.text import SI, Units, capital, change, duration, instant, interval, number, with_unit
 
 State = Literal["fault", "deviation", "suspected", "no_fault_found", "cannot_tell"]
 Label = Literal[
@@ -102,7 +102,7 @@ def error_in_words(
     channel: str,
     value: float | None,
     ends: tuple[float, float] | None,
-    shown: Shown,
+    shown: Conversion,
     *,
     frequency_hz: float | None = None,
     seconds: float | None = None,

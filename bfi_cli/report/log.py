@@ -13,8 +13,8 @@ from ..flightlog.defects import Defect, sentence_of_defect
 from ..flightlog.quality import UNEVEN, ChannelReport, DerivableChannel, Excitation, LogReport
 from ..flightlog.record import FlightLog
 from ..notes import unique
-from ..quantities.channels import STANDARD
-from ..quantities.text import SI, Shown, Units, counted, instant, with_unit
+from ..quantities.channels import STANDARD, Conversion
+from ..quantities.text import SI, Units, counted, instant, with_unit
 from ..serialization import Provenance, document_of, from_plain, mapping, member, to_plain
 from .clock import with_clock
 from .content import Drawing, Lane, Panel, ReportContent, Table, notes_of, shown_notes
@@ -158,7 +158,7 @@ def lane_panel(lanes: Sequence[Lane], limits: tuple[float, float]) -> Panel:
 
 
 def _tables(log: LogReport, units: Units) -> Iterator[Table]:
-    def shown(entry: ChannelReport | DerivableChannel | Excitation) -> Shown:
+    def shown(entry: ChannelReport | DerivableChannel | Excitation) -> Conversion:
         return units.in_file(entry.unit, channel=entry.channel if isinstance(entry, Excitation) else entry.name)
 
     channels = [

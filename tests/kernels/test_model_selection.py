@@ -12,8 +12,8 @@ from scipy import stats
 from bfi_cli.kernels.lagged import compress, restrict
 from bfi_cli.kernels.model_selection import (
     BACKWARD_LIMIT,
+    Fit,
     Penalty,
-    ScoredFit,
     Visited,
     full_support,
     least_criterion,
@@ -40,7 +40,7 @@ def penalty_of(problem, n_candidates: int, *, evidence: float = 6.0, n_effective
     return Penalty(n_rows=n, n_effective=n_effective or n, n_candidates=n_candidates, evidence=evidence)
 
 
-def best_of(search: Visited) -> ScoredFit:
+def best_of(search: Visited) -> Fit:
     return least_criterion(search.values())
 
 
@@ -64,7 +64,7 @@ def test_the_first_addition_is_the_best_of_all_single_ones(seed):
         for start in (np.zeros(1), start_of(problem, (atom,)))
     ]
     best = min(fits, key=lambda fit: fit.log_det)
-    assert min(scored.fit.log_det for scored in search.values()) == pytest.approx(best.log_det, abs=1e-9)
+    assert min(scored.log_det for scored in search.values()) == pytest.approx(best.log_det, abs=1e-9)
     assert search.get(best.atoms) is not None
 
 
@@ -89,7 +89,7 @@ def test_the_true_support_is_found_in_noise(n_y, runs):
     found = []
     for seed in range(runs):
         problem = problem_of(seed, n_y=n_y, noise_sd=0.05)
-        found.append(best_of(search_order(problem, range(5), penalty_of(problem, 5))).fit.atoms == (0, 2, 4))
+        found.append(best_of(search_order(problem, range(5), penalty_of(problem, 5))).atoms == (0, 2, 4))
     assert sum(found) >= stats.binom.ppf(1e-4, runs, 0.95)
 
 
@@ -99,14 +99,14 @@ def test_fault_free_records_stay_fault_free():
     alarms = []
     for seed in range(40):
         problem = problem_of(seed, np.zeros(5))
-        alarms.append(best_of(search_order(problem, range(5), penalty_of(problem, 5))).fit.atoms != ())
+        alarms.append(best_of(search_order(problem, range(5), penalty_of(problem, 5))).atoms != ())
     assert sum(alarms) <= stats.binom.isf(1e-4, 40, 5 * stats.chi2.sf(14.7, 1))
 
 
 def test_more_evidence_asked_for_never_brings_more_faults():
     problem = problem_of(3, [0.3, 0.1, -0.2, 0.05, 0.4], noise_sd=0.3)
     sizes = [
-        len(best_of(search_order(problem, range(5), penalty_of(problem, 5, evidence=evidence))).fit.atoms)
+        len(best_of(search_order(problem, range(5), penalty_of(problem, 5, evidence=evidence))).atoms)
         for evidence in (0.0, 6.0, 20.0, 60.0, 1e4)
     ]
     assert sizes == sorted(sizes, reverse=True)
@@ -127,8 +127,8 @@ def test_the_criterion_is_the_sum_of_its_parts():
 def test_no_support_is_larger_than_asked_for(limit):
     problem = problem_of(1)
     search = search_order(problem, range(5), penalty_of(problem, 5), max_active=limit)
-    assert max(len(scored.fit.atoms) for scored in search.values()) <= limit
-    assert len(best_of(search).fit.atoms) == min(limit, 3)
+    assert max(len(scored.atoms) for scored in search.values()) <= limit
+    assert len(best_of(search).atoms) == min(limit, 3)
 
 
 def test_an_atom_that_stood_in_for_two_is_dropped_when_both_are_there():
@@ -141,28 +141,28 @@ def test_an_atom_that_stood_in_for_two_is_dropped_when_both_are_there():
     theta = np.stack([a, b, a + b + 0.3 * other, c, d], axis=1)[:, None, :]
     problem = project_inputs(compress(u, y + theta @ [1.0, 1.0, 0.0, 0.0, 0.0], theta, order=ORDER), ORDER, floor=FLOOR)
     search = search_order(problem, range(5), penalty_of(problem, 5), max_active=4)
-    assert best_of(search).fit.atoms == (0, 1)
+    assert best_of(search).atoms == (0, 1)
     assert search.get((2,)) is not None
 
 
 def test_no_candidates():
     problem = problem_of(2)
     search = search_order(problem, [], penalty_of(problem, 0))
-    assert [scored.fit.atoms for scored in search.values()] == [()]
-    assert best_of(search).fit.z.shape == (0,)
+    assert [scored.atoms for scored in search.values()] == [()]
+    assert best_of(search).z.shape == (0,)
 
 
 def test_candidates_left_out_are_never_visited():
     problem = problem_of(2)
     search = search_order(problem, [1, 3, 4], penalty_of(problem, 5))
-    assert {atom for scored in search.values() for atom in scored.fit.atoms} <= {1, 3, 4}
-    assert 4 in best_of(search).fit.atoms
+    assert {atom for scored in search.values() for atom in scored.atoms} <= {1, 3, 4}
+    assert 4 in best_of(search).atoms
 
 
 def test_visits_are_of_distinct_supports_and_can_be_looked_up():
     problem = problem_of(4)
     search = search_order(problem, range(5), penalty_of(problem, 5))
-    supports = [scored.fit.atoms for scored in search.values()]
+    supports = [scored.atoms for scored in search.values()]
     assert len(set(supports)) == len(supports)
     assert all(list(support) == sorted(support) for support in supports)
     assert search[0, 2, 4] is best_of(search)
@@ -182,9 +182,9 @@ def test_a_large_fault_is_fitted_from_its_relaxed_magnitude_too():
     assert fit_magnitudes(problem, (0,)).log_det > best + 1.0
     penalty = penalty_of(problem, theta.shape[2])
     search = search_order(problem, range(theta.shape[2]), penalty, max_active=1)
-    assert best_of(search).fit.atoms == (0,)
-    assert best_of(search).fit.log_det == pytest.approx(best, abs=1e-6)
-    assert full_support(problem, (0,), penalty).fit.log_det == pytest.approx(best, abs=1e-6)
+    assert best_of(search).atoms == (0,)
+    assert best_of(search).log_det == pytest.approx(best, abs=1e-6)
+    assert full_support(problem, (0,), penalty).log_det == pytest.approx(best, abs=1e-6)
 
 
 MANY = BACKWARD_LIMIT + 2
@@ -205,7 +205,7 @@ def test_every_order_visits_the_best_support_of_every_other(seed):
     problems = [project_inputs(data, order, floor=FLOOR) for order in (1, 2, 8)]
     penalty = penalty_of(problems[0], MANY, evidence=2.0)
     alone = [search_order(problem, range(MANY), penalty) for problem in problems]
-    leaders = [best_of(search).fit.atoms for search in alone]
+    leaders = [best_of(search).atoms for search in alone]
     together = search_orders(problems, range(MANY), penalty)
     assert None in [search.get(leader) for search in alone for leader in leaders]
     assert None not in [search.get(leader) for search in together for leader in leaders]
@@ -221,8 +221,8 @@ def test_two_atoms_that_only_help_together_are_found():
     theta[:, :, 4] = theta[:, :, 5]
     problem = project_inputs(compress(u, y + 0.4 * fault, theta, order=ORDER), ORDER, floor=FLOOR)
     search = search_order(problem, range(MANY), penalty_of(problem, MANY))
-    assert best_of(search).fit.atoms == (0, 1)
-    first = min((scored for scored in search.values() if len(scored.fit.atoms) == 1), key=lambda one: one.criterion)
+    assert best_of(search).atoms == (0, 1)
+    first = min((scored for scored in search.values() if len(scored.atoms) == 1), key=lambda one: one.criterion)
     assert first.criterion > search[()].criterion
 
 
@@ -257,9 +257,9 @@ def test_more_atoms_than_rows():
     y = y + 5.0 * theta[:, :, 11]
     problem = project_inputs(compress(u, y, theta, order=1), 1, floor=FLOOR)
     search = search_order(problem, range(n_atoms), penalty_of(problem, n_atoms))
-    assert 11 in best_of(search).fit.atoms
+    assert 11 in best_of(search).atoms
     assert np.isfinite([scored.criterion for scored in search.values()]).all()
-    assert max(len(scored.fit.atoms) for scored in search.values()) < n - 4
+    assert max(len(scored.atoms) for scored in search.values()) < n - 4
 
 
 def test_permuting_the_candidates_changes_nothing():
@@ -267,16 +267,16 @@ def test_permuting_the_candidates_changes_nothing():
     one, other = (
         best_of(search_order(problem, order, penalty_of(problem, 5))) for order in (range(5), [4, 2, 0, 3, 1])
     )
-    assert one.fit.atoms == other.fit.atoms
-    np.testing.assert_allclose(one.fit.z, other.fit.z, rtol=1e-5)
+    assert one.atoms == other.atoms
+    np.testing.assert_allclose(one.z, other.z, rtol=1e-5)
 
 
 def test_fewer_effective_rows_make_a_fault_harder_to_declare():
     problem = problem_of(7, [0.0, 0.0, 0.8, 0.0, 0.0], noise_sd=0.3)
     whole = search_order(problem, range(5), penalty_of(problem, 5, evidence=0.0))
     few = search_order(problem, range(5), penalty_of(problem, 5, evidence=0.0, n_effective=20.0))
-    assert len(best_of(few).fit.atoms) <= len(best_of(whole).fit.atoms)
-    assert len(best_of(whole).fit.atoms) > 0
+    assert len(best_of(few).atoms) <= len(best_of(whole).atoms)
+    assert len(best_of(whole).atoms) > 0
 
 
 @pytest.mark.first_rows(1)
@@ -316,10 +316,10 @@ def test_from_no_proposal_the_neighbours_lead_to_the_answer():
     penalty = penalty_of(problem, 5)
     (search,), agreed = refine_supports([problem], range(5), penalty)
     assert not agreed
-    assert best_of(search).fit.atoms == (0, 2, 4)
+    assert best_of(search).atoms == (0, 2, 4)
     (limited,), _ = refine_supports([problem], range(5), penalty, max_active=1)
-    assert len(best_of(limited).fit.atoms) == 1
+    assert len(best_of(limited).atoms) == 1
     proposal = (ORDER, (0, 1, 2, 3, 4), np.zeros(5))
     (dropped,), agreed = refine_supports([problem], range(5), penalty, proposals=[proposal], dropping_only=True)
     assert agreed
-    assert best_of(dropped).fit.atoms == (0, 2, 4)
+    assert best_of(dropped).atoms == (0, 2, 4)

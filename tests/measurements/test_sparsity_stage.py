@@ -132,7 +132,7 @@ def test_the_search_that_begins_with_the_stage_against_the_exhaustive_one(
             theirs = search_orders(problems, range(atoms), penalty)
         times += between - started, process_time() - between
         found, other = (least_criterion(fit for order in each for fit in order.values()) for each in (ours, theirs))
-        same += found.fit.atoms == other.fit.atoms and found.fit.order == other.fit.order
+        same += found.atoms == other.atoms and found.order == other.order
         better += found.criterion < other.criterion - 1e-6
     print(
         f"\n{atoms} atoms: same {same}, better {better} of {len(trials)}; {times[1] / times[0]:.1f} times faster, "

@@ -114,6 +114,6 @@ def test_an_entry_that_is_not_declared_is_moved_to_its_best_other_onset(flight, 
     assert moved is not None
     assert moved.shifts_s == {entry: pytest.approx(shift_s, abs=0.06)}
     assert moved.prices[entry] > 0.0
-    assert entry in moved.best.fit.atoms
+    assert entry in moved.best.atoms
     assert move_entry(moved, entry, at_stated, Config(), choose) is None
     assert move_entry(at_stated, entry, at_stated, EXACT, choose) is None

@@ -8,7 +8,7 @@ from itertools import chain, combinations
 
 from ...airdata.relations import State
 from ...decision.implausible import What
-from ...quantities.channels import CONVERSIONS, STANDARD, factor_and_offset
+from ...quantities.channels import CONVERSIONS, STANDARD, Conversion, conversion_of
 
 # The likelier first: what is known by name, and then what fits whatever it is. Within a rank all are as likely.
 RANKS: Mapping[What, int] = {"unit": 0, "sign": 0, "clock": 0, "swapped": 1, "offset": 2, "scale": 2}
@@ -98,11 +98,11 @@ class Change:
 def unit_changes(channels: tuple[str, ...], stated: str | None) -> Iterator[Change]:
     """Yield what other units do to channels whose values are taken to be in the `stated` one, None for SI."""
     si = STANDARD[channels[0]].unit
-    factor, offset = factor_and_offset(stated) if stated else (1.0, 0.0)
+    known = conversion_of(stated) if stated else Conversion(1.0, si)
     for conversion, spellings in CONVERSIONS:
-        if conversion.si == si and (conversion.factor, conversion.offset) != (factor, offset):
-            ratio = conversion.factor / factor
-            shift = conversion.offset - ratio * offset
+        if conversion.si == si and (conversion.factor, conversion.offset) != (known.factor, known.offset):
+            ratio = conversion.factor / known.factor
+            shift = conversion.offset - ratio * known.offset
             yield Change(what="unit", channels=channels, factor=ratio, offset=shift, unit=spellings.split()[0])
 
 

@@ -124,7 +124,7 @@ def _cheapest(of: Problem, proposals: Sequence[Proposal]) -> Support:
 
 def _likeliest(visited: Visited) -> Support:
     """Return the support with the best criterion."""
-    return least_criterion(visited.values()).fit.atoms
+    return least_criterion(visited.values()).atoms
 
 
 def _by_lasso(of: Problem, *, adaptive: bool) -> Support:

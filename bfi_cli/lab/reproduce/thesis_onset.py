@@ -218,7 +218,7 @@ def _by_stage(data: Compressed) -> float:
     visits = sparse_varx(problem, risro_varx(data), n_atoms=1, stage=stage, price=price)
     proposals = [(LOW, support, went.z[list(support)]) for went in visits for support in went.supports]
     (search,), _ = refine_supports([problem], [0], penalty, proposals=proposals, dropping_only=True)
-    fit = least_criterion(search.values()).fit
+    fit = least_criterion(search.values())
     return float(fit.z[0]) if fit.atoms else 0.0
 
 

@@ -417,7 +417,7 @@ def measure(
         for order, _ in parts(fitting, regression.orders)
     ]
     scored, penalty = scored_by(regression, fits, penalty)
-    dispersion = overdispersion(window, regression, least_criterion(scored).fit, elsewhere)
+    dispersion = overdispersion(window, regression, least_criterion(scored), elsewhere)
     coarse = at_half_rate(window, regression, config, halving)
     estimates = estimate_magnitudes(regression, scored, penalty, dispersion, coarse, sizing)
     z, sd = estimates.value / units, np.sqrt(estimates.variance) / units

@@ -72,7 +72,7 @@ def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
     """
     regression = build_regression(window.signals, (), config, orders=window.orders)
     fits, penalty = fault_free_fits(regression, config, len(window.live))
-    best = least_criterion(fits).fit
+    best = least_criterion(fits)
     theta = window.signals.theta.of(window.live).over(regression.unit)
     unfolded = unfold(replace(regression.layout, theta=theta), best)
     return FaultFreeModel(

@@ -19,8 +19,8 @@ from ...errors import LogError
 from ...faults import Fault
 from ...kernels import ONE_SIDED_90, FloatArray
 from ...kernels.compiled import special
-from ...kernels.covariance import Adding, adding_to, covariance, single_additions, unfold
-from ...kernels.model_selection import Penalty, ScoredFit, least_criterion
+from ...kernels.covariance import Regressors, covariance, regressors_of_support, single_additions, unfold
+from ...kernels.model_selection import Penalty, least_criterion
 from ...kernels.progress import Report, parts, shares, silent
 from ...kernels.variable_projection import Fit, fit_magnitudes, log_dets_beside, single_magnitudes, with_unit_root
 from .regression import RegressionData, build_regression, fault_free_fits
@@ -93,7 +93,7 @@ class MagnitudeEstimates:
 
 def estimate_magnitudes(
     regression: RegressionData,
-    fits: Sequence[ScoredFit],
+    fits: Sequence[Fit],
     penalty: Penalty,
     dispersion: FloatArray,
     coarse: RegressionData | None,
@@ -111,13 +111,13 @@ def estimate_magnitudes(
     estimates = averaged_magnitudes(regression, fits, penalty, dispersion, report=here)
     if coarse is None:
         return estimates
-    active = list(fits[0].fit.atoms)
+    active = list(fits[0].atoms)
     coarse_penalty = replace(penalty, n_rows=coarse.n_rows, n_effective=float(coarse.n_rows))
     start = estimates.value[active] / coarse.magnitude_unit[active]
     scored = []
     for order, _ in parts(fitting, coarse.orders):
         fit = fit_magnitudes(coarse.problem(order), active, start)
-        scored.append(ScoredFit(criterion=coarse_penalty.criterion(fit), fit=fit))
+        scored.append(coarse_penalty.scored(fit))
     other = averaged_magnitudes(coarse, scored, coarse_penalty, dispersion, report=there)
     # What sampling does not explain of the change between the rates.
     excess = (other.value - estimates.value) ** 2 - np.maximum(estimates.variance, other.variance)
@@ -129,7 +129,7 @@ def estimate_magnitudes(
 
 def averaged_magnitudes(
     regression: RegressionData,
-    fits: Sequence[ScoredFit],
+    fits: Sequence[Fit],
     penalty: Penalty,
     overdispersion: FloatArray,
     *,
@@ -149,13 +149,13 @@ def averaged_magnitudes(
     unit_root : average with the model that holds the root.
     report : receives the progress.
     """
-    criteria = np.array([scored.criterion for scored in fits])
+    criteria = np.array([fit.criterion for fit in fits])
     weights = np.exp(-0.5 * (criteria - criteria.min()))
     best = int(np.argmin(criteria))
     keep = [n for n in range(len(fits)) if criteria[n] - criteria[best] < CLOSE]
     values, variances, covariances, sampling = {}, {}, {}, {}
     for n, _ in parts(report, keep):
-        fit = fits[n].fit
+        fit = fits[n]
         unfolded = unfold(regression.layout, fit)
         (z, variance), scaled = single_additions(fit, unfolded), covariance(fit, unfolded)
         active = list(fit.atoms)
@@ -165,7 +165,7 @@ def averaged_magnitudes(
         wider = np.sqrt(overdispersion[active])
         if unit_root and fit.order > 1:
             free = variance[active]
-            z, variance = _with_unit_root(regression, fits[n], z, variance, penalty, overdispersion)
+            z, variance = _with_unit_root(regression, fit, z, variance, penalty, overdispersion)
             wider *= _widening(variance[active], free)
         values[n], variances[n] = z * unit, variance * overdispersion * unit**2
         covariances[n] = scaled * np.outer(wider * unit[active], wider * unit[active])
@@ -175,7 +175,7 @@ def averaged_magnitudes(
     total = weight.sum(axis=0)
     variance = np.where(total > 0.0, np.nansum(weight * np.nan_to_num(spread), axis=0), np.nan)
     variance /= np.where(total > 0.0, total, 1.0)
-    fit, n_outputs = fits[best].fit, regression.layout.y.shape[1]
+    fit, n_outputs = fits[best], regression.layout.y.shape[1]
     wider = _widening(variance[list(fit.atoms)], np.diag(cov))
     estimates = MagnitudeEstimates(
         value=value,
@@ -253,7 +253,7 @@ def limits_within_tolerance(
     window: PreparedWindow,
     regression: RegressionData,
     config: Config,
-    fits: Sequence[ScoredFit],
+    fits: Sequence[Fit],
     penalty: Penalty,
     overdispersion: FloatArray,
     coarse: RegressionData | None,
@@ -270,7 +270,7 @@ def limits_within_tolerance(
     coarse : the regression at half the rate, None where there is none.
     report : receives the progress.
     """
-    best = least_criterion(fits).fit
+    best = least_criterion(fits)
     limits = np.full(len(window.live), np.nan)
     absent = {entry: n for n, entry in enumerate(window.live) if n not in best.atoms}
     shifts = {entry: shifts_within(window, entry, config.onset_tolerance_s) for entry in absent}
@@ -318,7 +318,7 @@ def fault_free_limits(window: PreparedWindow, config: Config) -> tuple[FloatArra
     """
     regression = regression_of(window, config)
     scored, penalty = fault_free_fits(regression, config, len(window.live))
-    best = least_criterion(scored).fit
+    best = least_criterion(scored)
     dispersion = overdispersion(window, regression, best)
     dispersion = overdispersion_if_declared(window, regression, best, dispersion)
     coarse = at_half_rate(window, regression, config)
@@ -330,15 +330,14 @@ def fault_free_limits(window: PreparedWindow, config: Config) -> tuple[FloatArra
 
 def _with_unit_root(
     regression: RegressionData,
-    scored: ScoredFit,
+    fit: Fit,
     z: FloatArray,
     variance: FloatArray,
     penalty: Penalty,
     overdispersion: FloatArray,
 ) -> tuple[FloatArray, FloatArray]:
     """Average (n_live,) magnitudes and variances of a fit, scaled, with those of the same order with a root at 1."""
-    fit, n_outputs = scored.fit, regression.layout.y.shape[1]
-    problem = with_unit_root(regression.problem(fit.order))
+    n_outputs, problem = regression.layout.y.shape[1], with_unit_root(regression.problem(fit.order))
     held = fit_magnitudes(problem, fit.atoms, fit.z)
     value, value_variance = single_magnitudes(problem, held, len(z))
     ratio = penalty.n_effective * (held.log_det - fit.log_det) / overdispersion
@@ -351,9 +350,10 @@ def _with_unit_root(
     return mean, (1.0 - weight) * variance + weight * value_variance + spread / overdispersion
 
 
-def magnitudes_of_fit(regression: RegressionData, scored: ScoredFit, penalty: Penalty) -> MagnitudeEstimates:
+def magnitudes_of_fit(regression: RegressionData, fit: Fit, penalty: Penalty) -> MagnitudeEstimates:
     """Return the magnitudes of one fit, nothing averaged."""
-    return averaged_magnitudes(regression, [scored], penalty, np.ones(len(regression.atoms)), unit_root=False)
+    dispersion = np.ones(len(regression.atoms))
+    return averaged_magnitudes(regression, [penalty.scored(fit)], penalty, dispersion, unit_root=False)
 
 
 def at_half_rate(
@@ -379,7 +379,7 @@ def overdispersion(window: PreparedWindow, regression: RegressionData, fit: Fit,
     report : receives the progress.
     """
     known = dict[Fault, float]()
-    adding = adding_to(regression.layout, fit)
+    adding = regressors_of_support(regression.layout, fit)
     factors = np.ones(len(window.live))
     for (n, entry), _ in parts(report, list(enumerate(window.live))):
         family = _family(window.faults[entry])
@@ -407,7 +407,9 @@ def overdispersion_if_declared(
     for n in (n for n in range(len(window.live)) if n not in fit.atoms):
         declared = fit_magnitudes(problem, (*fit.atoms, n), np.append(fit.z, 0.0))
         family = _family(window.faults[window.live[n]])
-        factors[n] = max(factors[n], _factor(window, regression, adding_to(regression.layout, declared), family))
+        factors[n] = max(
+            factors[n], _factor(window, regression, regressors_of_support(regression.layout, declared), family)
+        )
     return factors
 
 
@@ -416,7 +418,7 @@ def _family(fault: Fault) -> Fault:
     return replace(fault.later(-fault.onset_s), name=None, magnitude=1.0)
 
 
-def _factor(window: PreparedWindow, regression: RegressionData, adding: Adding, family: Fault) -> float:
+def _factor(window: PreparedWindow, regression: RegressionData, adding: Regressors, family: Fault) -> float:
     """Return the mean over onsets of z^2 / var(z) of a shape that is added to a fit, at least 1."""
     time_s = window.native.time_s
     onsets = time_s[0] + np.linspace(*INSIDE, N_ONSETS) * (time_s[-1] - time_s[0])

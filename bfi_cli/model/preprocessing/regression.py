@@ -13,7 +13,7 @@ from ...kernels import FloatArray
 from ...kernels.atom_signals import AtomSignals, standardised
 from ...kernels.covariance import FitRows, Layout, unfold_own
 from ...kernels.lagged import Compressed, EarlierRows, restrict, with_fault, with_scaled_outputs
-from ...kernels.model_selection import Penalty, ScoredFit
+from ...kernels.model_selection import Penalty
 from ...kernels.progress import Report, StoppingRule, silent
 from ...kernels.risro_varx import SparseStage, VarxSolution, risro_varx
 from ...kernels.runs import running_weights
@@ -243,7 +243,7 @@ def build_regression(
     )
 
 
-def fault_free_fits(regression: RegressionData, config: Config, n_candidates: int) -> tuple[list[ScoredFit], Penalty]:
+def fault_free_fits(regression: RegressionData, config: Config, n_candidates: int) -> tuple[list[Fit], Penalty]:
     """Return the fits without fault terms at every order, scored, and the penalty with the effective rows of the best.
 
     Parameters
@@ -254,13 +254,13 @@ def fault_free_fits(regression: RegressionData, config: Config, n_candidates: in
     return scored_by(regression, fits, regression.penalty(config.selection, n_candidates))
 
 
-def scored_by(regression: RegressionData, fits: Sequence[Fit], penalty: Penalty) -> tuple[list[ScoredFit], Penalty]:
+def scored_by(regression: RegressionData, fits: Sequence[Fit], penalty: Penalty) -> tuple[list[Fit], Penalty]:
     """Return fits scored by a criterion with the effective rows of the best of them, and that criterion."""
     best = min(fits, key=penalty.criterion)
     free = best.n_parameters / regression.layout.y.shape[1]
     effective = regression.effective_rows(regression.unfold(best).weighted_error, free)
     penalty = replace(penalty, n_effective=effective)
-    return [ScoredFit(criterion=penalty.criterion(fit), fit=fit) for fit in fits], penalty
+    return [penalty.scored(fit) for fit in fits], penalty
 
 
 def _scaled_signals(theta: AtomSignals, atoms: Sequence[int], unit: FloatArray) -> tuple[AtomSignals, FloatArray]:

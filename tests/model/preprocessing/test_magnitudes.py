@@ -10,7 +10,7 @@ from scipy import stats
 
 from bfi_cli.config import Config, merge
 from bfi_cli.kernels.atom_signals import AtomSignals
-from bfi_cli.kernels.model_selection import Penalty, ScoredFit
+from bfi_cli.kernels.model_selection import Fit, Penalty
 from bfi_cli.kernels.variable_projection import (
     fit_magnitudes,
     single_magnitudes,
@@ -71,10 +71,10 @@ def regression(signals: Signals) -> RegressionData:
     return build_regression(signals, (0,), config, orders=(ORDER,))
 
 
-def fitted(data: RegressionData, z: float) -> tuple[ScoredFit, Penalty]:
+def fitted(data: RegressionData, z: float) -> tuple[Fit, Penalty]:
     fit = fit_magnitudes(data.problem(ORDER), (0,), np.array([z]) / data.magnitude_unit)
     penalty = Penalty(n_rows=data.n_rows, n_effective=float(data.n_rows), n_candidates=1, evidence=0.0)
-    return ScoredFit(criterion=penalty.criterion(fit), fit=fit), penalty
+    return penalty.scored(fit), penalty
 
 
 @pytest.mark.parametrize("shape", UNITS)
@@ -84,8 +84,8 @@ def test_evidence_against_a_root_that_is_there_is_rare(shape):
     for seed in range(n):
         data = regression(record(seed, shape, 1.0, n_inputs=1 + seed % 2))
         scored, _ = fitted(data, 1.0)
-        held = fit_magnitudes(with_unit_root(data.problem(ORDER)), (0,), scored.fit.z)
-        exceeded += data.n_rows * (held.log_det - scored.fit.log_det) > UNIT_ROOT
+        held = fit_magnitudes(with_unit_root(data.problem(ORDER)), (0,), scored.z)
+        exceeded += data.n_rows * (held.log_det - scored.log_det) > UNIT_ROOT
     assert exceeded <= n * 0.05 + 3.0 * np.sqrt(n * 0.05 * 0.95)
 
 
@@ -134,19 +134,19 @@ def test_an_order_of_1_is_not_averaged():
     data = build_regression(signals, (0,), merge(Config(), {"conditioning.variance": "constant"}), orders=(1,))
     fit = fit_magnitudes(data.problem(1), (0,))
     penalty = Penalty(n_rows=data.n_rows, n_effective=float(data.n_rows), n_candidates=1, evidence=0.0)
-    scored = ScoredFit(criterion=penalty.criterion(fit), fit=fit)
+    scored = penalty.scored(fit)
     one = magnitudes_of_fit(data, scored, penalty)
     several = averaged_magnitudes(data, [scored], penalty, np.ones(1))
     assert several.value == pytest.approx(one.value)
     assert several.variance == pytest.approx(one.variance)
 
 
-def without_fault(data: RegressionData, *, evidence: float = 0.0) -> tuple[ScoredFit, Penalty]:
+def without_fault(data: RegressionData, *, evidence: float = 0.0) -> tuple[Fit, Penalty]:
     """Return the fit with no entry declared, and a penalty that counts a quarter of the rows."""
     fit = fit_magnitudes(data.problem(ORDER), (), np.zeros(0))
     n = data.n_rows
     penalty = Penalty(n_rows=n, n_effective=0.25 * n, n_candidates=3, evidence=evidence)
-    return ScoredFit(criterion=penalty.criterion(fit), fit=fit), penalty
+    return penalty.scored(fit), penalty
 
 
 def test_half_of_the_squared_change_between_two_rates_is_variance():
@@ -154,7 +154,7 @@ def test_half_of_the_squared_change_between_two_rates_is_variance():
     scored, penalty = fitted(here, 5.0)
     one, phi = averaged_magnitudes(here, [scored], penalty, np.ones(1)), np.ones(1)
     fit = fit_magnitudes(there.problem(ORDER), (0,), np.array([5.0]) / there.magnitude_unit)
-    other = averaged_magnitudes(there, [ScoredFit(criterion=0.0, fit=fit)], penalty, phi)
+    other = averaged_magnitudes(there, [penalty.scored(fit)], penalty, phi)
     change = float(other.value[0] - one.value[0]) ** 2
     assert change > 10.0 * max(one.variance[0], other.variance[0])
     both = estimate_magnitudes(here, [scored], penalty, phi, there)
@@ -197,9 +197,9 @@ def test_a_fault_of_the_profiled_limit_reaches_its_statistic_in_the_mean_of_both
     scored, penalty = without_fault(data)
     estimates = averaged_magnitudes(data, [scored], penalty, np.array([phi]), unit_root=False)
     promised = replace(estimates, minimal_detectable=0.3 * estimates.minimal_detectable)
-    limit = profiled_limits(data, scored.fit, promised, penalty, np.array([phi]))[0]
+    limit = profiled_limits(data, scored, promised, penalty, np.array([phi]))[0]
     assert promised.minimal_detectable[0] < limit < np.inf
-    problem, without = data.problem(ORDER), scored.fit.log_det
+    problem, without = data.problem(ORDER), scored.log_det
     reached = [
         data.n_rows
         * (
@@ -219,19 +219,19 @@ def test_where_no_multiple_would_be_declared_there_is_no_limit():
     scored, penalty = without_fault(data, evidence=1e5)
     estimates = averaged_magnitudes(data, [scored], penalty, np.ones(1), unit_root=False)
     assert np.isfinite(estimates.minimal_detectable[0])
-    assert profiled_limits(data, scored.fit, estimates, penalty, np.ones(1))[0] == np.inf
+    assert profiled_limits(data, scored, estimates, penalty, np.ones(1))[0] == np.inf
 
 
 def test_at_the_evidence_against_the_root_both_models_count_alike():
     """Twice the log likelihood ratio over the effective rows and the overdispersion is then the constant."""
     data = regression(record(2, "drift", 5.0, pole=0.9))
     scored, penalty = fitted(data, 5.0)
-    held = fit_magnitudes(with_unit_root(data.problem(ORDER)), (0,), scored.fit.z)
+    held = fit_magnitudes(with_unit_root(data.problem(ORDER)), (0,), scored.z)
     value, own = single_magnitudes(with_unit_root(data.problem(ORDER)), held, 1)
-    z, variance = scored.fit.z.copy(), np.array([0.3])
+    z, variance = scored.z.copy(), np.array([0.3])
     for rows in (data.n_rows, data.n_rows / 3.0):
         fewer = replace(penalty, n_effective=rows)
-        phi = np.array([rows * (held.log_det - scored.fit.log_det) / UNIT_ROOT])
+        phi = np.array([rows * (held.log_det - scored.log_det) / UNIT_ROOT])
         mean, total = magnitudes._with_unit_root(data, scored, z, variance, fewer, phi)
         assert mean == pytest.approx(0.5 * (z + value), rel=1e-9)
         assert total == pytest.approx(0.5 * (variance + own) + 0.25 * (z - value) ** 2 / phi, rel=1e-9)

@@ -11,7 +11,6 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from ..errors import ConfigError
 from ..flightlog import Channel, FlightLog
@@ -130,9 +129,19 @@ def _smoother(part: Record, scan: WindowScan, hypothesis: Hypothesis) -> Callabl
         np.concatenate(times),
         np.concatenate(values),
         gain=np.concatenate(gains),
-        nuisances=np.asarray(block_diag(*columns)),
-        covariance=np.asarray(block_diag(*blocks)),
+        nuisances=_block_diagonal(columns),
+        covariance=_block_diagonal(blocks),
     )
+
+
+def _block_diagonal(blocks: Sequence[FloatArray]) -> FloatArray:
+    whole = np.zeros(np.sum([block.shape for block in blocks], axis=0))
+    i = j = 0
+    for block in blocks:
+        n, m = block.shape
+        whole[i : i + n, j : j + m] = block
+        i, j = i + n, j + m
+    return whole
 
 
 def events_to_correct(path: Path, log: FlightLog) -> tuple[Event, ...]:

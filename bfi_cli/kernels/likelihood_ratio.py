@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import eigh
 
 from . import TINY, BoolArray, FloatArray, IntArray
+from .compiled import lapack
 from .generalised_least_squares import RANK_TOLERANCE, regressions
 
 FAST_S = 1.0  # correlation time of the fast part: gusts and vibration that outlast one sample
@@ -157,7 +157,7 @@ def noise_model(time_s: FloatArray, levels: FloatArray, slow: FloatArray) -> Noi
     """Return the covariances of samples at times, (n,) s, for levels of the fast part and a slow part (n, n)."""
     fast = np.exp(-np.abs(time_s[:, None] - time_s[None, :]) / FAST_S)
     # modes fast modes' = 1 and modes slow modes' = diag(slow variances), of fast parts of level 1.
-    slow_variances, vectors = eigh(slow, fast)
+    slow_variances, vectors = lapack.dsygvd(slow, fast)[:2]
     variances = levels[:, None] ** 2 + np.maximum(slow_variances, 0.0)
     fast_log_det = 2.0 * float(np.sum(np.log(np.diag(np.linalg.cholesky(fast)))))
     log_det = np.log(variances).sum(axis=1) + fast_log_det

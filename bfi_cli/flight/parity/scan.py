@@ -12,7 +12,7 @@ from ...kernels import BoolArray, FloatArray, IntArray
 from ...kernels.change_scan import steps_and_ramps
 from ...kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratios, noise_model
 from ...kernels.runs import bridged
-from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, climbing, hypotheses, without_fault
+from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, Rounding, climbing, hypotheses, without_fault
 from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of, weights_of
 
 # A ramp whose onset lies between two of these loses 0.6 % of its statistic at most; `explain` goes on in whole seconds.
@@ -96,31 +96,29 @@ def _levels_beside(kind: ResidualKind, rounding: FloatArray) -> FloatArray:
     return np.maximum(kind.levels, min(least, kind.levels[-1]))
 
 
-def rounding_of(kind: ResidualKind, slopes: Slopes, factors: Sequence[FloatArray | None]) -> FloatArray | None:
+def rounding_of(kind: ResidualKind, slopes: Slopes, roundings: Sequence[Rounding | None]) -> FloatArray | None:
     """Return (n, n) covariance of a residual by the steps of its channels, None where it is lost in its least noise.
 
     Parameters
     ----------
     slopes : of the residual.
-    factors : by fault, (n, n) of the covariance of its channel's rounding, see `Rounding.factor`.
+    roundings : of the channel of each fault, None where it has no steps.
     """
-    n = len(slopes.values)
-    covariance = np.zeros((n, n))
-    for k, i in enumerate(slopes.acting.tolist()):
-        if (factor := factors[i]) is not None:
-            made = slopes.of(k).signatures(factor)[:, 0]
-            covariance += made @ made.T
-    return covariance if np.median(covariance.diagonal()) > (LOST * kind.levels[0]) ** 2 else None
+    counts = (LOST * kind.levels[0]) ** 2
+    stepped = [(slopes.of(k), x) for k, i in enumerate(slopes.acting.tolist()) if (x := roundings[i]) is not None]
+    most = sum((slope.largest(rounding.sd) ** 2 for slope, rounding in stepped), np.zeros(len(slopes.values)))
+    if np.median(most) <= counts:
+        return None
+    covariance = np.zeros((most.size, most.size))
+    for slope, rounding in stepped:
+        made = slope.signatures(rounding.factor())[:, 0]
+        covariance += made @ made.T
+    return covariance if np.median(covariance.diagonal()) > counts else None
 
 
-def _rounding_factors(record: Record, faults: Sequence[Hypothesis]) -> list[FloatArray | None]:
-    roundings = [record.rounding.get(hypothesis.fault) for hypothesis in faults]
-    return [None if rounding is None else rounding.factor() for rounding in roundings]
-
-
-def _noise_of(kind: ResidualKind, slopes: Slopes, factors: Sequence[FloatArray | None], known: BoolArray) -> NoiseModel:
+def _noise_of(kind: ResidualKind, slopes: Slopes, roundings: Sequence[Rounding | None], known: BoolArray) -> NoiseModel:
     """Return the noise of the known seconds of a residual, with that of its rounding where it counts."""
-    rounding = rounding_of(kind, slopes, factors)
+    rounding = rounding_of(kind, slopes, roundings)
     if rounding is None:
         return _noise(kind.name, known.size, (~known).tobytes(), tuple(kind.levels.tolist()))
     return _noise_beside(kind, known, rounding, _levels_beside(kind, rounding))
@@ -162,7 +160,7 @@ def scan_window(
     possible = hypotheses(record)
     begun = [candidate for candidate in possible if candidate.fault in lasting]
     course = np.column_stack([np.ones(n), (record.time_s - record.time_s[0]) / n])
-    factors = _rounding_factors(record, possible)
+    roundings = [record.rounding.get(hypothesis.fault) for hypothesis in possible]
     used: list[tuple[ResidualKind, Residual, BoolArray, FloatArray]] = []
     for kind in kinds:
         values = residual_values(record, record, constants, kind)
@@ -178,7 +176,7 @@ def scan_window(
         if np.count_nonzero(known) < fewest:
             lacking[kind.name] = _gaps(record, kind, fewest)
             continue
-        noise = _noise_of(kind, _slopes_in(whole, kind, record, possible, constants), factors, known)
+        noise = _noise_of(kind, _slopes_in(whole, kind, record, possible, constants), roundings, known)
         residual = Residual.of(noise, values[known], columns[known], prior_sd, ramps[known])
         used.append((kind, residual, known, columns[known]))
     if not used:
@@ -295,6 +293,11 @@ class Slopes:
         """Return those of one fault that acts."""
         rate, climb = (None if x is None else x[:, [k]] for x in (self.rate, self.climb))
         return Slopes(acting=self.acting[[k]], values=self.values[:, [k]], rate=rate, climb=climb)
+
+    def largest(self, sd: FloatArray) -> FloatArray:
+        """Return (n,) the largest standard deviation that errors of a channel, of `sd`, make of it but by climb."""
+        rate = None if self.rate is None else -np.abs(self.rate)
+        return replace(self, values=np.abs(self.values), rate=rate, climb=None).signatures(sd[:, None])[:, 0, 0]
 
     def signatures(self, courses: FloatArray) -> FloatArray:
         """Return (n, n_acting, n_courses) what faults of these courses, (n, n_courses), make of it, 0 if unknown."""

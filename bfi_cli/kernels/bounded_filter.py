@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import FloatArray
+from .compiled import lapack
 
 # Standard deviations from which on an innovation counts linearly: of white noise 0.3 % lie beyond.
 BOUND = 3.0
@@ -90,6 +91,12 @@ class Gains:
     e: FloatArray
     W: FloatArray
 
+    @classmethod
+    def empty(cls, shape: tuple[int, ...], n_x: int) -> Gains:
+        """Return those to be filled in of innovations, (n_samples, n_h, n_rows)."""
+        n_rows = shape[-1]
+        return cls(inverse=np.empty((*shape, n_rows)), e=np.empty(shape), W=np.empty((*shape, n_x)))
+
     def between(self, first: int, end: int, hypothesis: int) -> Gains:
         """Return those of some samples of one hypothesis."""
         part = slice(first, end), slice(hypothesis, hypothesis + 1)
@@ -148,39 +155,38 @@ def filter_stack(
     with_gains : keeps what `variance_scores` needs.
     """
     n_samples, n_rows, n_h = stack.y.shape[0], stack.y.shape[2], stack.size
-    n_x, F, shrunk = transition.decay.size, transition.matrix, np.outer(transition.decay, transition.decay)
+    decay, F = transition.decay, transition.matrix
+    n_x, shrunk = decay.size, np.vstack([np.outer(decay, decay), decay])
     coupled = np.array(sorted({coupling.to for coupling in transition.couplings}), dtype=np.intp)
-    F_coupled, F_transposed = F[coupled], F.T
+    F_coupled = F[coupled].T
     known = np.isfinite(stack.y)
     y, R = np.where(known, stack.y, 0.0), np.where(known, stack.R, 1.0)
     Z = np.where(known[..., None], stack.Z, 0.0)
     extra = None if stack.extra is None else np.where(known[..., None], stack.extra, 0.0)
     n_shared = Z.shape[-1]
-    x = np.broadcast_to(mean, (n_h, n_x)).copy()
-    P = np.broadcast_to(covariance, (n_h, n_x, n_x)).copy()
-    innovation, sd = np.empty((n_samples, n_h, n_rows)), np.empty((n_samples, n_h, n_rows))
-    means, gains = np.empty((n_samples, n_h, n_x)), None
-    if with_gains:
-        gains = Gains(
-            inverse=np.empty((n_samples, n_h, n_rows, n_rows)),
-            e=np.empty((n_samples, n_h, n_rows)),
-            W=np.empty((n_samples, n_h, n_rows, n_x)),
-        )
+    # Covariance and mean in one array, the mean below, so that one product serves both.
+    state = np.empty((n_h, n_x + 1, n_x))
+    P, x = state[:, :n_x], state[:, n_x]
+    P[:], x[:] = covariance, mean
+    variances = state.reshape(n_h, -1)[:, : n_x * n_x : n_x + 1]
+    innovation, sd = np.empty((2, n_samples, n_h, n_rows))
+    means = np.empty((n_samples, n_h, n_x))
+    gains = Gains.empty(innovation.shape, n_x) if with_gains else None
     for k in range(n_samples):
         # 1. Innovations and their covariance.
         Zk = Z[k]
-        PZ = _loaded(P[..., :n_shared], Zk)
-        v = y[k] - _loaded(x[:, None, :n_shared], Zk)[:, 0]
+        loaded = _loaded(state[..., :n_shared], Zk)
+        if extra is not None:
+            loaded += np.matmul(state[..., n_shared:], extra[k].swapaxes(-1, -2))
+        PZ, v = loaded[:, :n_x], y[k] - loaded[:, n_x]
         S = np.matmul(Zk, PZ[:, :n_shared])
         if extra is not None:
-            PZ = PZ + np.matmul(P[..., n_shared:], extra[k].swapaxes(-1, -2))
-            v = v - np.matmul(extra[k], x[:, n_shared:, None])[..., 0]
-            S = np.matmul(Zk, PZ[:, :n_shared]) + np.matmul(extra[k], PZ[:, n_shared:])
+            S += np.matmul(extra[k], PZ[:, n_shared:])
         _diagonal(S)[:] += R[k]
         # 2. Each row given those before it.
         inverse, e, sd[k] = _white(S, v)
         innovation[k] = e
-        if np.count_nonzero(np.abs(e) > bound):
+        if (np.abs(e) > bound).any():
             beyond = np.flatnonzero((np.abs(e) > bound).any(axis=1))
             inverse[beyond], e[beyond], innovation[k, beyond], sd[k, beyond] = _bounded(S[beyond], v[beyond], bound)
         # 3. The state from them, and at the next sample.
@@ -190,12 +196,12 @@ def filter_stack(
         means[k] = x
         if gains is not None:
             gains.inverse[k], gains.e[k], gains.W[k] = inverse, e, W
-        x = x @ F_transposed
-        # F P F', where F is diagonal but for a few rows.
-        rows = np.matmul(np.matmul(F_coupled, P), F_transposed)
-        P *= shrunk
-        P[:, coupled], P[:, :, coupled] = rows, rows.swapaxes(-1, -2)
-        _diagonal(P)[:] += stack.Q[k]
+        # F P F' and F x, where F is diagonal but for a few rows.
+        columns = np.matmul(state, F_coupled)
+        columns[:, :n_x] = np.matmul(F, columns[:, :n_x])
+        state *= shrunk
+        state[:, :, coupled], state[:, coupled] = columns, columns[:, :n_x].swapaxes(-1, -2)
+        variances += stack.Q[k]
     known = np.broadcast_to(known, innovation.shape)
     log_density = np.where(known, bounded_log_density(innovation, sd, bound), np.nan)
     return StackRun(
@@ -203,8 +209,8 @@ def filter_stack(
         innovation=np.where(known, innovation, np.nan),
         sd=np.where(known, sd, np.nan),
         mean=means,
-        final_mean=x,
-        final_covariance=P,
+        final_mean=x.copy(),
+        final_covariance=P.copy(),
         gains=gains,
     )
 
@@ -223,9 +229,13 @@ def _loaded(P: FloatArray, Z: FloatArray) -> FloatArray:
 
 def _white(S: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the inverses of the Cholesky factors of covariances, and innovations over their sds, with these."""
-    factor: FloatArray = np.asarray(np.linalg.cholesky(S), dtype=np.float64)
-    inverse: FloatArray = np.asarray(np.linalg.inv(factor), dtype=np.float64)
-    return inverse, np.matmul(inverse, v[..., None])[..., 0], _diagonal(factor)
+    inverse, sd = np.empty_like(S), np.empty_like(v)
+    for h, covariance in enumerate(S):
+        factor, failed = lapack.dpotrf(covariance, lower=True)
+        if failed:
+            raise np.linalg.LinAlgError("a covariance of innovations is not positive definite")
+        inverse[h], sd[h] = lapack.dtrtri(factor, lower=True)[0], factor.diagonal()
+    return inverse, np.matmul(inverse, v[..., None])[..., 0], sd
 
 
 def _bounded(S: FloatArray, v: FloatArray, bound: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:

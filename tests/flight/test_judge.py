@@ -43,7 +43,7 @@ def model_of(log: FlightLog) -> FlightModel:
 
 @pytest.fixture(scope="module")
 def journey() -> FlightLog:
-    return made_journey(rate_hz=2.0).window(None, 700.0)
+    return made_journey(rate_hz=2.0).window(None, 620.0)
 
 
 @pytest.fixture(scope="module")

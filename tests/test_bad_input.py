@@ -152,7 +152,7 @@ CONFIGS = {
     f"method: {'x' * 100_000}": f"c.yaml: method: not one of the choices, got '{'x' * 47}...{'x' * 48}'; known: ml, ",
     f"{'x' * 1000}: 1": f"c.yaml: {'x' * 19}…{'x' * 20}: unknown key; known: inputs, ",
     f"*{'x' * 100_000}": "xxxxxxxx…xxxxxx",
-    "[" * 3_000: "c.yaml: nested too deeply; flatten the document",
+    "[" * 600: "c.yaml: nested too deeply; flatten the document",
     f"# {'x' * 4_000_000}": "c.yaml: larger than 4 MB, the most that is read; shorten it",
     "[seed, strict]: 1": "c.yaml: line 1, column 1: a key must be a plain word; mend the YAML",
     '"\\UFFFFFFFF": 1': "c.yaml: an escape that stands for no character; mend the YAML",

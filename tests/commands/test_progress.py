@@ -154,7 +154,7 @@ def test_an_interrupted_search_for_many_faults(tmp_path: Path):
     assert ended.terminal.endswith("bfi: interrupted\n")
 
 
-@pytest.mark.first_rows(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words", [("plot", TWO), ("identify", TWO, "-d", FAULTS, *QUICKER)], ids=lambda words: words[0]
 )

@@ -340,7 +340,7 @@ def ordinary_flight(cause: str, size: float = 0.0) -> FlightLog:
 
 
 @needs_jsbsim
-@pytest.mark.first_rows(1)
+@pytest.mark.slow
 @pytest.mark.parametrize(("cause", "making"), SIMULATED.items())
 def test_an_ordinary_cause_acts_from_its_time_on_and_is_in_the_truth(cause: str, making: Making):
     calm, log = ordinary_flight(""), ordinary_flight(cause, making.size)

@@ -16,6 +16,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -37,10 +38,17 @@ class Line:
 BY = 1.3  # times as much, of a constant
 
 
+@cache
+def read(file: str) -> tuple[list[str], ast.Module]:
+    """Return the lines of a module and its tree."""
+    source = (ROOT / "bfi_cli" / file).read_text(encoding="utf-8")
+    return source.splitlines(), ast.parse(source)
+
+
 def constant(file: str, name: str, tests: Sequence[str]) -> Line:
     """Return the line of a constant of a module, with the one in which it is 30 % larger."""
-    source = (ROOT / "bfi_cli" / file).read_text(encoding="utf-8")
-    for statement in ast.parse(source).body:
+    lines, tree = read(file)
+    for statement in tree.body:
         if not isinstance(statement, ast.Assign):
             continue
         target, value = statement.targets[0], statement.value
@@ -49,11 +57,10 @@ def constant(file: str, name: str, tests: Sequence[str]) -> Line:
         for named, number in pairs:
             if not (isinstance(named, ast.Name) and named.id == name):
                 continue
-            whole, part = (ast.get_source_segment(source, node) or "" for node in (statement, number))
+            line, part = lines[number.lineno - 1], slice(number.col_offset, number.end_col_offset)
             counts = isinstance(number, ast.Constant) and isinstance(number.value, int)
-            larger = str(round(BY * int(part))) if counts else f"{BY} * ({part})"
-            at = number.col_offset - statement.col_offset
-            return Line(file, whole, (whole[:at] + larger + whole[at + len(part) :],), tuple(tests))
+            larger = str(round(BY * int(line[part]))) if counts else f"{BY} * ({line[part]})"
+            return Line(file, line, (line[: part.start] + larger + line[part.stop :],), tuple(tests))
     raise ValueError(f"{file} has no constant {name}")
 
 

@@ -10,7 +10,7 @@ from . import TINY, FloatArray
 from .atom_signals import AtomSignals
 from .coherence import whiten
 from .compiled import lapack
-from .lagged import Compressed, EarlierRows, compress, lagged, with_earlier
+from .lagged import Compressed, EarlierRows, compress, fill_lagged, with_earlier
 from .progress import Report, silent
 from .variable_projection import Fit
 
@@ -91,19 +91,18 @@ class Regressors:
     Attributes
     ----------
     layout : the record; fit : of it.
-    Q : (n_all, rank), their orthogonal basis; now : (n_all, n_outputs) the corrected outputs, weighted; those of the
-        record, then those of earlier ones.
-    singular : all of their singular values, columns scaled; Vt : (rank, n_regressors); scale : of the columns.
+    Q : (n_all, rank), their orthogonal basis; weighted_error : (n_all, n_outputs) what they leave of the corrected
+        outputs; those of the record, then those of earlier ones.
+    coefficients : (n_regressors, n_outputs); condition_number : columns scaled.
     weights : (n_rows,).
     """
 
     layout: Layout
     fit: Fit
     Q: FloatArray
-    now: FloatArray
-    singular: FloatArray
-    Vt: FloatArray
-    scale: FloatArray
+    weighted_error: FloatArray
+    coefficients: FloatArray
+    condition_number: float
     weights: FloatArray
 
     def with_signals(self, theta: AtomSignals) -> Layout:
@@ -111,14 +110,26 @@ class Regressors:
         return self.layout.with_signals(self.layout.theta.joined(theta))
 
     def each_of(self, theta: AtomSignals) -> tuple[FloatArray, FloatArray]:
-        """Return (n_signals,) magnitude and variance of each signal, scaled, added alone to those of the record."""
-        n_own, every, step = self.layout.theta.n_atoms, list[FloatArray](), max(1, MOST_VALUES // theta.n_samples)
-        for k in range(0, theta.n_atoms, step):
-            some = theta.of(range(k, min(k + step, theta.n_atoms)))
-            unfolded = unfold(self.with_signals(some), self.fit, self)
-            every.append(np.stack(single_additions(self.fit, unfolded))[:, n_own:])
-        magnitude, variance = np.concatenate(every, axis=1)
-        return magnitude, variance
+        """Return (n_signals,) magnitude and variance of each signal, scaled, added alone to those of the record.
+
+        `single_additions` of these by inner products alone, so that a long record is gone through once.
+        """
+        fit, unfolded = self.fit, unfold(self.layout, self.fit, self)
+        basis = np.linalg.qr(whiten(unfolded.all_signatures, fit.sigma))[0]
+        e = whiten(unfolded.all_errors[:, :, None], fit.sigma)
+        others = np.hstack([basis, e - basis @ (basis.T @ e)])
+        n_y, n_signals, n_rows = len(fit.sigma), theta.n_atoms, len(self.weights)
+        absorbed, inner = np.zeros((self.Q.shape[1], n_y * n_signals)), np.zeros((others.shape[1], n_signals))
+        power = np.zeros(n_signals)
+        for start in range(0, n_rows, ROWS):
+            rows = slice(start, min(start + ROWS, n_rows))
+            if theta.array[rows.start : rows.stop + self.layout.first].any():
+                G = whiten(_filtered(theta.array, fit, self.layout.first, self.weights, rows), fit.sigma)
+                absorbed += self.Q[rows].T @ G.reshape(-1, n_y * n_signals)
+                inner += others[rows.start * n_y : rows.stop * n_y].T @ G
+                power += np.einsum("kj,kj->j", G, G)
+        left = power - np.sum(absorbed.reshape(-1, n_signals) ** 2, axis=0) - np.sum(inner[:-1] ** 2, axis=0)
+        return _additions(inner[-1], left, power, _small_sample_factor(fit, unfolded))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -168,8 +179,8 @@ def regressors_of(layout: Layout, fit: Fit) -> Regressors:
     input_lags, output_lags = range(0 if layout.feedthrough else 1, fit.order + 1), range(1, fit.order + 1)
     n_base = 1 + len(input_lags) * layout.u.shape[1]
     X = np.ones((n - first, n_base + fit.order * layout.y.shape[1]), order="F")
-    X[:, 1:n_base] = lagged(layout.u, input_lags, first=first)
-    X[:, n_base:] = lagged(corrected, output_lags, first=first)
+    fill_lagged(X.T[1:n_base], layout.u, input_lags)
+    fill_lagged(X.T[n_base:], corrected, output_lags)
     weights = np.ones(n - first) if layout.weights is None else layout.weights[first:]
     X *= weights[:, None]
     now, others = corrected[first:] * weights[:, None], layout.earlier
@@ -179,16 +190,15 @@ def regressors_of(layout: Layout, fit: Fit) -> Regressors:
     scale = np.linalg.norm(X, axis=0) if X.size <= MOST_VALUES else np.array([np.linalg.norm(column) for column in X.T])
     scale[scale == 0.0] = 1.0
     X /= scale
-    U, s, Vt = np.linalg.svd(X, full_matrices=False) if X.size <= MOST_VALUES else _svd_in_place(X)
-    keep = s > RANK_TOLERANCE * s[0]
+    Q, s, inverse = _basis(X)
+    shown = Q.T @ now
     return Regressors(
         layout=layout,
         fit=fit,
-        Q=U if keep.all() else U[:, keep],
-        now=now,
-        singular=s,
-        Vt=Vt[keep],
-        scale=scale,
+        Q=Q,
+        weighted_error=now - Q @ shown,
+        coefficients=(inverse @ shown) / scale[:, None],
+        condition_number=float(s[0] / s[-1]) if s[-1] > 0 else float("inf"),
         weights=weights,
     )
 
@@ -197,15 +207,22 @@ def _above(rows: FloatArray, others: FloatArray) -> FloatArray:
     return np.concatenate([rows, others]) if len(others) else rows
 
 
-def _svd_in_place(X: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return U, s, Vt of a tall column-major matrix, whose memory U takes; of a long record each is 40 MB and more."""
+def _basis(X: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return an orthogonal basis Q of a tall column-major matrix, all singular values, and M with pseudoinverse M Q'.
+
+    Q takes the memory of a matrix of many values: of a long record each is 40 MB and more.
+    """
+    if X.size <= MOST_VALUES:
+        Q, s, Vt = np.linalg.svd(X, full_matrices=False)
+        keep = s > RANK_TOLERANCE * s[0]
+        return (Q if keep.all() else Q[:, keep]), s, Vt[keep].T / s[keep]
     n_columns = X.shape[1]
     X, tau = lapack.dgeqrf(X, lwork=PANEL * n_columns, overwrite_a=True)[:2]
     rotation, s, Vt = np.linalg.svd(np.triu(X[:n_columns]))
-    X = lapack.dorgqr(X, tau, lwork=PANEL * n_columns, overwrite_a=True)[0]
-    for start in range(0, len(X), ROWS):
-        X[start : start + ROWS] = X[start : start + ROWS] @ rotation
-    return X, s, Vt
+    keep = s > RANK_TOLERANCE * s[0]
+    Q = lapack.dorgqr(X, tau, lwork=PANEL * n_columns, overwrite_a=True)[0]
+    inverse = Vt[keep].T / s[keep]
+    return (Q, s, inverse @ rotation.T) if keep.all() else (Q @ rotation[:, keep], s, inverse)
 
 
 def unfold(layout: Layout, fit: Fit, regressors: Regressors | None = None) -> FitRows:
@@ -216,22 +233,29 @@ def unfold(layout: Layout, fit: Fit, regressors: Regressors | None = None) -> Fi
     regressors : of the fit on this record where they are known, see `regressors_of`.
     """
     made = regressors_of(layout, fit) if regressors is None else regressors
-    first, n, theta = layout.first, len(layout.y), layout.theta.array
-    g = theta[first:].copy()
-    for i, K in enumerate(fit.K, start=1):
-        g -= np.einsum("io,koj->kij", K, theta[first - i : n - i])
-    g *= made.weights[:, None, None]
+    n = len(made.weights)
+    g = _filtered(layout.theta.array, fit, layout.first, made.weights, slice(0, n))
     if layout.earlier is None:
-        return _projected(made, g, n - first)
-    none = np.zeros((len(made.now) - len(g), *g.shape[1:]))
-    return _projected(made, np.concatenate([g, none]), n - first + layout.earlier.n_rows)
+        return _projected(made, g, n)
+    none = np.zeros((len(made.Q) - n, *g.shape[1:]))
+    return _projected(made, np.concatenate([g, none]), n + layout.earlier.n_rows)
+
+
+def _filtered(theta: FloatArray, fit: Fit, first: int, weights: FloatArray, rows: slice) -> FloatArray:
+    """Return (n, n_outputs, n_atoms) what the predictor of a fit makes of signals, weighted, on some rows."""
+    start, stop = first + rows.start, first + rows.stop
+    g = theta[start:stop].copy()
+    for i, K in enumerate(fit.K, start=1):
+        lag = theta[start - i : stop - i]
+        g -= K[0, 0] * lag if K.size == 1 else np.einsum("io,koj->kij", K, lag)
+    g *= weights[rows, None, None]
+    return g
 
 
 def _projected(made: Regressors, g: FloatArray, n_rows: int) -> FitRows:
     """Return the rows of a fit with weighted signatures g (n_all, n_outputs, n_atoms), which are overwritten."""
-    Q, now, s, n = made.Q, made.now, made.singular, len(made.weights)
+    Q, weighted_error, n = made.Q, made.weighted_error, len(made.weights)
     flat = g.reshape(len(g), -1)
-    weighted_error = now - Q @ (Q.T @ now)
     raw_norm = np.sqrt(np.einsum("koj,koj->j", g, g))
     flat -= Q @ (Q.T @ flat)
     signatures = flat.reshape(g.shape)
@@ -240,19 +264,13 @@ def _projected(made: Regressors, g: FloatArray, n_rows: int) -> FitRows:
         weighted_error=weighted_error[:n],
         signatures=signatures[:n],
         raw_norm=raw_norm,
-        coefficients=_coefficients(made, now),
-        condition_number=float(s[0] / s[-1]) if s[-1] > 0 else float("inf"),
-        n_regressors=made.scale.size,
+        coefficients=made.coefficients,
+        condition_number=made.condition_number,
+        n_regressors=len(made.coefficients),
         n_rows=n_rows,
         earlier_error=weighted_error[n:],
         earlier_signatures=signatures[n:],
     )
-
-
-def _coefficients(made: Regressors, x: FloatArray) -> FloatArray:
-    """Return (n_regressors, n) least-squares coefficients of x (n_rows, n) on the regressors."""
-    rank = made.Q.shape[1]
-    return np.asarray((made.Vt.T @ ((made.Q.T @ x) / made.singular[:rank, None])) / made.scale[:, None])
 
 
 def unfold_own(layout: Layout, fit: Fit) -> FitRows:
@@ -317,10 +335,22 @@ def single_additions(fit: Fit, unfolded: FitRows) -> tuple[FloatArray, FloatArra
     others = G - Q @ (Q.T @ G)
     power = np.einsum("kj,kj->j", others, others)
     white_raw = unfolded.raw_norm**2 / np.linalg.eigvalsh(fit.sigma)[-1]
-    seen = power > (BLIND * white_raw + TINY)
+    return _additions(others.T @ e, power, white_raw, _small_sample_factor(fit, unfolded))
+
+
+def _additions(
+    shown: FloatArray, power: FloatArray, whole: FloatArray, small_sample: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return magnitudes and variances of signals by what the errors show of them, NaN of those that are not seen.
+
+    Parameters
+    ----------
+    shown, power, whole : (n_atoms,) inner products with the errors, and squared norms, with and without what else
+        absorbs them.
+    """
+    seen = power > (BLIND * whole + TINY)
     safe = np.where(seen, power, 1.0)
-    magnitude = np.where(seen, others.T @ e / safe, np.nan)
-    return magnitude, np.where(seen, _small_sample_factor(fit, unfolded) / safe, np.nan)
+    return np.where(seen, shown / safe, np.nan), np.where(seen, small_sample / safe, np.nan)
 
 
 def regressors_of_support(layout: Layout, fit: Fit) -> Regressors:

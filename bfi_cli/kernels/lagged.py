@@ -173,7 +173,7 @@ def lagged(x: FloatArray, lags: Sequence[int], *, first: int | None = None) -> F
         raise ValueError(f"lags must lie in 0..first = {first}, got {min(lags)}..{longest}")
     x = np.asarray(x, dtype=np.float64)
     rows = np.empty((len(lags) * x.shape[1], max(x.shape[0] - first, 0)))
-    _fill(rows, x, lags)
+    fill_lagged(rows, x, lags)
     return rows.T
 
 
@@ -332,18 +332,18 @@ def with_scaled_outputs(data: Compressed, scale: FloatArray, shift: FloatArray) 
 def _fill_record(part: FloatArray, u: FloatArray, y: FloatArray, columns: Columns) -> None:
     """Write the columns of the constant, the inputs and the outputs into `part`, one row each."""
     part[columns.ones] = 1.0
-    _fill(part[1 : columns.n_base], u, columns.input_lags)
-    _fill(part[columns.y_lags], y, range(1, columns.order + 1))
-    _fill(part[columns.y], y, range(1))
+    fill_lagged(part[1 : columns.n_base], u, columns.input_lags)
+    fill_lagged(part[columns.y_lags], y, range(1, columns.order + 1))
+    fill_lagged(part[columns.y], y, range(1))
 
 
 def _fill_signals(part: FloatArray, atoms: FloatArray, columns: Columns) -> None:
     """Write the columns of (n_samples, n_signals) signals into `part`, one row each."""
-    _fill(part[columns.theta_lags], atoms, range(1, columns.order + 1))
-    _fill(part[columns.theta], atoms, range(1))
+    fill_lagged(part[columns.theta_lags], atoms, range(1, columns.order + 1))
+    fill_lagged(part[columns.theta], atoms, range(1))
 
 
-def _fill(rows: FloatArray, x: FloatArray, lags: Sequence[int]) -> None:
+def fill_lagged(rows: FloatArray, x: FloatArray, lags: Sequence[int]) -> None:
     """Write the lagged copies of (n_samples, n_channels) `x` into `rows`, one row per lag and channel."""
     channels, n, width = np.ascontiguousarray(x.T), rows.shape[1], x.shape[1]
     for j, lag in enumerate(lags):

@@ -14,6 +14,7 @@ from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.covariance import (
     Layout,
     covariance,
+    regressors_of_support,
     single_additions,
     unfold,
     unfold_own,
@@ -191,6 +192,22 @@ def test_single_additions_are_a_least_squares_with_its_degrees_of_freedom(n_y, b
         columns = G[:, [*base, atom]]
         assert magnitude[atom] == pytest.approx(np.linalg.lstsq(columns, e, rcond=None)[0][-1], rel=1e-6)
         assert variance[atom] == pytest.approx(factor * np.linalg.inv(columns.T @ columns)[-1, -1], rel=1e-9)
+
+
+@pytest.mark.parametrize("rows", [50, 1000])
+@pytest.mark.parametrize("is_weighted", [False, True])
+@pytest.mark.parametrize("n_y", [1, 2])
+@pytest.mark.parametrize("base", [(), (0,), (0, 2)])
+def test_additions_by_inner_products_are_those_by_rows(monkeypatch, base, n_y, is_weighted, rows):
+    """Also where rows are taken in parts, of some of which a signal is zero; its own atom again is not seen."""
+    monkeypatch.setattr(covariance_module, "ROWS", rows)
+    u, y, theta = record(13, (1.0, 0.3, -0.5), n_y=n_y)
+    layout, fit = fitted(u, y, theta, base, first=6)
+    layout = layout.with_weights(1.0 + np.random.default_rng(0).uniform(size=400) if is_weighted else None)
+    expected = single_additions(fit, unfold(layout, fit))
+    added = regressors_of_support(layout, fit).each_of(layout.theta)
+    np.testing.assert_allclose(added, expected, rtol=1e-9)
+    assert np.isnan(added[0][list(base)]).all()
 
 
 def test_an_active_atom_added_again_brings_nothing():

@@ -46,7 +46,7 @@ MOST_PROFILED = 40
 N_ONSETS = 33
 INSIDE = (0.1, 0.9)
 # MOST_VALUES: values of the signals that are added at once, where they are not in stretches, for memory.
-MOST_VALUES = 10**6
+MOST_VALUES = 4 * 10**6
 # Entries for which it is asked what the factor would be, were they declared: it takes a fit for each.
 MOST_DECLARED = 40
 

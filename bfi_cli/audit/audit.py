@@ -11,7 +11,6 @@ from ..dictionary import Dictionary, dead_reason, no_signal, signals
 from ..errors import ConfigError, DictionaryError
 from ..faults.shapes import ADDITIVE
 from ..flightlog import FlightLog
-from ..kernels.atom_signals import AtomSignals
 from ..kernels.coherence import whiten
 from ..model.preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..model.preprocessing.magnitudes import fault_free_limits
@@ -83,7 +82,7 @@ def _audit_signals(dictionary: Dictionary, config: Config, duration_s: float | N
     reasons |= {j: no_signal(fault) for j, fault in enumerate(faults) if fault.shape not in ADDITIVE}
     if theta is not None and values is not None:
         rest = [j for j in range(len(faults)) if j not in reasons]
-        reasons |= advised(unusable_atoms(AtomSignals(theta), names, rest), values)
+        reasons |= advised(unusable_atoms(theta, names, rest), values)
     reasons = reasons_of(faults, names, reasons)
     live = {j: fault for j, fault in enumerate(faults) if j not in reasons}
     if not live:

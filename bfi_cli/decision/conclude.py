@@ -185,7 +185,12 @@ def conclude(
         )
     else:
         notes += _notes_on(findings)
-        if errors := [f"{finding.advice}: {finding.text}" for finding in findings if _errs_throughout(finding)]:
+        # Those that are set aside, or err by more than an installation makes them.
+        if errors := [
+            f"{finding.advice}: {finding.text}"
+            for finding in findings
+            if finding.what == "unrelated" or (finding.is_constant and not finding.is_installation)
+        ]:
             decision, summary = _not_excluded(decision), "; ".join(filter(None, (*errors, summary)))
             verdicts = {kind: _not_excluded(verdict) for kind, verdict in verdicts.items()}
     return Conclusion(
@@ -258,11 +263,6 @@ def _notes_on(findings: Sequence[Implausible]) -> list[Note]:
         *(Note.limit(f"throughout the flight: {finding.text}") for finding in there if finding.is_constant),
         *(Note.method(f"{finding.advice}: {finding.text}") for finding in there if finding.is_stated),
     ]
-
-
-def _errs_throughout(finding: Implausible) -> bool:
-    """Say whether a channel is set aside, or errs by more than an installation makes it."""
-    return finding.what == "unrelated" or (finding.is_constant and not finding.is_installation)
 
 
 def _not_excluded(verdict: Decision) -> Decision:

@@ -53,6 +53,7 @@ def _in_part(flight: Flight) -> list[Defect]:
 def _event(flight: Flight, defect: Defect) -> Event:
     onset_s, last_s = defect.times_s[0], defect.times_s[-1] + defect.durations_s[-1]
     beside_s = max(onset_s - defect.hidden[0][0], 1.0 / flight.log.rate_hz)
+    tolerance = flight.tolerances.get(defect.channel) or tolerance_of(flight.log, flight.log, defect.channel)
     return Event(
         fault=defect.channel,
         among=(defect.channel,),
@@ -70,12 +71,8 @@ def _event(flight: Flight, defect: Defect) -> Event:
         window_s=(max(onset_s - AROUND_S, flight.from_s), min(last_s + AROUND_S, flight.to_s)),
         statistic=defect.statistic,
         threshold=1.0,
-        beyond_tolerance=bool(np.abs(defect.largest) > _tolerance(flight, defect.channel)),
+        beyond_tolerance=bool(np.abs(defect.largest) > tolerance),
         count=defect.count,
         times_s=defect.times_s,
         duration_s=defect.duration_s,
     )
-
-
-def _tolerance(flight: Flight, channel: str) -> float:
-    return flight.tolerances.get(channel) or tolerance_of(flight.log, flight.log, channel)

@@ -185,11 +185,6 @@ def channel_faults(place: Place) -> dict[str, Loads]:
     return faults
 
 
-def _width(fault: str, loads: Loads) -> float:
-    row = next(iter(loads))
-    return WIDE["ground_speed"] if fault == "ground_speed" else WIDE[row]
-
-
 def _channel_weights(place: Place, ordinary: Ordinary, named: Collection[str]) -> Iterator[Weight]:
     """Yield what an error of every channel is worth: a step, one that grows for a while, one that grows on."""
     faults = {name: loads for name, loads in channel_faults(place).items() if name not in REFERENCES or name in named}
@@ -227,7 +222,7 @@ def _run_of_channels(
     start = np.zeros((len(hypotheses), FAULT_STATES))
     seconds = np.arange(place.n)
     for h, (name, growth_s, at_place) in enumerate(hypotheses):
-        width = _width(name, faults[name])
+        width = WIDE["ground_speed" if name == "ground_speed" else next(iter(faults[name]))]
         onset, offset = at_place.onset, at_place.offset
         after_s = AT_END_S if max(at_place.jumps) > 0 else 0  # what ends at once is over at once
         lasts = np.ones(place.n) if offset is None else (seconds < offset + after_s).astype(np.float64)

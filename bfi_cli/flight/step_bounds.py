@@ -89,19 +89,16 @@ def step_bounds(
             for sizes in by_window
         ]
         onsets_s = np.concatenate([sizes.onsets_s for sizes in by_window])
-        depth = np.concatenate([_depth(sizes) for sizes in by_window])
-        # By onset, the deepest first, of which the first of each onset counts.
+        # By onset, the farthest from the ends of its window first, of which the first of each onset counts.
+        depth = np.concatenate(
+            [np.minimum(sizes.onsets_s - sizes.window[0], sizes.window[1] - sizes.onsets_s) for sizes in by_window]
+        )
         order = np.lexsort((-depth, onsets_s))
         at, first = np.unique(onsets_s[order], return_index=True)
         least = np.concatenate(errors)[order][first]
         if np.isfinite(least).any():
             bounds.append(OnsetBound(channel=channel, onsets_s=at, errors=least))
     return tuple(bounds)
-
-
-def _depth(sizes: _WindowSizes) -> FloatArray:
-    """Return (n,) the seconds from each onset to the nearer end of its window."""
-    return np.minimum(sizes.onsets_s - sizes.window[0], sizes.window[1] - sizes.onsets_s)
 
 
 def _sizes_of(flight: Flight, scan: WindowScan, window: Window, scale: float, channels: Sequence[str]) -> _WindowSizes:

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import DTypeLike
 
 from . import FloatArray
 
@@ -67,87 +66,28 @@ class Tail:
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class AtomSignals:
-    """The signals of the atoms of a dictionary on one record.
+def some_of(theta: FloatArray, atoms: Sequence[int]) -> FloatArray:
+    """Return some of the signals (n_samples, n_outputs, n_atoms); those of a range of step 1 without a copy."""
+    return theta[:, :, slice(atoms.start, atoms.stop) if isinstance(atoms, range) else list(atoms)]
 
-    Attributes
-    ----------
-    array : (n_samples, n_outputs, n_atoms).
-    """
 
-    array: FloatArray
+def amplitudes(theta: FloatArray) -> FloatArray:
+    """Return (n_outputs, n_atoms) the largest absolute value of each of the signals (n_samples, n_outputs, n_atoms)."""
+    return np.asarray(np.maximum(theta.max(axis=0), -theta.min(axis=0)))
 
-    @classmethod
-    def none(cls, n_samples: int, n_outputs: int) -> AtomSignals:
-        """Return no signals."""
-        return cls(np.empty((n_samples, n_outputs, 0)))
 
-    @property
-    def n_samples(self) -> int:
-        """How many samples each has."""
-        return len(self.array)
+def powers(theta: FloatArray) -> FloatArray:
+    """Return (n_atoms,) the root of the mean of the square of each of the signals (n_samples, n_outputs, n_atoms)."""
+    if len(theta) <= SQUARED:
+        return np.asarray(np.sqrt(np.mean(np.sum(theta**2, axis=1), axis=0)))
+    # One by one, for memory.
+    each = (theta[:, :, j] for j in range(theta.shape[2]))
+    return np.array([np.sqrt(np.mean(np.sum(signals**2, axis=1))) for signals in each])
 
-    @property
-    def n_atoms(self) -> int:
-        """How many there are."""
-        return int(self.array.shape[2])
 
-    @property
-    def shape(self) -> tuple[int, ...]:
-        """(n_samples, n_outputs, n_atoms)."""
-        return self.array.shape
-
-    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> FloatArray:
-        """Return (n_samples, n_outputs, n_atoms)."""
-        return self.array
-
-    def of(self, atoms: Sequence[int]) -> AtomSignals:
-        """Return some of the signals; those of a range of step 1 without a copy."""
-        some = slice(atoms.start, atoms.stop) if isinstance(atoms, range) else list(atoms)
-        return AtomSignals(self.array[:, :, some])
-
-    def over(self, unit: FloatArray) -> AtomSignals:
-        """Return the signals over (n_outputs,) the unit of their output."""
-        return AtomSignals(self.array / unit[:, None])
-
-    def joined(self, other: AtomSignals) -> AtomSignals:
-        """Return these signals, and others of the same record after them."""
-        return AtomSignals(np.concatenate([self.array, other.array], axis=2))
-
-    def replaced(self, atoms: Sequence[int], others: AtomSignals) -> AtomSignals:
-        """Return the signals with others in place of some."""
-        array = self.array.copy()
-        array[:, :, list(atoms)] = others.array
-        return AtomSignals(array)
-
-    def combined(self, z: FloatArray) -> FloatArray:
-        """Return (n_samples, n_outputs) the sum of the signals times (n_atoms,) magnitudes."""
-        return np.asarray((self.array.reshape(-1, z.size) @ z).reshape(self.n_samples, -1))
-
-    def peaks(self) -> FloatArray:
-        """Return (n_outputs, n_atoms) the largest absolute value of each signal."""
-        return np.asarray(np.maximum(self.array.max(axis=0), -self.array.min(axis=0)))
-
-    def travels(self) -> FloatArray:
-        """Return (n_outputs, n_atoms) the largest less the least value of each signal."""
-        return np.asarray(np.ptp(self.array, axis=0))
-
-    def powers(self) -> FloatArray:
-        """Return (n_atoms,) the root of the mean over all samples of the square of each signal."""
-        if self.n_samples <= SQUARED:
-            return np.asarray(np.sqrt(np.mean(np.sum(self.array**2, axis=1), axis=0)))
-        # One by one, for memory.
-        each = (self.array[:, :, j] for j in range(self.n_atoms))
-        return np.array([np.sqrt(np.mean(np.sum(signals**2, axis=1))) for signals in each])
-
-    def acting(self) -> tuple[tuple[int, int], ...]:
-        """Return (output, atom), ascending, of the signals that are not zero everywhere."""
-        return tuple((int(i), int(j)) for i, j in np.argwhere(np.any(self.array, axis=0)))
-
-    def active_rows(self, first: int) -> tuple[int, ...]:
-        """Return how many samples of each signal, from sample `first` on, are not zero, on all outputs together."""
-        return tuple(np.count_nonzero(self.array[first:], axis=(0, 1)).tolist())
+def acting(theta: FloatArray) -> tuple[tuple[int, int], ...]:
+    """Return (output, atom), ascending, of the signals (n_samples, n_outputs, n_atoms) that are not zero everywhere."""
+    return tuple((int(i), int(j)) for i, j in np.argwhere(np.any(theta, axis=0)))
 
 
 def standardised(values: FloatArray, *, centred: bool) -> tuple[FloatArray, FloatArray, FloatArray]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from . import TINY, FloatArray
-from .atom_signals import AtomSignals
+from .atom_signals import some_of
 from .coherence import whiten
 from .compiled import lapack
 from .lagged import Compressed, EarlierRows, compress, fill_lagged, with_earlier
@@ -39,13 +39,13 @@ class Layout:
 
     u: FloatArray
     y: FloatArray
-    theta: AtomSignals
+    theta: FloatArray
     first: int
     feedthrough: bool
     weights: FloatArray | None = None
     earlier: EarlierRows | None = None
 
-    def with_signals(self, theta: AtomSignals) -> Layout:
+    def with_signals(self, theta: FloatArray) -> Layout:
         """Return the record with other signals."""
         return replace(self, theta=theta)
 
@@ -65,7 +65,7 @@ class Layout:
             self,
             u=self.u[rows],
             y=self.y[rows],
-            theta=AtomSignals(self.theta.array[rows]),
+            theta=self.theta[rows],
             first=order,
             weights=None if self.weights is None else self.weights[rows],
         )
@@ -105,11 +105,11 @@ class Regressors:
     condition_number: float
     weights: FloatArray
 
-    def with_signals(self, theta: AtomSignals) -> Layout:
+    def with_signals(self, theta: FloatArray) -> Layout:
         """Return the record with others after its signals."""
-        return self.layout.with_signals(self.layout.theta.joined(theta))
+        return self.layout.with_signals(np.concatenate([self.layout.theta, theta], axis=2))
 
-    def each_of(self, theta: AtomSignals) -> tuple[FloatArray, FloatArray]:
+    def each_of(self, theta: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return (n_signals,) magnitude and variance of each signal, scaled, added alone to those of the record.
 
         `single_additions` of these by inner products alone, so that a long record is gone through once.
@@ -118,13 +118,13 @@ class Regressors:
         basis = np.linalg.qr(whiten(unfolded.all_signatures, fit.sigma))[0]
         e = whiten(unfolded.all_errors[:, :, None], fit.sigma)
         others = np.hstack([basis, e - basis @ (basis.T @ e)])
-        n_y, n_signals, n_rows = len(fit.sigma), theta.n_atoms, len(self.weights)
+        n_y, n_signals, n_rows = len(fit.sigma), theta.shape[2], len(self.weights)
         absorbed, inner = np.zeros((self.Q.shape[1], n_y * n_signals)), np.zeros((others.shape[1], n_signals))
         power = np.zeros(n_signals)
         for start in range(0, n_rows, ROWS):
             rows = slice(start, min(start + ROWS, n_rows))
-            if theta.array[rows.start : rows.stop + self.layout.first].any():
-                G = whiten(_filtered(theta.array, fit, self.layout.first, self.weights, rows), fit.sigma)
+            if theta[rows.start : rows.stop + self.layout.first].any():
+                G = whiten(_filtered(theta, fit, self.layout.first, self.weights, rows), fit.sigma)
                 absorbed += self.Q[rows].T @ G.reshape(-1, n_y * n_signals)
                 inner += others[rows.start * n_y : rows.stop * n_y].T @ G
                 power += np.einsum("kj,kj->j", G, G)
@@ -175,7 +175,7 @@ class FitRows:
 def regressors_of(layout: Layout, fit: Fit) -> Regressors:
     """Return the regressors of a fit on the rows of its record, for several `unfold` that differ in other atoms."""
     first, n = layout.first, len(layout.y)
-    corrected = layout.y - layout.theta.array[:, :, list(fit.atoms)] @ fit.z
+    corrected = layout.y - layout.theta[:, :, list(fit.atoms)] @ fit.z
     input_lags, output_lags = range(0 if layout.feedthrough else 1, fit.order + 1), range(1, fit.order + 1)
     n_base = 1 + len(input_lags) * layout.u.shape[1]
     X = np.ones((n - first, n_base + fit.order * layout.y.shape[1]), order="F")
@@ -234,7 +234,7 @@ def unfold(layout: Layout, fit: Fit, regressors: Regressors | None = None) -> Fi
     """
     made = regressors_of(layout, fit) if regressors is None else regressors
     n = len(made.weights)
-    g = _filtered(layout.theta.array, fit, layout.first, made.weights, slice(0, n))
+    g = _filtered(layout.theta, fit, layout.first, made.weights, slice(0, n))
     if layout.earlier is None:
         return _projected(made, g, n)
     none = np.zeros((len(made.Q) - n, *g.shape[1:]))
@@ -279,7 +279,7 @@ def unfold_own(layout: Layout, fit: Fit) -> FitRows:
 
 
 def _support_alone(layout: Layout, fit: Fit) -> tuple[Layout, Fit]:
-    return layout.with_signals(layout.theta.of(fit.atoms)), replace(fit, atoms=tuple(range(len(fit.atoms))))
+    return layout.with_signals(some_of(layout.theta, fit.atoms)), replace(fit, atoms=tuple(range(len(fit.atoms))))
 
 
 def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:

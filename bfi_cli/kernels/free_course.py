@@ -342,7 +342,7 @@ def course_problem(
     """
     first, n = layout.first, len(layout.y)
     weights = np.ones(n - first) if layout.weights is None else layout.weights[first:]
-    fixed = np.column_stack([layout.theta.array[:, 0, list(named)], line])
+    fixed = np.column_stack([layout.theta[:, 0, list(named)], line])
     every = np.column_stack([layout.y[:, 0], fixed, walk])
     lags = lagged(every, range(order + 1), first=first).reshape(n - first, order + 1, -1)
     if unit_root:
@@ -425,7 +425,7 @@ def redrawn(
 
     first, y = layout.first, layout.y[:, 0]
     weights = np.ones(len(y)) if layout.weights is None else layout.weights
-    beside = layout.theta.array[:, 0, list(named)] @ fit.z
+    beside = layout.theta[:, 0, list(named)] @ fit.z
     corrected = y - fit.value - beside
     inputs = lagged(layout.u, range(0 if layout.feedthrough else 1, len(fit.K) + unit_root + 1), first=first)
     base = np.hstack([np.ones((len(y) - first, 1)), inputs])

@@ -20,7 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from . import FloatArray
-from .atom_signals import AtomSignals
+from .atom_signals import acting
 from .compiled import lapack
 from .progress import Report, parts, silent
 
@@ -195,7 +195,7 @@ def triangular_first(rows: FloatArray, n_first: int) -> FloatArray:
 def compress(
     u: FloatArray,
     y: FloatArray,
-    theta: FloatArray | AtomSignals,
+    theta: FloatArray,
     *,
     order: int,
     feedthrough: bool = False,
@@ -221,8 +221,6 @@ def compress(
     dimensions = tuple(len(x.shape) for x in (u, y, theta))
     if dimensions != (2, 2, 3):
         raise ValueError(f"u, y, theta must have 2, 2, 3 dimensions, got {', '.join(map(str, dimensions))}")
-    if isinstance(theta, np.ndarray):
-        theta = AtomSignals(theta)
     if len(u) != len(y) or theta.shape[:2] != y.shape:
         raise ValueError(f"shapes disagree: u {u.shape}, y {y.shape}, theta {theta.shape}")
     if not 1 <= order < len(y):
@@ -231,13 +229,13 @@ def compress(
         order=order,
         n_inputs=u.shape[1],
         n_outputs=y.shape[1],
-        n_atoms=theta.n_atoms,
-        signals=theta.acting(),
+        n_atoms=theta.shape[2],
+        signals=acting(theta),
         feedthrough=feedthrough,
     )
     n_rows = len(y) - order
     wide = n_rows <= columns.size
-    blocks = _blocks(u, y, theta.array, columns, weights, n_rows if wide else min(BLOCK_ROWS, n_rows), report)
+    blocks = _blocks(u, y, theta, columns, weights, n_rows if wide else min(BLOCK_ROWS, n_rows), report)
     R = np.zeros((0 if wide else columns.size, columns.size), order="F")
     for block in blocks:
         R = triangular_first(block, columns.n_base) if wide else add_rows(R, block, overwrite=True)
@@ -272,7 +270,9 @@ def _blocks(
         part = block[:, : len(now) - order]
         block[:, part.shape[1] :] = 0.0
         _fill_record(part, u[rows], now, columns)
-        _fill_signals(part, theta[rows].reshape(len(now), -1)[:, picked], columns)
+        atoms = theta[rows].reshape(len(now), -1)[:, picked]
+        fill_lagged(part[columns.theta_lags], atoms, range(1, columns.order + 1))
+        fill_lagged(part[columns.theta], atoms, range(1))
         if weights is not None:
             part *= weights[start : start + part.shape[1]]
         yield block.T
@@ -335,12 +335,6 @@ def _fill_record(part: FloatArray, u: FloatArray, y: FloatArray, columns: Column
     fill_lagged(part[1 : columns.n_base], u, columns.input_lags)
     fill_lagged(part[columns.y_lags], y, range(1, columns.order + 1))
     fill_lagged(part[columns.y], y, range(1))
-
-
-def _fill_signals(part: FloatArray, atoms: FloatArray, columns: Columns) -> None:
-    """Write the columns of (n_samples, n_signals) signals into `part`, one row each."""
-    fill_lagged(part[columns.theta_lags], atoms, range(1, columns.order + 1))
-    fill_lagged(part[columns.theta], atoms, range(1))
 
 
 def fill_lagged(rows: FloatArray, x: FloatArray, lags: Sequence[int]) -> None:

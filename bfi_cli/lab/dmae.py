@@ -295,7 +295,7 @@ def identify_by_dmae(
         return decimate(x, window.signals.factor, window.lowpass)
 
     course = at_rate(run.fault)
-    theta = window.signals.theta.array[:, 0, list(window.live)]
+    theta = window.signals.theta[:, 0, list(window.live)]
     atoms, z = _explained(course, theta, config) if run.onset_s is not None else ((), np.zeros(0))
     value = np.full(len(window.live), np.nan)
     value[list(atoms)] = z

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..config import Config
 from ..kernels import FloatArray
+from ..kernels.atom_signals import some_of
 from ..kernels.lagged import lagged
 from ..kernels.mfddfd import (
     BlockFit,
@@ -140,7 +141,7 @@ def _errors(regression: RegressionData, best: _Choice) -> FloatArray:
     layout, order, first = regression.layout, best.order, regression.layout.first
     atoms = [best.courses[j][0] for j in best.fit.support]
     u, y = np.asarray(layout.u), np.asarray(layout.y)
-    lags = lagged(layout.theta.of(atoms).array.reshape(len(y), -1), range(order + 1), first=first)
+    lags = lagged(some_of(layout.theta, atoms).reshape(len(y), -1), range(order + 1), first=first)
     inputs = lagged(u, range(0 if layout.feedthrough else 1, order + 1), first=first)
     X = np.hstack([np.ones((len(y) - first, 1)), inputs, lagged(y, range(1, order + 1), first=first), lags])
     weights = np.ones(len(X)) if layout.weights is None else layout.weights[first:]

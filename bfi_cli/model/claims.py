@@ -20,6 +20,7 @@ from ..decision import Candidate, candidate_of, finite, untested
 from ..dictionary import dead_reason, dead_sentences
 from ..faults.shapes import SHAPES
 from ..kernels import ONE_SIDED_95, FloatArray
+from ..kernels.atom_signals import amplitudes, some_of
 from ..kernels.onset.scan import ENDING, STARTING
 from ..kernels.variable_projection import fit_magnitudes, log_dets_beside
 from ..kernels.whiteness import exceedances
@@ -151,7 +152,7 @@ def _twins(window: PreparedWindow) -> dict[int, int]:
     """Return, for entries left out because they are another's signal, that other entry."""
     if not window.reasons:
         return {}
-    flat = window.signals.theta.array.reshape(-1, window.signals.theta.n_atoms)
+    flat = window.signals.theta.reshape(-1, window.signals.theta.shape[2])
     norms = np.linalg.norm(flat, axis=0)
     twins = {}
     for entry in window.reasons:
@@ -183,8 +184,7 @@ BLIND_NOTE = "only a fault larger than the output's whole movement would be seen
 def hidden_atoms(window: PreparedWindow, magnitudes: MagnitudeEstimates) -> tuple[bool, ...]:
     """Say for each live atom whether only a fault far larger than the output's whole movement could be seen."""
     hidden, theta, moved = [], window.signals.theta, np.ptp(window.signals.y, axis=0)
-    peaks = theta.of(window.live).peaks()
-    for peak, detectable in zip(peaks.T, magnitudes.minimal_detectable, strict=True):
+    for peak, detectable in zip(amplitudes(some_of(theta, window.live)).T, magnitudes.minimal_detectable, strict=True):
         smallest, movement = detectable * float(peak.max()), float(moved[np.argmax(peak)])
         hidden.append(not np.isfinite(smallest) or smallest > BLIND * movement)
     return tuple(hidden)

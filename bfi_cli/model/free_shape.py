@@ -148,7 +148,7 @@ def _course_of(
         (
             model
             for support in supports
-            if _independent(regression.layout.theta.array[:, 0, list(support)], line)
+            if _independent(regression.layout.theta[:, 0, list(support)], line)
             for model in _models(regression, penalty, line, walk, support)
         ),
         key=lambda model: model.criterion,

@@ -384,7 +384,7 @@ def output_series(
     fault, variance = np.zeros(y.shape), np.zeros(y.shape)
     for start in range(0, len(y) if atoms else 0, AT_ONCE):
         rows = slice(start, min(start + AT_ONCE, len(y)))
-        theta = every.array[rows, :, entries]
+        theta = every[rows, :, entries]
         fault[rows] = theta @ outcome.magnitudes.value[atoms]
         variance[rows] = np.einsum("koi,ij,koj->ko", theta, outcome.magnitudes.covariance, theta)
     for course in outcome.free:

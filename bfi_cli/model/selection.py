@@ -18,7 +18,6 @@ import numpy as np
 
 from ..config import Config
 from ..kernels import FloatArray
-from ..kernels.atom_signals import AtomSignals
 from ..kernels.covariance import FitRows, Regressors, regressors_of_support
 from ..kernels.model_selection import Penalty, Proposal, Visited, least_criterion
 from ..kernels.progress import Report, StoppingRule, Termination, parts, silent
@@ -313,7 +312,7 @@ def _best_move(
     prices = {n: searched(penalty, entry_shifts.size).evidence - penalty.evidence for n, entry_shifts in shifts.items()}
     supports: dict[tuple[int, ...], Regressors] = {}
     moves: dict[tuple[int, ...], list[tuple[float, int, FloatArray]]] = {}
-    kept: dict[int, AtomSignals] = {}  # signals of the last group's moves: those of all are too many numbers
+    kept: dict[int, FloatArray] = {}  # signals of the last group's moves: those of all are too many numbers
     for together in _groups(shifts, len(now.regression.signals.time_s)):
         signals = _signals(now.regression, window, {n: shifts[n] for n in together})
         owners = np.repeat(together, [shifts[n].size for n in together])
@@ -321,13 +320,13 @@ def _best_move(
         for base, entries in _bases(best.atoms, together).items():
             if (support := supports.get(base)) is None:
                 support = supports[base] = _support(now.regression, best, base)
-            z, variance = support.each_of(signals.of(np.flatnonzero(np.isin(owners, entries)).tolist()))
+            z, variance = support.each_of(signals[:, :, np.flatnonzero(np.isin(owners, entries))])
             gains = np.nan_to_num(z**2 / variance)
             ends = np.cumsum([shifts[n].size for n in entries])
             for n, entry_gains in zip(entries, np.split(gains, ends[:-1]), strict=True):
                 gain = float(entry_gains.max(initial=0.0)) * penalty.n_effective / penalty.n_rows
                 if gain >= HOPEFUL * (penalty.per_fault + prices[n]):
-                    kept[n] = signals.of(np.flatnonzero(owners == n).tolist())
+                    kept[n] = signals[:, :, np.flatnonzero(owners == n)]
                     moves.setdefault(base, []).append((prices[n] - gain, n, entry_gains))
     promising = [
         (base, n, gains)
@@ -368,7 +367,7 @@ def _bases(atoms: Sequence[int], entries: Sequence[int]) -> dict[tuple[int, ...]
     return bases
 
 
-def _signals(regression: RegressionData, window: PreparedWindow, shifts: Mapping[int, FloatArray]) -> AtomSignals:
+def _signals(regression: RegressionData, window: PreparedWindow, shifts: Mapping[int, FloatArray]) -> FloatArray:
     """Return the signals of entries at their onsets, (n_samples, n_outputs, n_signals), scaled."""
     later = [
         (window.faults[window.live[n]].later(shift_s), window.sizes.get(window.live[n], 0.0))
@@ -379,7 +378,7 @@ def _signals(regression: RegressionData, window: PreparedWindow, shifts: Mapping
     units = np.repeat(
         [float(regression.magnitude_unit[n]) for n in shifts], [entry_shifts.size for entry_shifts in shifts.values()]
     )
-    return AtomSignals(signals_of_faults(window, faults, sizes).over(regression.unit).array * units)
+    return np.asarray(signals_of_faults(window, faults, sizes) / regression.unit[:, None] * units)
 
 
 def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> Regressors:
@@ -390,7 +389,7 @@ def _support(regression: RegressionData, fit: Fit, base: tuple[int, ...]) -> Reg
 
 
 def _fits(
-    regression: RegressionData, support: Regressors, theta: AtomSignals, gains: FloatArray
+    regression: RegressionData, support: Regressors, theta: FloatArray, gains: FloatArray
 ) -> list[tuple[int, Fit]]:
     """Return those of some signals that promise most when they are added to a support, and the fit with each.
 
@@ -402,7 +401,7 @@ def _fits(
     without = support.fit
 
     def fit_of(k: int) -> Fit:
-        data = support.with_signals(theta.of([k])).at_order(without.order).factor()
+        data = support.with_signals(theta[:, :, [k]]).at_order(without.order).factor()
         problem = project_inputs(data, without.order, floor=regression.floor)
         return fit_magnitudes(problem, range(len(without.atoms) + 1), np.append(without.z, 0.0))
 

@@ -10,7 +10,6 @@ from made_varx import dictionary, explicit_error, made, wave
 from scipy import signal, stats
 
 from bfi_cli.kernels import covariance as covariance_module
-from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.covariance import (
     Layout,
     covariance,
@@ -31,7 +30,7 @@ def fitted(u, y, theta, atoms, *, order: int = ORDER, first: int | None = None, 
     first = order if first is None else first
     data = compress(u, y, theta, order=first, feedthrough=feedthrough)
     fit = fit_magnitudes(project_inputs(data, order, floor=FLOOR), atoms)
-    return Layout(u=u, y=y, theta=AtomSignals(theta), first=first, feedthrough=feedthrough), fit
+    return Layout(u=u, y=y, theta=theta, first=first, feedthrough=feedthrough), fit
 
 
 def record(seed: int, z, *, n: int = 400, n_y: int = 1, noise_sd: object = 0.1):

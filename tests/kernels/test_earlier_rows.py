@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.covariance import Layout, covariance, single_additions, unfold
 from bfi_cli.kernels.lagged import EarlierRows, compress, lagged, restrict, with_earlier
 from bfi_cli.kernels.variable_projection import fit_magnitudes, project_inputs, single_magnitudes
@@ -36,7 +35,7 @@ def layout_of(n: int = 80) -> tuple[Layout, list[tuple[np.ndarray, np.ndarray]]]
     theta[n // 2 :, 0, 0] = 1.0
     theta[n // 3 :, 0, 1] = np.linspace(0.0, 1.0, n - n // 3)
     y = y + theta[:, :, 0] * 0.7
-    return Layout(u=u, y=y, theta=AtomSignals(theta), first=ORDER, feedthrough=True), [
+    return Layout(u=u, y=y, theta=theta, first=ORDER, feedthrough=True), [
         flown(1, 60, 5.0),
         flown(2, 40, -3.0),
     ]

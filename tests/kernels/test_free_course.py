@@ -8,7 +8,6 @@ from made_varx import made
 from numpy.testing import assert_allclose
 
 from bfi_cli.kernels import free_course
-from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.covariance import Layout
 from bfi_cli.kernels.free_course import CourseProblem, course_problem, fit_course, redrawn, walk_columns
 from bfi_cli.kernels.lagged import compress
@@ -25,7 +24,7 @@ def layout_of(seed: int, fault: np.ndarray, *, noise_sd: float = 0.05, theta: np
     """Return a record of a stable system of two states, with a fault on its output."""
     rng = np.random.default_rng(seed)
     u, y = made(rng, order=ORDER).fly(N, rng, noise_sd=noise_sd)
-    atoms = AtomSignals.none(N, 1) if theta is None else AtomSignals(theta)
+    atoms = np.empty((N, 1, 0)) if theta is None else theta
     return Layout(u=u, y=y + fault[:, None], theta=atoms, first=4, feedthrough=False)
 
 

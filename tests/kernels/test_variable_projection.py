@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from made_varx import dictionary, explicit_error, made, wave
 
 from bfi_cli.kernels import variable_projection as module
-from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.covariance import Layout, single_additions, unfold
 from bfi_cli.kernels.lagged import compress, lagged
 from bfi_cli.kernels.progress import Termination
@@ -358,7 +357,7 @@ def test_single_magnitudes_on_the_factor_are_those_on_the_rows(n_y, atoms):
     theta[:, :, 2] *= 0.01
     problem = problem_of(u, y, theta)
     fit = fit_magnitudes(problem, atoms)
-    layout = Layout(u=u, y=y, theta=AtomSignals(theta), first=ORDER, feedthrough=False)
+    layout = Layout(u=u, y=y, theta=theta, first=ORDER, feedthrough=False)
     expected = single_additions(fit, unfold(layout, fit))
     magnitude, variance = single_magnitudes(problem, fit, 3)
     others = [atom for atom in ATOMS if atom not in atoms]

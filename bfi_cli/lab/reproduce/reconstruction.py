@@ -103,10 +103,10 @@ def by_readings(log: FlightLog, order: int, names: Sequence[str] = READINGS) -> 
         z = np.zeros(len(window.names))
         z[live] = solution.z * regression.magnitude_unit
         # The prediction error of the VARX with these K and z, its inputs and constant fitted to the rest.
-        corrected = layout.y - layout.theta.array @ solution.z
+        corrected = layout.y - layout.theta @ solution.z
         rest = corrected[order:, 0] - lagged(corrected, range(1, order + 1)) @ solution.K
         error = regression.unit[0] * (rest - base @ np.linalg.lstsq(base, rest, rcond=None)[0])
-        fault = window.signals.theta.array[:, 0] @ z
+        fault = window.signals.theta[:, 0] @ z
         magnitudes = dict(zip(window.names, z.tolist(), strict=True))
         reconstructions[name] = Reconstruction(
             label=label_of(name),

@@ -78,19 +78,18 @@ def find_onset(
     config = with_inputs_of(log, config)
     published = config.method == "risro"
     with one_thread():
-        searched = _as_published(log, config, progress) if published else search_onsets(log, config, progress)
+        if published:
+            from .thesis import search_as_published
+
+            searched = search_as_published(log, config, progress)
+        else:
+            searched = search_onsets(log, config, progress)
     flown = () if published else (manoeuvres_of(log, config.outputs),)
     conclusion = conclude([searched.evidence, *beside, *flown], config.require)
     helps = None if published else what_would_help(log, config, conclusion.verdicts)
     source_notes = [note for source in (searched.evidence, *beside) for note in source.notes]
     notes = [*conclusion.notes, *source_notes, *filter(None, [helps])]
     return onset_result(searched, conclusion, false_alarm or config.start_time.false_alarm, notes)
-
-
-def _as_published(log: FlightLog, config: Config, progress: Progress) -> OnsetSearch:
-    from .thesis import search_as_published
-
-    return search_as_published(log, config, progress)
 
 
 def search_onsets(

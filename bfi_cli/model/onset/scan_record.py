@@ -17,7 +17,6 @@ from ...faults import Fault, magnitude_unit
 from ...faults.shapes import SCANNED_AS, Shape, sample_bytes
 from ...flightlog import FlightLog
 from ...kernels import BoolArray, FloatArray, IntArray
-from ...kernels.atom_signals import AtomSignals
 from ...kernels.covariance import FitRows, Layout, unfold
 from ...kernels.onset.scan import ENDING, FLOOR, STARTING, Scan
 from ...kernels.progress import Report, Step, silent
@@ -173,7 +172,7 @@ class Likelihood:
         """Return the maximum over the magnitudes of signals theta (n_samples, n_outputs, n_signals)."""
         if self.step is not None:
             self.step()
-        data = replace(self.layout, theta=AtomSignals(theta)).factor()
+        data = replace(self.layout, theta=theta).factor()
         floor = FLOOR if self.record.floor is None else self.record.floor
         problem = project_inputs(data, self.layout.first, floor=floor)
         return fit_magnitudes(problem, range(theta.shape[2]), start, tolerance=TOLERANCE)
@@ -219,7 +218,7 @@ def prepare_record(
             layout,
             u=np.asarray(layout.u),
             y=np.asarray(layout.y),
-            theta=AtomSignals.none(*layout.y.shape),
+            theta=np.empty((*layout.y.shape, 0)),
             weights=None if wanted.ends else layout.weights,
             earlier=None,
         ),

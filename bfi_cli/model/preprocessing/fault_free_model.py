@@ -9,6 +9,7 @@ import numpy as np
 from ...config import Config
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
+from ...kernels.atom_signals import some_of
 from ...kernels.coherence import detectable_deviations
 from ...kernels.covariance import FitRows, single_additions, unfold
 from ...kernels.model_selection import Penalty, least_criterion
@@ -73,7 +74,7 @@ def fit_fault_free(window: PreparedWindow, config: Config) -> FaultFreeModel:
     regression = build_regression(window.signals, (), config, orders=window.orders)
     fits, penalty = fault_free_fits(regression, config, len(window.live))
     best = least_criterion(fits)
-    theta = window.signals.theta.of(window.live).over(regression.unit)
+    theta = some_of(window.signals.theta, window.live) / regression.unit[:, None]
     unfolded = unfold(replace(regression.layout, theta=theta), best)
     return FaultFreeModel(
         regression=regression,

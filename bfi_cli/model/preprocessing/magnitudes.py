@@ -427,7 +427,7 @@ def _factor(window: PreparedWindow, regression: RegressionData, adding: Regresso
     # Each shifted signal is added alone to the fit.
     for part in np.array_split(onsets, n_parts):
         shifted = signals_of_faults(window, [family.later(onset) for onset in part.tolist()])
-        z, variance = adding.each_of(shifted.over(regression.unit))
+        z, variance = adding.each_of(shifted / regression.unit[:, None])
         squares = np.append(squares, z**2 / variance)
     seen = squares[np.isfinite(squares)]
     return max(1.0, float(np.mean(seen))) if seen.size else 1.0

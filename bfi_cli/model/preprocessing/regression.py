@@ -10,7 +10,7 @@ import numpy as np
 from ...config import Config, Selection
 from ...errors import LogError
 from ...kernels import FloatArray
-from ...kernels.atom_signals import AtomSignals, standardised
+from ...kernels.atom_signals import powers, some_of, standardised
 from ...kernels.covariance import FitRows, Layout, unfold_own
 from ...kernels.lagged import Compressed, EarlierRows, restrict, with_fault, with_scaled_outputs
 from ...kernels.model_selection import Penalty
@@ -102,7 +102,7 @@ class RegressionData:
     def scaling(self) -> dict[int, tuple[int, float]]:
         """Rows of the atoms whose signal is the output itself, see `ProjectedRegression.scaling`."""
         atoms = [j for j, entry in enumerate(self.atoms) if entry in self.signals.scaling]
-        rows = self.layout.theta.of(atoms).active_rows(self.layout.first)
+        rows = np.count_nonzero(self.layout.theta[self.layout.first :, :, list(atoms)], axis=(0, 1)).tolist()
         return {j: (n, float(self.magnitude_unit[j])) for j, n in zip(atoms, rows, strict=True)}
 
     def without_record(self) -> RegressionData:
@@ -116,7 +116,7 @@ class RegressionData:
         """Slopes of the atoms whose signal changes with the outputs, where one is no output itself; else None."""
         if not {*self.atoms} & self.signals.slopes.keys():
             return None
-        theta, first = self.layout.theta.array, self.layout.first
+        theta, first = self.layout.theta, self.layout.first
         n_rows, n_outputs = self.layout.y.shape[0] - first, self.layout.y.shape[1]
         blocks = np.array_split(np.arange(n_rows), min(n_rows, MOST_SLOPES))
         starts = np.array([block[0] for block in blocks])
@@ -143,7 +143,7 @@ class RegressionData:
 
     def with_dictionary(
         self,
-        theta: AtomSignals,
+        theta: FloatArray,
         atoms: Sequence[int],
         report: Report = silent,
         *,
@@ -179,7 +179,7 @@ class RegressionData:
         magnitudes : (n_atoms,) in SI units; each atom acts on one output.
         """
         z, earlier = magnitudes / self.magnitude_unit, self.layout.earlier
-        faulty = self.layout.y + self.layout.theta.combined(z)
+        faulty = self.layout.y + (self.layout.theta.reshape(-1, z.size) @ z).reshape(self.layout.y.shape)
         y, center, unit = standardised(self.center + self.unit * faulty, centred=self.centred)
         outputs = np.zeros(len(z), dtype=np.intp)
         outputs[[atom for _, atom in self.data.columns.signals]] = [output for output, _ in self.data.columns.signals]
@@ -230,7 +230,7 @@ def build_regression(
         earlier = [_earlier_rows(record, layout, units, floor, is_even=is_even) for record in signals.earlier]
         layout = replace(layout, earlier=EarlierRows.together(earlier))
     return RegressionData(
-        signals=replace(signals, theta=AtomSignals.none(*signals.y.shape)),
+        signals=replace(signals, theta=np.empty((*signals.y.shape, 0))),
         atoms=tuple(atoms),
         layout=layout,
         data=layout.factor(report),
@@ -263,12 +263,12 @@ def scored_by(regression: RegressionData, fits: Sequence[Fit], penalty: Penalty)
     return [penalty.scored(fit) for fit in fits], penalty
 
 
-def _scaled_signals(theta: AtomSignals, atoms: Sequence[int], unit: FloatArray) -> tuple[AtomSignals, FloatArray]:
+def _scaled_signals(theta: FloatArray, atoms: Sequence[int], unit: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return the signals of some entries over the unit of their output, of unit power, and the divisor's inverse."""
-    scaled = theta.of(atoms).over(unit)
-    power = scaled.powers()
+    scaled = some_of(theta, atoms) / unit[:, None]
+    power = powers(scaled)
     magnitude_unit = 1.0 / np.where(power > 0.0, power, 1.0)
-    scaled.array[...] *= magnitude_unit
+    scaled *= magnitude_unit
     return scaled, magnitude_unit
 
 
@@ -277,7 +277,7 @@ def _evened(layout: Layout, floor: float, rate_hz: float) -> Layout:
 
     It is left as it is where that size does not change, and where the error is round-off, which has no gusts.
     """
-    plain = layout.with_signals(layout.theta.of([]))
+    plain = layout.with_signals(layout.theta[:, :, []])
     data = plain.factor()
     fit = fit_magnitudes(project_inputs(data, layout.first, floor=floor), ())
     error = unfold_own(plain, fit).error
@@ -311,7 +311,7 @@ def _earlier_rows(earlier: Signals, layout: Layout, units: FloatArray, floor: fl
     z = np.hstack([earlier.u, earlier.y])
     z = (z - z.mean(axis=0)) / units
     u, y = z[:, :n_inputs], z[:, n_inputs:]
-    other = Layout(u=u, y=y, theta=AtomSignals.none(*y.shape), first=layout.first, feedthrough=layout.feedthrough)
+    other = Layout(u=u, y=y, theta=np.empty((*y.shape, 0)), first=layout.first, feedthrough=layout.feedthrough)
     if not is_even:
         other = _evened(other, floor, earlier.rate_hz)
     weights = np.ones(len(y)) if other.weights is None else other.weights

@@ -20,7 +20,7 @@ from ...faults import Fault, tail_of
 from ...faults.filters import recorded_signal, recorded_signals
 from ...flightlog import FlightLog
 from ...kernels import FloatArray
-from ...kernels.atom_signals import LONGEST_REACH, AtomSignals
+from ...kernels.atom_signals import LONGEST_REACH, acting
 from ...kernels.lagged import compress
 from ...kernels.low_pass import IDENTITY, WHITE, Lowpass, Response, decimate, lost_samples, lowpass_taps
 
@@ -57,7 +57,7 @@ class Signals:
     time_s: FloatArray
     u: FloatArray
     y: FloatArray
-    theta: AtomSignals
+    theta: FloatArray
     scaling: tuple[int, ...] = ()
     slopes: Mapping[int, FloatArray] = field(default_factory=dict)
     earlier: tuple[Signals, ...] = ()
@@ -144,7 +144,7 @@ class NativeSignals:
             time_s=self.time_s[rows],
             u=np.column_stack([none, *(self.log.channel(name).between(rows) for name in self.inputs)]),
             y=np.column_stack([self.log.channel(name).between(rows) for name in self.outputs]),
-            theta=AtomSignals(self.theta_between(rows)),
+            theta=self.theta_between(rows),
             scaling=self.scaling,
             slopes={j: slopes[rows] for j, slopes in self.slopes.items()},
         )
@@ -207,7 +207,7 @@ class NativeSignals:
             resampled={j: values for j, values in self.resampled.items() if j not in faults},
         )
 
-    def theta_decimated(self, factor: int, lowpass: Lowpass) -> tuple[AtomSignals, FloatArray]:
+    def theta_decimated(self, factor: int, lowpass: Lowpass) -> tuple[FloatArray, FloatArray]:
         """Return (n_rows, n_outputs, n_faults), filtered and decimated, and (n_faults,) the largest native values.
 
         Raises
@@ -231,7 +231,7 @@ class NativeSignals:
             made = recorded_signals(group_faults, self.time_s, self.response, window_start_s=self.window_start_s)
             theta[:, [outputs[j] for j in group], group] = decimate(made, factor, lowpass)
             largest[group] = np.max(np.abs(made), axis=0, initial=0.0)
-        return AtomSignals(theta), largest
+        return theta, largest
 
     @property
     def step_s(self) -> float:
@@ -515,9 +515,9 @@ def is_exact(signals: Signals) -> bool:
     y, u = signals.y[part], signals.u[part]
     if len(y) < 20 * EXACT_ORDER or np.any(np.ptp(y, axis=0) == 0.0):
         return False
-    if len(y) <= (EXACT_ORDER + 1) * len(signals.theta.acting()):  # so many terms fit any rows
+    if len(y) <= (EXACT_ORDER + 1) * len(acting(signals.theta)):  # so many terms fit any rows
         return False
-    theta = signals.theta.array[part]
+    theta = signals.theta[part]
     scale = np.ptp(y, axis=0)
     moving = np.ptp(u, axis=0) > 0.0
     u, y, theta = (u - u.mean(axis=0))[:, moving], (y - y.mean(axis=0)) / scale, theta / scale[:, None]

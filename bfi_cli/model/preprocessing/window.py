@@ -19,7 +19,7 @@ from ...flightlog.derived import with_derived
 from ...flightlog.injection import added_by, line_signals
 from ...flightlog.quality import held_hz, is_uniform, recorder_filters
 from ...kernels import FloatArray
-from ...kernels.atom_signals import AtomSignals
+from ...kernels.atom_signals import amplitudes
 from ...kernels.low_pass import WHITE, Lowpass, Response
 from ...kernels.progress import Report, parts, silent
 from ..result import LogSummary, log_summary
@@ -341,7 +341,7 @@ def shifts_within(window: PreparedWindow, entry: int, tolerance_s: float) -> Flo
     return np.asarray(shifts[(onset_s + shifts > start_s) & (onset_s + shifts < stop_s)])
 
 
-def signals_of_faults(window: PreparedWindow, faults: Sequence[Fault], sizes: Sequence[float] = ()) -> AtomSignals:
+def signals_of_faults(window: PreparedWindow, faults: Sequence[Fault], sizes: Sequence[float] = ()) -> FloatArray:
     """Return (n_samples, n_outputs, n_faults) the signals of faults, as those of the window.
 
     That of a fault of a pressure line whose signal the log cannot tell is 0.
@@ -402,13 +402,13 @@ def _with_entries(window: PreparedWindow, faults: Mapping[int, Fault], sizes: Ma
         range(len(faults)),
         {n: log_signals[j] for n, j in enumerate(entries) if j in log_signals},
     )
-    rate, held = (window.signals.factor, window.lowpass), window.signals.theta
-    theta, largest[entries] = alone.theta_decimated(*rate)
+    rate, theta = (window.signals.factor, window.lowpass), window.signals.theta.copy()
+    theta[:, :, list(entries)], largest[entries] = alone.theta_decimated(*rate)
     made = native.with_others(faults, log_signals)
     return replace(
         window,
         native=made,
-        signals=replace(window.signals, theta=held.replaced(entries, theta), slopes=made.slopes_at(*rate)),
+        signals=replace(window.signals, theta=theta, slopes=made.slopes_at(*rate)),
         largest=largest,
         sizes=dict(sizes),
     )
@@ -513,7 +513,7 @@ def selects_support(config: Config) -> bool:
 
 
 def unusable_atoms(
-    theta: AtomSignals,
+    theta: FloatArray,
     names: Sequence[str],
     indices: Sequence[int],
     report: Report = silent,
@@ -531,8 +531,8 @@ def unusable_atoms(
     """
     reasons: dict[int, str] = {}
     n_samples, n_outputs, n_atoms = theta.shape
-    constants, flat = np.kron(np.ones((n_samples, 1)), np.eye(n_outputs)), theta.array.reshape(-1, n_atoms)
-    travels, peaks = theta.travels().max(axis=0), theta.peaks().max(axis=0)
+    constants, flat = np.kron(np.ones((n_samples, 1)), np.eye(n_outputs)), theta.reshape(-1, n_atoms)
+    travels, peaks = np.ptp(theta, axis=0).max(axis=0), amplitudes(theta).max(axis=0)
     first = constants.shape[1]
     bases = np.empty((len(flat), first + len(indices)), order="F")
     bases[:, :first] = constants / np.linalg.norm(constants, axis=0)

@@ -9,7 +9,6 @@ import pytest
 from scipy import stats
 
 from bfi_cli.config import Config, merge
-from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.model_selection import Fit, Penalty
 from bfi_cli.kernels.variable_projection import (
     fit_magnitudes,
@@ -62,7 +61,7 @@ def record(
         time_s=time_s,
         u=u,
         y=(y + z * theta)[:, None],
-        theta=AtomSignals(theta[:, None, None]),
+        theta=theta[:, None, None],
     )
 
 

@@ -14,7 +14,6 @@ from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, unit_signal
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
-from bfi_cli.kernels.atom_signals import AtomSignals
 from bfi_cli.kernels.low_pass import WHITE, Lowpass
 from bfi_cli.model.preprocessing import signals as module
 from bfi_cli.model.preprocessing.signals import (
@@ -54,7 +53,7 @@ def record(*, seconds: float = 30.0, rate_hz: float = 100.0, noise_sd: float = 0
         time_s=log.time_s,
         u=log.signals(["elevator"]),
         y=log.signals(["tas"]),
-        theta=AtomSignals(theta[:, None, :]),
+        theta=theta[:, None, :],
     )
 
 
@@ -75,9 +74,9 @@ def recorder(x: np.ndarray, cutoff_hz: float, rate_hz: float) -> np.ndarray:
     return signal.sosfiltfilt(signal.butter(6, cutoff_hz, fs=rate_hz, output="sos"), x, axis=0)
 
 
-def sampled(log: Signals, rows: slice) -> AtomSignals:
+def sampled(log: Signals, rows: slice) -> np.ndarray:
     """Return some samples of the signals of a dictionary."""
-    return AtomSignals(np.asarray(log.theta)[rows])
+    return np.asarray(log.theta)[rows]
 
 
 @pytest.mark.parametrize(
@@ -159,14 +158,14 @@ def test_a_fault_of_the_dictionary_leaves_a_record_exact_and_another_does_not(ma
     log = record(noise_sd=0.0)
     faulty = replace(log, y=log.y + magnitude * np.asarray(log.theta)[:, :, 0])
     assert is_exact(faulty)
-    assert not is_exact(replace(faulty, theta=AtomSignals(np.roll(faulty.theta, 7, axis=0))))
+    assert not is_exact(replace(faulty, theta=np.roll(faulty.theta, 7, axis=0)))
 
 
 def test_exactness_does_not_depend_on_units_or_level():
     log = record(noise_sd=0.0)
-    assert is_exact(replace(log, u=57.3 * log.u + 3.0, y=1.944 * log.y, theta=AtomSignals(1.944 * log.theta.array)))
+    assert is_exact(replace(log, u=57.3 * log.u + 3.0, y=1.944 * log.y, theta=1.944 * log.theta))
     noisy = record(noise_sd=1e-4)
-    assert not is_exact(replace(noisy, y=1e-6 * noisy.y, theta=AtomSignals(1e-6 * noisy.theta.array)))
+    assert not is_exact(replace(noisy, y=1e-6 * noisy.y, theta=1e-6 * noisy.theta))
 
 
 @pytest.mark.parametrize(
@@ -192,7 +191,7 @@ def test_a_dictionary_as_large_as_the_record_does_not_make_it_exact():
         time_s=np.arange(n) / 10.0,
         u=rng.standard_normal((n, 1)),
         y=rng.standard_normal((n, 1)),
-        theta=AtomSignals(theta),
+        theta=theta,
     )
     assert not is_exact(log)
 

@@ -20,8 +20,8 @@ from ..notes import Note
 from ..quantities.channels import si_unit, to_si
 from ..quantities.text import instant
 from . import raw
-from .raw import ATTRIBUTES, LARGEST, LARGEST_CHUNK, TRUTH_KEYS, Asked, FloatArray, RawLog, Track, annotated
-from .record import CLEAN, nothing_between
+from .raw import ATTRIBUTES, LARGEST, LARGEST_CHUNK, TRUTH_KEYS, Asked, FloatArray, RawLog, annotated
+from .record import CLEAN, Track, nothing_between
 
 if TYPE_CHECKING:
     import h5py
@@ -248,7 +248,7 @@ def _signals(path: str, children: Mapping[str, Any]) -> tuple[dict[str, _Signal]
             elif _is_text(units):
                 unit = _text(np.ravel(units[()])[0]).strip()
         rows = slice(0, data.size)
-        track = Track(source=name, values=np.empty(0), unit=unit or None, read=partial(_values, data), rows=rows)
+        track = Track(source=name, unit=unit or None, read=partial(_values, data), rows=rows)
         signals[name] = track, data
     return signals, unlike
 

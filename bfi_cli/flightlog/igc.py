@@ -20,7 +20,8 @@ from ..notes import Note
 from .axis import with_midnights
 from .layouts import with_channels
 from .rates import in_order
-from .raw import Asked, RawLog, Track
+from .raw import Asked, RawLog
+from .record import Track
 
 FIX = re.compile(
     r"B(\d\d)([0-5]\d)([0-5]\d)(\d\d)(\d{5})([NS])(\d{3})(\d{5})([EW])([AV])(-\d{4}|\d{5})(-\d{4}|\d{5})(.*)", re.DOTALL

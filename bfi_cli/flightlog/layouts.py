@@ -14,7 +14,8 @@ from dataclasses import dataclass, replace
 from ..errors import LogError
 from ..quantities.channels import si_unit, split_unit
 from .cells import ABSENT, Lines, cells_of, with_commas
-from .raw import Asked, Track, fits, require_few
+from .raw import Asked, fits, require_few
+from .record import Track
 from .topics import RECORDERS, Recorder, maps_of
 
 DELIMITERS = ("|", ";", "\t")  # the first that stands in the header and in the row below it; else a comma

@@ -24,7 +24,8 @@ from ..errors import first_line
 from ..notes import Note
 from . import raw
 from .layouts import with_channels
-from .raw import Asked, RawLog, Track
+from .raw import Asked, RawLog
+from .record import Track
 
 # Types of elements, the sizes of their numbers and characters in bytes, and classes of arrays.
 MATRIX, COMPRESSED = 14, 15

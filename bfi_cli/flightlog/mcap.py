@@ -29,7 +29,6 @@ from .raw import (
     Asked,
     FloatArray,
     RawLog,
-    Track,
     choose_group,
     parsing,
     require_few,
@@ -37,6 +36,7 @@ from .raw import (
     require_size,
     time_column,
 )
+from .record import Track
 
 # Limit of a message, bytes: those of a flight log have some hundred, images a million.
 LARGEST_MESSAGE = 10**6

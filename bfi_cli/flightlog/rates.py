@@ -25,7 +25,8 @@ from ..notes import Note
 from ..quantities.channels import match_name, si_unit, to_si
 from ..quantities.text import instant
 from .axis import MENDED, longest_in_order
-from .raw import BY_RANK, FLAGS, Asked, FloatArray, RawLog, Track, claimed, require_memory, time_column
+from .raw import BY_RANK, FLAGS, Asked, FloatArray, RawLog, claimed, require_memory, time_column
+from .record import Track
 
 # The first of these channels in the log gives the time base.
 BASES = ("tas", "cas", "ias", "pitch", "pitch_rate", "longitudinal_acc")

@@ -21,7 +21,7 @@ from ..faults.filters import Filter, filters_from_json, filters_to_json
 from ..faults.ordinary import Occurrence
 from ..notes import Note
 from ..quantities.channels import STANDARD, NameMatch, match_name, si_unit, to_si
-from .record import FlightLog, Segment
+from .record import FlightLog, Segment, Track
 
 FloatArray = NDArray[np.float64]
 # First and last time of the wanted window, None for an end of the log.
@@ -57,48 +57,6 @@ class Asked:
     def sources(self) -> tuple[str, ...]:
         """Names in the file that the options mention; these signals are read even if they are no standard channels."""
         return (*self.channel_map.values(), *self.unit_map, *self.keep)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Track:
-    """One signal of a file: (n_samples,) values in the file's own unit, None where it states none.
-
-    Attributes
-    ----------
-    channel : the standard name that the format states, "" of none; None where it follows from `source`.
-    time_s : (n_samples,) times of a signal with a separate clock; empty where all signals of the file share one axis.
-        Either all signals of a file have such times, or none.
-    rate_hz : of a signal with a separate rate, None for the rate of the file.
-    step : in which a signal was recorded that went through a low-pass since, None of one that did not, or without one.
-    turn : a full turn in the unit of an angle that wraps around, None for other signals.
-    epoch : from which `time_s` counts, or the values of a time axis; None of one that no clock has set.
-    why : the channel is that, in words, "" where its name alone tells it; unit_from : where the unit is stated.
-    read : of a signal that is still in its file (`values` is empty), returns the values of rows; rows : its rows there.
-    """
-
-    source: str
-    values: FloatArray
-    unit: str | None = None
-    channel: str | None = None
-    time_s: FloatArray = field(default_factory=lambda: np.empty(0))
-    rate_hz: float | None = None
-    step: float | None = None
-    turn: float | None = None
-    epoch: Epoch | None = None
-    why: str = ""
-    unit_from: str = "the file"
-    read: Callable[[slice], FloatArray] | None = None
-    rows: slice = field(default_factory=lambda: slice(0, 0))
-
-    def here(self) -> Track:
-        """Return the signal with its values in memory."""
-        return self if self.read is None else replace(self, values=self.read(self.rows), read=None)
-
-    def part(self, rows: slice) -> Track:
-        """Return some of its rows."""
-        if self.read is None:
-            return replace(self, values=self.values[rows])
-        return replace(self, rows=slice(self.rows.start + rows.start, self.rows.start + rows.stop))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -27,7 +27,6 @@ from .rates import on_one_clock
 from .raw import (
     Asked,
     RawLog,
-    Track,
     by_precedence,
     different_length,
     fits,
@@ -38,7 +37,7 @@ from .raw import (
     unlike_time,
     why_matched,
 )
-from .record import Channel, Column, FlightLog, FloatArray, StoredChannel, Truth, frozen_array
+from .record import Channel, FlightLog, FloatArray, StoredChannel, Track, Truth, frozen_array
 from .resampling import with_filled, with_short_gaps
 
 # Longest step, s, and highest rate, Hz, of a time axis without a unit, and its units beside seconds.
@@ -287,14 +286,17 @@ def _truth(path: str, raw: RawLog, n_samples: int, convention: Convention | None
 
 
 def _explained(
-    columns: Sequence[Column], left_out: Mapping[str, str], convention: Convention | None
-) -> tuple[Column, ...]:
+    columns: Sequence[Track], left_out: Mapping[str, str], convention: Convention | None
+) -> tuple[Track, ...]:
     """Return what the columns of a file are, with the convention of the normal acceleration, those left out last."""
     kept = [column for column in columns if column.source not in left_out]
     for i, column in enumerate(kept):
         if column.channel == NORMAL and convention is not None:
             kept[i] = replace(column, why=f"{column.why}; it {sentence_of(convention)}")
-    return (*kept, *(Column(source=source, why=f"left out, as it {why}") for source, why in left_out.items()))
+    return (
+        *kept,
+        *(Track(source=source, why=f"left out, as it {why}", unit_from="") for source, why in left_out.items()),
+    )
 
 
 def _with_spread(
@@ -343,9 +345,9 @@ def _without_unknown_units(raw: RawLog, asked: Asked) -> RawLog:
     return replace(raw, columns=[column for column in raw.columns if column.source not in left_out], left_out=left_out)
 
 
-def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[Column], list[Note]]:
+def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[Track], list[Note]]:
     """Return the columns as channels by their names in the log, the time axis among them, what each is, and notes."""
-    taken, columns, notes = dict[str, Channel](), list[Column](), list(raw.notes)
+    taken, columns, notes = dict[str, Channel](), list[Track](), list(raw.notes)
     for column, match in by_precedence(raw.columns, asked):
         name, stated, in_file = column.source, unit_of(column, match, asked), column.unit
         why, unit_from = why_matched(column, match), unit_source(column, match, asked)
@@ -374,7 +376,7 @@ def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], li
                 Note.method(f"'{column.source}' is in '{stated}', an unknown unit; its values are kept as they are")
             )
             unit = None
-        columns.append(Column(source=column.source, channel=name, why=why, unit=stated, unit_from=unit_from))
+        columns.append(Track(source=column.source, channel=name, why=why, unit=stated, unit_from=unit_from))
         taken[name] = _channel(path, name, column.here() if name == "time" else column, unit, stated)
     return taken, columns, notes
 

@@ -169,21 +169,48 @@ class StoredChannel(Channel):
         return slice(self._rows.start + start, self._rows.start + stop)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
-    """What a column of the file was taken for.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Track:
+    """One signal of a file: (n_samples,) values in the file's own unit, None where it states none.
+
+    Without values it says what a column was taken for: `channel` is its name in the log, None where it is left out.
 
     Attributes
     ----------
-    source : its name in the file; channel : its name in the log, None where it is left out; why : it is that.
-    unit : in which its values were read, None where none is stated; unit_from : where that is stated, "" for nowhere.
+    channel : the standard name that the format states, "" of none; None where it follows from `source`.
+    time_s : (n_samples,) times of a signal with a separate clock; empty where all signals of the file share one axis.
+        Either all signals of a file have such times, or none.
+    rate_hz : of a signal with a separate rate, None for the rate of the file.
+    step : in which a signal was recorded that went through a low-pass since, None of one that did not, or without one.
+    turn : a full turn in the unit of an angle that wraps around, None for other signals.
+    epoch : from which `time_s` counts, or the values of a time axis; None of one that no clock has set.
+    why : the channel is that, in words, "" where its name alone tells it; unit_from : where the unit is stated.
+    read : of a signal that is still in its file (`values` is empty), returns the values of rows; rows : its rows there.
     """
 
     source: str
-    why: str
-    channel: str | None = None
+    values: FloatArray = field(default_factory=lambda: np.empty(0))
     unit: str | None = None
-    unit_from: str = ""
+    channel: str | None = None
+    time_s: FloatArray = field(default_factory=lambda: np.empty(0))
+    rate_hz: float | None = None
+    step: float | None = None
+    turn: float | None = None
+    epoch: Epoch | None = None
+    why: str = ""
+    unit_from: str = "the file"
+    read: Callable[[slice], FloatArray] | None = None
+    rows: slice = field(default_factory=lambda: slice(0, 0))
+
+    def here(self) -> Track:
+        """Return the signal with its values in memory."""
+        return self if self.read is None else replace(self, values=self.read(self.rows), read=None)
+
+    def part(self, rows: slice) -> Track:
+        """Return some of its rows."""
+        if self.read is None:
+            return replace(self, values=self.values[rows])
+        return replace(self, rows=slice(self.rows.start + rows.start, self.rows.start + rows.stop))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -238,7 +265,7 @@ class FlightLog:
     sha256: str = ""
     notes: tuple[Note, ...] = ()
     left_out: Mapping[str, str] = field(default_factory=dict)
-    columns: tuple[Column, ...] = ()
+    columns: tuple[Track, ...] = ()
     earlier: tuple[FlightLog, ...] = ()
     earlier_weights: tuple[float, ...] = ()
     _rate_hz: list[float] = field(init=False, repr=False, default_factory=list)  # `rate_hz`, after its first use

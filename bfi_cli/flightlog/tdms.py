@@ -22,7 +22,6 @@ from .raw import (
     Asked,
     FloatArray,
     RawLog,
-    Track,
     choose_group,
     number_of,
     parsing,
@@ -30,6 +29,7 @@ from .raw import (
     require_few,
     require_memory,
 )
+from .record import Track
 
 # Properties in which LabVIEW and DIAdem state a unit, the more usual first.
 UNITS = ("unit_string", "NI_UnitDescription", "units", "unit")

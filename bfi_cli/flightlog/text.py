@@ -19,8 +19,8 @@ from ..quantities.channels import match_name, si_unit, to_si
 from .axis import made_regular, note_on_order, out_of_order, with_midnights, without_jumps
 from .cells import Kind, Lines, Table
 from .layouts import Heading, heading_of, with_channels
-from .raw import BESIDE_TIME, KEYS, Asked, FloatArray, RawLog, Track, annotated
-from .record import CLEAN
+from .raw import BESIDE_TIME, KEYS, Asked, FloatArray, RawLog, annotated
+from .record import CLEAN, Track
 
 # s, and share of the record: by so much a clock of whole seconds may run apart from the time axis beside it.
 ALIKE_S, ALIKE = 2.0, 0.01

@@ -20,7 +20,8 @@ from ..epoch import Epoch, epoch_of_clock, utc_of_gps
 from ..errors import LogError
 from ..notes import Note
 from ..quantities.channels import DEGREE, REPEATED, STANDARD
-from .raw import Asked, FloatArray, RawLog, Track
+from .raw import Asked, FloatArray, RawLog
+from .record import Track
 
 Recorder = Literal[
     "px4", "ardupilot", "mavlink", "garmin", "dynon", "xplane", "inav", "flightgear", "igc", "dashlink", "sidpac"

@@ -18,7 +18,7 @@ from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.axis import boot_starts
 from bfi_cli.flightlog.rates import in_order
-from bfi_cli.flightlog.raw import Track
+from bfi_cli.flightlog.record import Track
 
 
 @given(

@@ -17,7 +17,7 @@ from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.quality import is_uniform
 from bfi_cli.flightlog.rates import in_order, mean_rate, one_base
-from bfi_cli.flightlog.raw import Track
+from bfi_cli.flightlog.record import Track
 from bfi_cli.flightlog.topics import RECORDERS, Topic, completed, maps_of, tracks_of
 from bfi_cli.kernels.quantisation import find_quantum
 

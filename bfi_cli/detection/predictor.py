@@ -86,7 +86,7 @@ class _Scaled:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Rows:
+class _LaggedRows:
     """Regressors [1 | inputs | components of the past] and outputs, from sample `first` on.
 
     `prior` is one over the standard deviation to which each coefficient is known, see `recursive_residuals`; `basis`
@@ -155,7 +155,7 @@ def fit_predictor(samples: DecimatedRecord, channels: Sequence[int]) -> Predicto
     )
 
 
-def _with_unseen(data: _Scaled, chosen: _Rows) -> _Rows:
+def _with_unseen(data: _Scaled, chosen: _LaggedRows) -> _LaggedRows:
     """Return the rows with a regressor more for each direction of the past that in the healthy time is noise alone.
 
     The healthy time does not tell how the outputs depend on such a direction, and noise in the regressors makes the
@@ -173,7 +173,7 @@ def _with_unseen(data: _Scaled, chosen: _Rows) -> _Rows:
     past = lagged(data.y, range(1, longest + 1), first=first) @ unseen
     basis = np.pad(chosen.basis, ((0, (longest - n_lags) * q), (0, 0)))
     later = first - chosen.first
-    return _Rows(
+    return _LaggedRows(
         X=np.hstack([chosen.X[later:], past]),
         Y=chosen.Y[later:],
         prior=np.append(chosen.prior, np.full(unseen.shape[1], 1.0 / UNSEEN_SD)),
@@ -207,7 +207,7 @@ def _score(data: _Scaled, lags: int, rank: int, *, forgetting: float) -> float:
     return predictive_score(recursive_residuals(X, Y, start=start, forgetting=forgetting, prior=rows.prior))
 
 
-def _rows(data: _Scaled, lags: int, rank: int) -> _Rows:
+def _rows(data: _Scaled, lags: int, rank: int) -> _LaggedRows:
     first = max(lags, INPUT_LAGS)
     basis, spread = past_basis(data.y[: data.n_healthy], lags=lags, rank=rank)
     basis = basis / spread
@@ -216,4 +216,4 @@ def _rows(data: _Scaled, lags: int, rank: int) -> _Rows:
     X = np.hstack([np.ones((len(past), 1)), inputs, past])
     prior = np.full(X.shape[1], PRIOR)
     prior[1 : 1 + inputs.shape[1]][np.tile(data.weak, INPUT_LAGS + 1)] = 1.0 / UNSEEN_SD
-    return _Rows(X=X, Y=data.y[first:], prior=prior, basis=basis, first=first)
+    return _LaggedRows(X=X, Y=data.y[first:], prior=prior, basis=basis, first=first)

@@ -12,7 +12,7 @@ from ..faults.shapes import SHAPES
 from ..model.onset.glance import Glance
 from ..model.onset.result import OnsetSearch
 from ..quantities.channels import channel_in_words, quantity_of
-from .parity import Finding, Fit, Record, Threshold, WindowScan, effects
+from .parity import FaultByOnset, Finding, Record, Threshold, WindowScan, effects
 from .parity.record import STATIC_LEAK, hypotheses
 
 # s, to both sides of an onset of the scan, which stands on the samples of its analysis at 2 Hz.
@@ -24,14 +24,14 @@ def hypothesis_of(fault: str) -> tuple[str, float]:
     return ("q_impact", -1.0) if fault == "pitot_icing" else (fault, 1.0)
 
 
-def fault_name(fit: Fit) -> str:
+def fault_name(fit: FaultByOnset) -> str:
     """Return what a hypothesis of the parity scan is called: a loss of impact pressure is icing of the pitot tube."""
     if fit.fault.fault == "q_impact" and fit.magnitude < 0.0:
         return "pitot_icing"
     return fit.fault.fault
 
 
-def names_of(fits: Sequence[Fit], record: Record) -> tuple[str, ...]:
+def names_of(fits: Sequence[FaultByOnset], record: Record) -> tuple[str, ...]:
     """Return the names of faults that explain a window about as well.
 
     A log with one airspeed cannot tell a fault of its channel from one of the pitot line: a loss may be icing.
@@ -73,7 +73,7 @@ def channels_of(fault: str, recorded: Collection[str]) -> tuple[str, ...]:
 
 
 def finding_of_fit(
-    fits: Sequence[Fit], record: Record, threshold: Threshold, recorded: Collection[str], scan: WindowScan
+    fits: Sequence[FaultByOnset], record: Record, threshold: Threshold, recorded: Collection[str], scan: WindowScan
 ) -> Finding:
     """Return the finding of a window that the parity scan declares.
 

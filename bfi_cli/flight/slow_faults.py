@@ -20,7 +20,7 @@ from .events import Draft, beyond_its_tolerance, clusters, is_certain, is_return
 from .flight import Flight, LastingFault
 from .looks import Scanned, rate_of, scale_of, scan_flight, thresholds_of
 from .naming import contradicted, finding_of_fit, hypotheses_of, hypothesis_of
-from .parity import LENGTHS_S, Fit, Threshold, WindowScan, explain, scan_window
+from .parity import LENGTHS_S, FaultByOnset, Threshold, WindowScan, explain, scan_window
 from .parity.explain import course_for
 from .parity.scan import without_lasting
 from .parity.windows import Window, overlaps, windows_in
@@ -329,7 +329,7 @@ def _well_inside(onset_s: float, window: Window) -> bool:
     return onset_s - window[0] >= NEAR_START_S and window[1] - onset_s >= NEAR_START_S
 
 
-def _explained(flight: Flight, window: Window, scan: WindowScan, static: StaticWindows) -> tuple[Fit, ...]:
+def _explained(flight: Flight, window: Window, scan: WindowScan, static: StaticWindows) -> tuple[FaultByOnset, ...]:
     ruled_out = contradicted(intact_channels(static, window))
     return explain(scan, flight.record.between(*window), ruled_out=ruled_out)
 

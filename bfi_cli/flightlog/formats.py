@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from ..errors import LogError, reason_of
 from ..files import HDF5, MCAP
-from .raw import Asked, RawLog, require_size
+from .raw import RawLog, ReadRequest, require_size
 
 if TYPE_CHECKING:
     import mmap
@@ -97,7 +97,7 @@ MESSAGE_READERS: tuple[tuple[Callable[[bytes], bool], Recorder, str], ...] = (
 )
 
 
-def read_columns(path: str, asked: Asked) -> RawLog:
+def read_columns(path: str, asked: ReadRequest) -> RawLog:
     """Return the columns of a file in the format that its first bytes show, or of a folder of files of `ulog2csv`.
 
     Raises
@@ -158,7 +158,7 @@ def _columns_of_messages(
     path: str,
     recorder: Recorder,
     topics_in: Callable[[str, Collection[str]], tuple[list[Topic], list[Note]]],
-    asked: Asked,
+    asked: ReadRequest,
 ) -> RawLog:
     from .topics import log_of_topics, topics_of
 
@@ -167,7 +167,7 @@ def _columns_of_messages(
     return log_of_topics(path, recorder, topics, asked, notes=notes)
 
 
-def _require_no_columns(path: str, asked: Asked) -> None:
+def _require_no_columns(path: str, asked: ReadRequest) -> None:
     if asked.columns:
         raise LogError(
             f"{path}: --columns names those of a text without a header, this file names its own; leave it out"

@@ -20,7 +20,7 @@ from ..notes import Note
 from ..quantities.channels import si_unit, to_si
 from ..quantities.text import instant
 from . import raw
-from .raw import ATTRIBUTES, LARGEST, LARGEST_CHUNK, TRUTH_KEYS, Asked, FloatArray, RawLog, annotated
+from .raw import ATTRIBUTES, LARGEST, LARGEST_CHUNK, TRUTH_KEYS, FloatArray, RawLog, ReadRequest, annotated
 from .record import CLEAN, Track, nothing_between
 
 if TYPE_CHECKING:
@@ -65,7 +65,7 @@ def _read_later(path: str, track: Track, data: h5py.Dataset, rows: slice) -> Tra
     return replace(track, read=read, rows=slice(rows.start, min(rows.stop, data.size)))
 
 
-def read_hdf5(path: str, asked: Asked) -> RawLog:
+def read_hdf5(path: str, asked: ReadRequest) -> RawLog:
     """Read an HDF5 or MATLAB v7.3 log; of a large log only the samples in and beside the wanted window.
 
     Raises
@@ -101,7 +101,7 @@ def _opened(path: str) -> Iterator[h5py.File]:
             yield file
 
 
-def _read(path: str, file: h5py.File, asked: Asked) -> RawLog:
+def _read(path: str, file: h5py.File, asked: ReadRequest) -> RawLog:
     import h5py
 
     root = dict(_members(path, file))
@@ -254,7 +254,7 @@ def _signals(path: str, children: Mapping[str, Any]) -> tuple[dict[str, _Signal]
 
 
 def _rows(
-    path: str, signals: Mapping[str, _Signal], clean: list[_Signal], rate: float | None, asked: Asked
+    path: str, signals: Mapping[str, _Signal], clean: list[_Signal], rate: float | None, asked: ReadRequest
 ) -> tuple[slice, int | None, tuple[Note, ...]]:
     """Return the rows to read, the length of the time axis if these are a part of it, else None, and a note on that.
 

@@ -20,7 +20,7 @@ from ..notes import Note
 from .axis import with_midnights
 from .layouts import with_channels
 from .rates import in_order
-from .raw import Asked, RawLog
+from .raw import RawLog, ReadRequest
 from .record import Track
 
 FIX = re.compile(
@@ -37,7 +37,7 @@ DECIMAL = ("TAS", "IAS", "GSP", "TRT", "TRM", "HDT", "HDM", "OAT", "WSP", "WDI")
 FURTHER = ("LAD", "LOD", "TDS")
 
 
-def read_igc(path: str, _: Asked) -> RawLog:
+def read_igc(path: str, _: ReadRequest) -> RawLog:
     """Read the fixes of an IGC file; the GNSS altitude of a fix without one is NaN.
 
     Raises

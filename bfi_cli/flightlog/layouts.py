@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from ..errors import LogError
 from ..quantities.channels import si_unit, split_unit
 from .cells import ABSENT, Lines, cells_of, with_commas
-from .raw import Asked, fits, require_few
+from .raw import ReadRequest, fits, require_few
 from .record import Track
 from .topics import RECORDERS, Recorder, maps_of
 
@@ -28,7 +28,7 @@ XPLANE = re.compile(r"[^,|]{5},[^,|]{5}")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Layout:
+class Header:
     """A recorder, and whether the names of a header are those of its table."""
 
     recorder: Recorder
@@ -42,12 +42,12 @@ def _has(name: str) -> Callable[[Sequence[str]], bool]:
 # The first that fits. Garmin: G1000, Perspective, NXi, G3X, GDU 460, TXi, where its first line is lost. Dynon: logs of
 # SkyView and HDX. X-Plane: `Data.txt`. INAV: `blackbox_decode`. FlightGear: the logger, and `playback`.
 LAYOUTS = (
-    Layout(recorder="garmin", is_header=_has("lcl_date")),
-    Layout(recorder="dynon", is_header=_has("session_time")),
-    Layout(recorder="xplane", is_header=lambda names: 2 * sum(map(bool, map(XPLANE.fullmatch, names))) > len(names)),
-    Layout(recorder="inav", is_header=_has("loopiteration")),
-    Layout(recorder="flightgear", is_header=lambda names: any(name.startswith("/") for name in names)),
-    Layout(recorder="flightgear", is_header=_has("airspeed_indicator_indicated_speed_kt")),
+    Header(recorder="garmin", is_header=_has("lcl_date")),
+    Header(recorder="dynon", is_header=_has("session_time")),
+    Header(recorder="xplane", is_header=lambda names: 2 * sum(map(bool, map(XPLANE.fullmatch, names))) > len(names)),
+    Header(recorder="inav", is_header=_has("loopiteration")),
+    Header(recorder="flightgear", is_header=lambda names: any(name.startswith("/") for name in names)),
+    Header(recorder="flightgear", is_header=_has("airspeed_indicator_indicated_speed_kt")),
 )
 
 
@@ -75,7 +75,7 @@ def plain_name(name: str) -> str:
     return re.sub(r"[^0-9a-z]+", "_", name.lower()).strip("_")
 
 
-def heading_of(path: str, lines: Lines, asked: Asked) -> Heading:
+def heading_of(path: str, lines: Lines, asked: ReadRequest) -> Heading:
     """Return the header of a table and leave its first row the next of the lines.
 
     Raises
@@ -218,7 +218,7 @@ def _cells(path: str, line: int, text: str, *, delimiter: str) -> list[tuple[str
     return list(map(split_unit, cells))
 
 
-def _names(path: str, named: Sequence[str], asked: Asked) -> tuple[tuple[str, ...], dict[str, str]]:
+def _names(path: str, named: Sequence[str], asked: ReadRequest) -> tuple[tuple[str, ...], dict[str, str]]:
     """Return the names of the columns, and by name or place why a column is left out.
 
     A column that is left out, because it has no name or that of one before it, has the name "".

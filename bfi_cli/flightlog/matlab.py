@@ -24,7 +24,7 @@ from ..errors import first_line
 from ..notes import Note
 from . import raw
 from .layouts import with_channels
-from .raw import Asked, RawLog
+from .raw import RawLog, ReadRequest
 from .record import Track
 
 # Types of elements, the sizes of their numbers and characters in bytes, and classes of arrays.
@@ -43,7 +43,7 @@ DEEPEST = 20
 FDATA, LAST_AXIS = "fdata", 13
 
 
-def read_matlab(path: str, asked: Asked) -> RawLog:
+def read_matlab(path: str, asked: ReadRequest) -> RawLog:
     """Read a MATLAB v5 file.
 
     Raises

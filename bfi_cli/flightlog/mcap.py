@@ -26,9 +26,9 @@ from ..files import MCAP
 from ..quantities.channels import match_name, si_unit, split_unit
 from .raw import (
     LARGEST_CHUNK,
-    Asked,
     FloatArray,
     RawLog,
+    ReadRequest,
     choose_group,
     parsing,
     require_few,
@@ -79,7 +79,7 @@ class _Messages:
         return column
 
 
-def read_mcap(path: str, asked: Asked) -> RawLog:
+def read_mcap(path: str, asked: ReadRequest) -> RawLog:
     """Read the numbers in the JSON messages of all topics, or of the topic that `asked.group` names.
 
     Raises

@@ -25,7 +25,7 @@ from ..errors import LogError
 from ..notes import Note
 from .formats import topic_files
 from .messages import Places, require_tables, table_of
-from .raw import Asked, RawLog, choose_group, require_few
+from .raw import RawLog, ReadRequest, choose_group, require_few
 from .text import read_csv
 from .topics import Topic, fields_of, log_of_topics, notes_on, topics_of
 
@@ -230,7 +230,7 @@ def _layout(name: str, formats: dict[str, list[tuple[str, int, str]]]) -> _Layou
     return _Layout(fields, max(at + int(kind[2:]) for kind, at in fields.values()), total)
 
 
-def read_folder(folder: str, asked: Asked) -> RawLog:
+def read_folder(folder: str, asked: ReadRequest) -> RawLog:
     """Read the topics of one log in a folder; `asked` names a field that is no standard channel as `topic.field`.
 
     Parameters
@@ -273,7 +273,7 @@ def read_folder(folder: str, asked: Asked) -> RawLog:
     return log_of_topics(folder, "px4", topics, asked, notes=notes)
 
 
-def read_topic_file(path: str, asked: Asked) -> RawLog | None:
+def read_topic_file(path: str, asked: ReadRequest) -> RawLog | None:
     """Read one file of `ulog2csv`; fields that are no standard channel keep the name `topic.field`.
 
     None for any other file, and for a topic without channels.
@@ -308,7 +308,7 @@ def _topic(path: Path, name: str, instance: int) -> tuple[Topic, list[Note]]:
     ------
     LogError : the file cannot be read, or has no numbers as `timestamp`.
     """
-    raw = read_csv(str(path), Asked(channel_map={"time": "timestamp"}))
+    raw = read_csv(str(path), ReadRequest(channel_map={"time": "timestamp"}))
     notes = [*raw.notes, *(Note.method(f"'{name}' {why} and is left out") for name, why in raw.left_out.items())]
     columns = {column.source: column.values for column in raw.columns}
     if "timestamp" not in columns:

@@ -25,7 +25,7 @@ from ..notes import Note
 from ..quantities.channels import match_name, si_unit, to_si
 from ..quantities.text import instant
 from .axis import MENDED, longest_in_order
-from .raw import BY_RANK, FLAGS, Asked, FloatArray, RawLog, claimed, require_memory, time_column
+from .raw import BY_RANK, FLAGS, FloatArray, RawLog, ReadRequest, claimed, require_memory, time_column
 from .record import Track
 
 # The first of these channels in the log gives the time base.
@@ -244,7 +244,7 @@ SAME_NUMBER = 0.01
 SHARED = 0.5
 
 
-def on_one_clock(path: str, raw: RawLog, asked: Asked) -> RawLog:
+def on_one_clock(path: str, raw: RawLog, asked: ReadRequest) -> RawLog:
     """Return a log whose signals have separate clocks, or lie on several time axes, on one time base.
 
     Raises
@@ -260,7 +260,7 @@ def on_one_clock(path: str, raw: RawLog, asked: Asked) -> RawLog:
     return replace(raw, columns=merged.columns, filters=(), notes=merged.notes)
 
 
-def _by_axes(path: str, raw: RawLog, asked: Asked) -> RawLog | None:
+def _by_axes(path: str, raw: RawLog, asked: ReadRequest) -> RawLog | None:
     """Return the log with the times of its axis in each channel, None where all channels lie on one axis."""
     main = time_column(raw.columns, asked)
     seconds = None if main is None or main.read is not None else _seconds(path, main.source, main)

@@ -42,7 +42,7 @@ MOST_CHANNELS = 10_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
+class ReadRequest:
     """What the user states about a file, see `read.read_log`."""
 
     group: str | None = None
@@ -85,7 +85,7 @@ class RawLog:
     boots: tuple[RawLog, ...] = ()
 
 
-def by_precedence(columns: Sequence[Track], asked: Asked) -> list[tuple[Track, NameMatch | None]]:
+def by_precedence(columns: Sequence[Track], asked: ReadRequest) -> list[tuple[Track, NameMatch | None]]:
     """Pair columns with their standard names; of several columns for one name the preferred comes first."""
     wanted = {source: name for name, source in asked.channel_map.items()}
 
@@ -118,7 +118,7 @@ def why_matched(column: Track, match: NameMatch | None) -> str:
     return BY_RANK[match.rank] if match.rank < 0 else column.why or BY_RANK[match.rank]
 
 
-def unit_source(column: Track, match: NameMatch | None, asked: Asked) -> str:
+def unit_source(column: Track, match: NameMatch | None, asked: ReadRequest) -> str:
     """Return where the unit of a column is stated, see `unit_of`; "" for nowhere."""
     if asked.unit_map.get(column.source) or (match is not None and asked.unit_map.get(match.name)):
         return "--unit"
@@ -127,13 +127,13 @@ def unit_source(column: Track, match: NameMatch | None, asked: Asked) -> str:
     return "its name" if match is not None and match.unit is not None else ""
 
 
-def unit_of(column: Track, match: NameMatch | None, asked: Asked) -> str | None:
+def unit_of(column: Track, match: NameMatch | None, asked: ReadRequest) -> str | None:
     """Return the unit of a column: stated by the user, else by the file, else by its name ("tas_kt")."""
     given = asked.unit_map.get(column.source) or (asked.unit_map.get(match.name) if match else None)
     return given or (column.unit if column.unit is not None else match.unit if match else None)
 
 
-def claimed(tracks: Sequence[Track], asked: Asked) -> list[Track]:
+def claimed(tracks: Sequence[Track], asked: ReadRequest) -> list[Track]:
     """Return signals with the standard channel of each, see `by_precedence`, and the full turn of angles that wrap."""
     made = []
     for track, match in by_precedence(tracks, asked):
@@ -152,7 +152,7 @@ def fits(name: str, unit: str | None) -> bool:
     return known is None or known in (STANDARD[name].unit, "1") or STANDARD[name].unit == "1"
 
 
-def time_column(columns: Sequence[Track], asked: Asked) -> Track | None:
+def time_column(columns: Sequence[Track], asked: ReadRequest) -> Track | None:
     """Return the column that is the time axis, with its unit; None where there is none."""
     for column, match in by_precedence(columns, asked):
         if match is not None and match.name == "time":

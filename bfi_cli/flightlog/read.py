@@ -25,8 +25,8 @@ from .plausible import NORMAL, RIGHT, Convention, assumed_units, sentence_of, ti
 from .quality import with_seen_recorder
 from .rates import on_one_clock
 from .raw import (
-    Asked,
     RawLog,
+    ReadRequest,
     by_precedence,
     different_length,
     fits,
@@ -100,7 +100,7 @@ def read_log(
         has a time axis beside `sample_rate_hz`; or `boot` is none of its boots.
     """
     name = str(path)
-    asked = Asked(
+    asked = ReadRequest(
         group=group,
         channel_map=channel_map or {},
         unit_map=unit_map or {},
@@ -116,7 +116,7 @@ def read_log(
     return log if fill_s is None else with_filled(log, fill_s)
 
 
-def _log_of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | None) -> FlightLog:
+def _log_of_boot(path: str, raw: RawLog, asked: ReadRequest, sha256: str, boot: int | None) -> FlightLog:
     """Return the log of a file, or of one of its boots where the clock starts again: number `boot`, or the longest."""
     boots = _boots(path, raw, asked)
     if boot is not None and not 1 <= boot <= len(boots):
@@ -140,7 +140,7 @@ def _log_of_boot(path: str, raw: RawLog, asked: Asked, sha256: str, boot: int | 
     return replace(logs[chosen], notes=(note, *logs[chosen].notes))
 
 
-def _boots(path: str, raw: RawLog, asked: Asked) -> Sequence[RawLog]:
+def _boots(path: str, raw: RawLog, asked: ReadRequest) -> Sequence[RawLog]:
     """Return the parts of a log between restarts of the clock, each on one time axis, those of one sample left out.
 
     Raises
@@ -179,7 +179,7 @@ def _boots(path: str, raw: RawLog, asked: Asked) -> Sequence[RawLog]:
     )
 
 
-def _assemble(path: str, raw: RawLog, asked: Asked, sha256: str) -> FlightLog:
+def _assemble(path: str, raw: RawLog, asked: ReadRequest, sha256: str) -> FlightLog:
     """Return the log of columns: named, in SI, with a checked time axis, or one counted from the rate."""
     _check_maps(path, raw.columns, asked)
     raw = _without_unknown_units(raw, asked)
@@ -253,7 +253,7 @@ def _epoch_of(raw: RawLog, source: str, time_s: FloatArray) -> tuple[Epoch | Non
     return epoch, [Note.method(f"time counts from {at}{' UTC' * epoch.is_utc}")]
 
 
-def _unlike_time(path: str, channels: Mapping[str, Channel], n_times: int, asked: Asked) -> dict[str, str]:
+def _unlike_time(path: str, channels: Mapping[str, Channel], n_times: int, asked: ReadRequest) -> dict[str, str]:
     """Return by source which channels have another number of samples than the time axis, and why each is left out.
 
     Raises
@@ -300,7 +300,7 @@ def _explained(
 
 
 def _with_spread(
-    path: str, channels: dict[str, Channel], time_s: FloatArray, asked: Asked
+    path: str, channels: dict[str, Channel], time_s: FloatArray, asked: ReadRequest
 ) -> tuple[dict[str, Channel], list[Note]]:
     """Return the channels, those of `asked.keep` interpolated as even samples over the log, and notes on these.
 
@@ -330,7 +330,7 @@ def _with_spread(
     return made, notes
 
 
-def _without_unknown_units(raw: RawLog, asked: Asked) -> RawLog:
+def _without_unknown_units(raw: RawLog, asked: ReadRequest) -> RawLog:
     """Return the log without the columns that would be standard channels but for a unit that nobody knows."""
     left_out = dict(raw.left_out)
     for column, match in by_precedence(raw.columns, asked):
@@ -345,7 +345,7 @@ def _without_unknown_units(raw: RawLog, asked: Asked) -> RawLog:
     return replace(raw, columns=[column for column in raw.columns if column.source not in left_out], left_out=left_out)
 
 
-def _named(path: str, raw: RawLog, asked: Asked) -> tuple[dict[str, Channel], list[Track], list[Note]]:
+def _named(path: str, raw: RawLog, asked: ReadRequest) -> tuple[dict[str, Channel], list[Track], list[Note]]:
     """Return the columns as channels by their names in the log, the time axis among them, what each is, and notes."""
     taken, columns, notes = dict[str, Channel](), list[Track](), list(raw.notes)
     for column, match in by_precedence(raw.columns, asked):
@@ -435,7 +435,7 @@ def _channel(path: str, name: str, column: Track, unit: str | None, stated: str 
     return StoredChannel(name=name, unit=si, source=column.source, source_unit=stated, read=in_si, rows=column.rows)
 
 
-def _check_maps(path: str, columns: Sequence[Track], asked: Asked) -> None:
+def _check_maps(path: str, columns: Sequence[Track], asked: ReadRequest) -> None:
     """Check that the columns of `--channel` and `--unit` exist, and that the units fit them."""
     sources = [column.source for column in columns]
     has = ", ".join(sorted(sources))

@@ -19,9 +19,9 @@ from ..notes import Note
 from ..quantities.channels import match_name
 from .raw import (
     BESIDE_TIME,
-    Asked,
     FloatArray,
     RawLog,
+    ReadRequest,
     choose_group,
     number_of,
     parsing,
@@ -63,7 +63,7 @@ class _Signal:
         return self.is_moment or (match is not None and match.name == "time")
 
 
-def read_tdms(path: str, asked: Asked) -> RawLog:
+def read_tdms(path: str, asked: ReadRequest) -> RawLog:
     """Read a TDMS file.
 
     A group with a channel of time has that time axis. Otherwise channels have the clocks of their waveforms

@@ -19,7 +19,7 @@ from ..quantities.channels import match_name, si_unit, to_si
 from .axis import made_regular, note_on_order, out_of_order, with_midnights, without_jumps
 from .cells import Kind, Lines, Table
 from .layouts import Heading, heading_of, with_channels
-from .raw import BESIDE_TIME, KEYS, Asked, FloatArray, RawLog, annotated
+from .raw import BESIDE_TIME, KEYS, FloatArray, RawLog, ReadRequest, annotated
 from .record import CLEAN, Track
 
 # s, and share of the record: by so much a clock of whole seconds may run apart from the time axis beside it.
@@ -29,7 +29,7 @@ LARGEST_TEXT = 10**9
 DECIMAL_POINT = re.compile(r"(?<![\d.])\d+\.\d+(?![\d.])")
 
 
-def read_csv(path: str, asked: Asked, encoding: str | None = None) -> RawLog:
+def read_csv(path: str, asked: ReadRequest, encoding: str | None = None) -> RawLog:
     """Read a CSV log, or one with blanks between its columns; empty cells are NaN.
 
     Parameters
@@ -55,7 +55,7 @@ def read_csv(path: str, asked: Asked, encoding: str | None = None) -> RawLog:
         return _read(path, "latin-1", asked)
 
 
-def _read(path: str, encoding: str, asked: Asked) -> RawLog:
+def _read(path: str, encoding: str, asked: ReadRequest) -> RawLog:
     with open(path, encoding=encoding) as file:
         lines = Lines(path, file)
         heading = heading_of(path, lines, asked)

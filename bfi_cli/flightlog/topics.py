@@ -20,7 +20,7 @@ from ..epoch import Epoch, epoch_of_clock, utc_of_gps
 from ..errors import LogError
 from ..notes import Note
 from ..quantities.channels import DEGREE, REPEATED, STANDARD
-from .raw import Asked, FloatArray, RawLog
+from .raw import FloatArray, RawLog, ReadRequest
 from .record import Track
 
 Recorder = Literal[
@@ -221,7 +221,7 @@ def log_of_topics(
     path: str,
     recorder: Recorder,
     topics: Sequence[Topic],
-    asked: Asked,
+    asked: ReadRequest,
     *,
     more: Sequence[str] = (),
     notes: Sequence[Note] = (),

@@ -487,7 +487,7 @@ def sparse_varx(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _State(Iterate):
+class _PairState(Iterate):
     """An iterate with corner 1, A applied to its right factor, and the triangular factor of the sketch behind it."""
 
     z: FloatArray
@@ -499,15 +499,15 @@ class _State(Iterate):
     sketch: FloatArray
 
 
-def _state(A: FloatArray, y: FloatArray, z: FloatArray, K: FloatArray, sketch: FloatArray) -> _State:
+def _state(A: FloatArray, y: FloatArray, z: FloatArray, K: FloatArray, sketch: FloatArray) -> _PairState:
     left, right = np.append(z, 1.0), np.append(K, 1.0)
     AV = A @ right
     residual = y - AV @ left
     misfit = float(np.linalg.norm(residual))
-    return _State(z=z, K=K, X=np.outer(left, right), AV=AV, residual=residual, misfit=misfit, sketch=sketch)
+    return _PairState(z=z, K=K, X=np.outer(left, right), AV=AV, residual=residual, misfit=misfit, sketch=sketch)
 
 
-def _gauss_newton(A: FloatArray, y: FloatArray, state: _State) -> _State:
+def _gauss_newton(A: FloatArray, y: FloatArray, state: _PairState) -> _PairState:
     """Return the iterate after a step in (z, K), the corner of X held at 1."""
     S = np.hstack([state.AV[:, :-1], (np.append(state.z, 1.0) @ A)[:, :-1]])
     x, sketch = least_squares(S, state.residual)

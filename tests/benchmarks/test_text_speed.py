@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from bfi_cli.flightlog import read_log
-from bfi_cli.flightlog.raw import Asked
+from bfi_cli.flightlog.raw import ReadRequest
 from bfi_cli.flightlog.text import read_csv
 
 pytestmark = pytest.mark.benchmarks
@@ -42,7 +42,7 @@ def test_a_million_rows_of_six_columns(digits: str, cell: str, tmp_path: Path, c
     pandas = pytest.importorskip("pandas", reason="pandas is not installed, against which the reader is measured")
     works = {
         "pandas": lambda: pandas.read_csv(path),
-        "read_csv": lambda: read_csv(str(path), Asked()),
+        "read_csv": lambda: read_csv(str(path), ReadRequest()),
         "read_log": lambda: read_log(path),
     }
     taken = {name: statistics.median(cpu_s(work) for _ in range(ROUNDS)) for name, work in works.items()}

@@ -16,7 +16,7 @@ from noted import texts
 from bfi_cli.epoch import DAY_S, Epoch
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
-from bfi_cli.flightlog.raw import Asked
+from bfi_cli.flightlog.raw import ReadRequest
 from bfi_cli.flightlog.topics import Recorder, Topic, log_of_topics
 
 N = 40
@@ -192,7 +192,7 @@ def test_autopilots_have_the_clock_of_their_receiver(recorder: Recorder, name: s
         Topic(name=name, instance=0, time_s=20.0 + T, fields=fields),
         Topic(name=topic, instance=0, time_s=20.0 + T, fields={field: TAS}),
     ]
-    raw = log_of_topics("log", recorder, topics, Asked())
+    raw = log_of_topics("log", recorder, topics, ReadRequest())
     expected = Epoch(since_1970_s=MAY_S + NOON_S - 20.0, is_utc=True)
     assert {column.epoch for column in raw.columns} == {expected}
-    assert {column.epoch for column in log_of_topics("log", recorder, topics[1:], Asked()).columns} == {None}
+    assert {column.epoch for column in log_of_topics("log", recorder, topics[1:], ReadRequest()).columns} == {None}

@@ -14,7 +14,7 @@ from noted import texts
 
 from bfi_cli.errors import LogError
 from bfi_cli.flightlog import read_log
-from bfi_cli.flightlog.raw import Asked
+from bfi_cli.flightlog.raw import ReadRequest
 from bfi_cli.flightlog.text import read_csv
 
 KT, FT = 1852.0 / 3600.0, 0.3048
@@ -244,7 +244,7 @@ def test_numbers_are_those_of_float_to_the_last_bit(rows, tmp_path_factory: pyte
         tmp_path_factory.getbasetemp() / "bits.csv",
         "time,x,y\n" + "".join(f"{k}, {x} ,{y}\n" for k, (x, y) in enumerate(rows)),
     )
-    columns = {track.source: track.values for track in read_csv(str(path), Asked()).columns}
+    columns = {track.source: track.values for track in read_csv(str(path), ReadRequest()).columns}
     for values, texts_of in zip((columns["x"], columns["y"]), zip(*rows, strict=True), strict=True):
         expected = [float(text) if text.strip(" -") else np.nan for text in texts_of]
         np.testing.assert_array_equal(values, expected)

@@ -59,7 +59,7 @@ FINER = (1.2, 1.05)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fit:
+class FaultByOnset:
     """A fault of one course, by onset.
 
     Attributes
@@ -126,7 +126,7 @@ class Fit:
         return self.magnitude * _course(self.shape, self.constant_s)(time_s - self.onset_s)
 
 
-def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()) -> tuple[Fit, ...]:
+def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()) -> tuple[FaultByOnset, ...]:
     """Return the faults that explain a window about as well as the best of them, the likeliest first.
 
     Every fault is fitted again about the record that is corrected for it, since a loss of a tenth of the impact
@@ -162,12 +162,12 @@ def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()
     return tuple(_with_best_constant(scan, record, fit) for fit in ranked)
 
 
-def _with_odds(fit: Fit) -> float:
+def _with_odds(fit: FaultByOnset) -> float:
     """Return the ratio less what its fault is rarer than the commonest."""
     return fit.ratio - RARER * _rarity(fit)
 
 
-def _rarity(fit: Fit) -> int:
+def _rarity(fit: FaultByOnset) -> int:
     """Return how many steps rarer a fault is than ice in a probe."""
     if fit.fault.fault in INERTIAL:
         return 2
@@ -178,12 +178,12 @@ def _rarity(fit: Fit) -> int:
     return int(vane_drifts or line_gains)
 
 
-def corrected(record: Record, fit: Fit) -> Record:
+def corrected(record: Record, fit: FaultByOnset) -> Record:
     """Return a record as it would be without a fault."""
     return without_fault(record, fit.fault.fault, fit.amount(record.time_s))
 
 
-def effects(record: Record, fit: Fit) -> dict[str, float]:
+def effects(record: Record, fit: FaultByOnset) -> dict[str, float]:
     """Return by channel the largest error of a fault in a record."""
     clean = corrected(record, fit)
     errors = {name: values - clean.channels[name] for name, values in record.channels.items()}
@@ -206,7 +206,7 @@ def _linear_looks(
     return [(float(ratios[k, best[k]]), float(scan.onsets_s[best[k]]), course) for k, course in enumerate(courses)]
 
 
-def _best_course(scan: WindowScan, record: Record, hypothesis: Hypothesis, looks: Sequence[Look]) -> Fit:
+def _best_course(scan: WindowScan, record: Record, hypothesis: Hypothesis, looks: Sequence[Look]) -> FaultByOnset:
     """Return the fit of the course that suits a fault best, of a ramp and those nearest by a linear look.
 
     A static line that leaks goes to the pressure of what it leaks to, with a lag.
@@ -221,7 +221,7 @@ def _best_course(scan: WindowScan, record: Record, hypothesis: Hypothesis, looks
     return best if not first or best.ratio > fits[0].ratio + PRICE else fits[0]
 
 
-def _with_best_constant(scan: WindowScan, record: Record, fit: Fit) -> Fit:
+def _with_best_constant(scan: WindowScan, record: Record, fit: FaultByOnset) -> FaultByOnset:
     """Return a fit with the time constant or duration that suits it best, beside those that were tried."""
     if fit.constant_s is None:
         return fit
@@ -250,7 +250,7 @@ def fit_course(
     constant: float | None,
     *,
     near_s: float | None = None,
-) -> Fit:
+) -> FaultByOnset:
     """Return a fault of one course, fitted by Gauss-Newton steps at the onsets about `near_s`.
 
     One that leaves what the equations of air data hold for has ratios of minus infinity.
@@ -298,7 +298,7 @@ def fit_course(
         magnitude = _bounded(hypothesis, float(magnitudes[k]), courses[:, k])
         if k == before_k and abs(magnitude - before_magnitude) < CONVERGED * sds[k]:
             break
-    return Fit(
+    return FaultByOnset(
         fault=hypothesis,
         shape=shape,
         constant_s=constant,

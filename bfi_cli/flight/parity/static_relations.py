@@ -76,7 +76,7 @@ COMPARED = frozenset(REPEATED) - {"yaw", "baro_altitude"}
 
 
 @dataclass(frozen=True, slots=True)
-class Comparison:
+class Balance:
     """A channel less what others make of it: 0, or smooth in the flight, while every channel is right.
 
     Attributes
@@ -120,11 +120,11 @@ class Comparison:
         return np.asarray(self.scale * (values[self.channel] - self.value(values)))
 
 
-def _comparison(row: Row) -> Comparison:
+def _comparison(row: Row) -> Balance:
     """Return a row of the table that an air-data computer keeps as a comparison of quantities."""
     channel, *others = row.needs
     scale, unit = row.worth
-    return Comparison(
+    return Balance(
         row.name, unit or STANDARD[channel].unit, channel, tuple(others), lambda v: row.expected(_state(v)), scale=scale
     )
 
@@ -133,17 +133,17 @@ def _state(values: Values) -> State:
     return State(values=values, rates={}, time_s=np.empty(0))
 
 
-def _relations(log: FlightLog) -> tuple[list[Comparison], list[str]]:
+def _relations(log: FlightLog) -> tuple[list[Balance], list[str]]:
     """Return the relations between the channels of a log, and what is missing for others."""
     sensors = _by_quantity(log)
     static = next((name for name in ("altitude", "p_static") if name in sensors), "altitude")
     heats = tuple(name for name in ("tat", "sat") if name in sensors) or ("tat",)
-    known: dict[str, Comparison] = {}
+    known: dict[str, Balance] = {}
     for row in table.RELATIONS:
         if row.name and {*row.needs} <= sensors.keys():
             known.setdefault(row.name, _comparison(row))
     if len(heats) == 1 and {"tas", static, *heats} <= sensors.keys():
-        known["lapse"] = Comparison("lapse", "K", heats[0], (), lambda v: 0.0, declares=False)
+        known["lapse"] = Balance("lapse", "K", heats[0], (), lambda v: 0.0, declares=False)
     is_there = {name: name in sensors for name in ("tas", "mach", "cas")}
     is_there |= {"altitude": static in sensors, "tat or sat": heats[0] in sensors}
     is_there["mach, or cas and altitude"] = "mach" in sensors or (
@@ -171,7 +171,7 @@ def _by_quantity(log: FlightLog) -> dict[str, list[str]]:
     return sensors
 
 
-def _sensor_relations(relation: Comparison, sensors: Mapping[str, list[str]]) -> list[Comparison]:
+def _sensor_relations(relation: Balance, sensors: Mapping[str, list[str]]) -> list[Balance]:
     """Return a relation between quantities for their first sensors, their second ones, and so on.
 
     Two air-data computers are thus each held against their own channels; a quantity that is measured less often gives
@@ -196,7 +196,7 @@ def _sensor_relations(relation: Comparison, sensors: Mapping[str, list[str]]) ->
     return expanded
 
 
-def _second_sensors(log: FlightLog) -> list[Comparison]:
+def _second_sensors(log: FlightLog) -> list[Balance]:
     """Return the differences of channels that measure the same quantity: tas and tas_2, of two air-data computers."""
     sensors: dict[str, list[str]] = {}
     for name in log.channels:
@@ -208,7 +208,7 @@ def _second_sensors(log: FlightLog) -> list[Comparison]:
             unit = unit_of(log, first)
             if unit == unit_of(log, other):
                 unit = unit if unit in WORTH else STANDARD[quantity].unit
-                pairs.append(Comparison(f"{first} - {other}", unit, first, (other,), itemgetter(other), twins=True))
+                pairs.append(Balance(f"{first} - {other}", unit, first, (other,), itemgetter(other), twins=True))
     return pairs
 
 
@@ -240,7 +240,7 @@ class RelationSeries:
     readings : (n,) of the two sensors, where it is their difference, and of the air about them; else empty.
     """
 
-    relation: Comparison
+    relation: Balance
     time_s: FloatArray
     values: FloatArray
     nuisances: FloatArray
@@ -483,7 +483,7 @@ def _with_position_error(follows: FloatArray) -> FloatArray:
     return np.column_stack([follows, typical**2 / np.maximum(follows[:, 1], SLOWEST * typical)])
 
 
-def _effect(relation: Comparison, values: Values, name: str) -> FloatArray:
+def _effect(relation: Balance, values: Values, name: str) -> FloatArray:
     """Return what one unit of a channel's error adds to a relation, by a difference."""
     known = np.abs(values[name][np.isfinite(values[name])])
     size = 1e-4 * max(float(np.median(known)) if known.size else 0.0, 1e-6)

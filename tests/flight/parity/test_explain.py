@@ -9,7 +9,7 @@ import pytest
 from made_flight import ZERO_LIFT, log_of, made_log, made_record, ratio_of
 
 from bfi_cli.flight.parity import corrected, effects, explain, record_of, scan_window
-from bfi_cli.flight.parity.explain import CLOSE, COURSES, RARER, Fit, course_for, fit_course
+from bfi_cli.flight.parity.explain import CLOSE, COURSES, RARER, FaultByOnset, course_for, fit_course
 from bfi_cli.flight.parity.record import Record, hypotheses, with_fault
 
 RECORD = made_record(start_s=1000.5)
@@ -235,7 +235,7 @@ def test_a_correction_that_takes_all_airspeed_away_explains_nothing():
 def test_intervals_are_as_wide_as_the_errors_of_twelve_trials_on_recorded_flights():
     """2.6 standard deviations to both sides in the median, by magnitude and by onset, where a normal law has 1.96."""
     onsets_s, sd = np.arange(0.0, 200.0, 0.1), 7.0
-    fit = Fit(
+    fit = FaultByOnset(
         fault=hypotheses(ALONE)[0],
         shape="drift",
         constant_s=None,

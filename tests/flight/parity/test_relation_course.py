@@ -7,7 +7,7 @@ import pytest
 
 from bfi_cli.flight.parity import Finding
 from bfi_cli.flight.parity.relation_course import with_course, with_onset_of_samples
-from bfi_cli.flight.parity.static_relations import Comparison, RelationSeries
+from bfi_cli.flight.parity.static_relations import Balance, RelationSeries
 from bfi_cli.flightlog import Channel, FlightLog
 
 T = np.arange(160.0) + 0.45  # means of seconds
@@ -36,7 +36,7 @@ def told(error: np.ndarray, *, effect: float = 1.0, noise: float = 0.015, seed: 
     for k in range(1, T.size):
         slow[k] = 0.9 * slow[k - 1] + np.sqrt(1.0 - 0.81) * rng.standard_normal()
     series = RelationSeries(
-        relation=Comparison("tas", "m/s", "tas", ("mach",), lambda values: 0.0),
+        relation=Balance("tas", "m/s", "tas", ("mach",), lambda values: 0.0),
         time_s=T,
         values=effect * error.reshape(-1, 10).mean(axis=1) + noise * slow,
         nuisances=np.column_stack([np.ones(T.size), np.zeros((T.size, 4))]),
@@ -120,7 +120,7 @@ def test_the_samples_date_a_step_better_than_means_of_a_second(onset_s: float, l
     )
     n = T.size
     series = RelationSeries(
-        relation=Comparison("tas", "m/s", "tas", ("mach",), lambda v: v["mach"]),
+        relation=Balance("tas", "m/s", "tas", ("mach",), lambda v: v["mach"]),
         time_s=T,
         values=(values["tas"] - values["mach"]).reshape(-1, 10).mean(axis=1),
         nuisances=np.column_stack([np.ones(n), np.zeros((n, 4))]),

@@ -10,7 +10,7 @@ from made_flights import made_flight
 from made_logs import made_log
 
 from bfi_cli.airdata import SENSORS
-from bfi_cli.flight.parity.static_relations import LEAST_STEPS, Comparison, RelationSeries, find_static
+from bfi_cli.flight.parity.static_relations import LEAST_STEPS, Balance, RelationSeries, find_static
 
 FROM_S, TO_S = 0.0, 120.0
 TIME_S = np.arange(0.5, 120.0)
@@ -26,7 +26,7 @@ def series(
     channel, *others = gain or GAIN
     rates = np.column_stack([np.gradient(flight[:, 1]), np.gradient(flight[:, 2])])
     return RelationSeries(
-        relation=Comparison("tas", "m/s", channel, tuple(others), lambda values: 0.0),
+        relation=Balance("tas", "m/s", channel, tuple(others), lambda values: 0.0),
         time_s=TIME_S,
         values=values,
         nuisances=np.column_stack([flight, rates]),

@@ -20,7 +20,7 @@ from bfi_cli.flight.parity.sampled import Blocks
 from bfi_cli.flight.parity.static_relations import (
     LEAST_STEPS,
     THRESHOLD,
-    Comparison,
+    Balance,
     RelationSeries,
 )
 from bfi_cli.flightlog import Channel, FlightLog
@@ -82,7 +82,7 @@ def dated(log: FlightLog) -> Finding | None:
     values = blocks.mean(log.channels["tas"].values - log.channels["tas_2"].values)
     n = values.size
     series = RelationSeries(
-        relation=Comparison("tas - tas_2", "m/s", "tas", ("tas_2",), itemgetter("tas_2"), twins=True),
+        relation=Balance("tas - tas_2", "m/s", "tas", ("tas_2",), itemgetter("tas_2"), twins=True),
         time_s=blocks.time_s,
         values=values,
         nuisances=np.column_stack([np.ones(n), np.zeros((n, 4))]),

@@ -19,7 +19,7 @@ from bfi_cli.flightlog.phases import phases_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
-TRIALS = 24 if FULL else 4
+TRIALS = 24 if FULL else 2
 BESIDE_S = 600.0  # of the flight, before an onset and after it
 RECORDERS = (*FLIGHTS, "reader_samples/g1000_c172.csv")
 OTHERS: dict[str, dict[str, float]] = {

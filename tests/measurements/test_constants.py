@@ -44,7 +44,8 @@ HEALTHY = (*SHORT, *LONG) if FULL else SHORT
 DECLARED_BEFORE = 9 if FULL else 3
 
 DRIFTS = {"aoa": 6.0 * DEGREE, "pitch": 6.0 * DEGREE, "tas": 18.0}
-RAMP_S, WINDOW_S, WINDOWS, DIAGNOSED = 120.0, 600.0, 36, 36 if FULL else 3
+RAMP_S, WINDOW_S = 120.0, 600.0
+WINDOWS, DIAGNOSED = (36, 36) if FULL else (12, 2)
 STEEPEST = 30.0 * DEGREE
 AT_ONCE_S = 1.0  # after the first sample, in which an event that begins is one from the start
 

@@ -93,7 +93,7 @@ def test_steps_of_three_tolerances_are_declared_in_most_of_a_flight(aircraft: st
     for name in AIRCRAFT[aircraft] if FULL else SHORT[aircraft]:
         log = read_log(flights / f"{name}.h5")
         faults = faults_of(log, np.random.default_rng(37))
-        covered = [is_covered(log, fault) for fault in faults[: None if FULL else ONSETS]]
+        covered = [is_covered(log, fault) for fault in (faults if FULL else faults[:ONSETS:3])]
         steps, ices = covered[:ONSETS], covered[ONSETS:]
         print(f"{name}: steps {sum(steps)} of {len(steps)}, ice {sum(ices)} of {len(ices)}", flush=True)
         every += steps

@@ -75,18 +75,18 @@ def right(result: DetectResult, name: str, onset_s: float) -> bool:
 
 
 def test_healthy_flights_raise_few_alarms(clean: FlightLog):
-    n = sized(400, 0.15)
+    n = sized(400, 0.03)
     results = [detect_faults(noisy(clean, seed), TRAIN) for seed in range(n)]
     alarms = sum(bool(one.alarms) for one in results)
     print(f"\nhealthy: {alarms} alarms in {n} flights")
     # The noise is so small that every channel is excluded far within its tolerance.
     assert {one.verdicts["abrupt"] for one in results if not one.alarms} == {"no_fault"}
-    assert alarms / n <= 0.03 + 2.0 * np.sqrt(0.03 * 0.97 / n)
+    assert alarms / n <= (0.03 + 2.0 * np.sqrt(0.03 * 0.97 / n) if FULL else 0.0)
 
 
 def test_the_minimal_detectable_step_is_what_it_says(clean: FlightLog):
     """A step in any channel at any onset covered, at 0.5, 1 and 2 times what is printed for the healthy record."""
-    n, declared = sized(60, 0.2), dict.fromkeys((0.5, 1.0, 2.0), 0)
+    n, declared = sized(60, 0.1), dict.fromkeys((0.5, 1.0, 2.0), 0)
     for seed in range(n):
         log, rng = noisy(clean, 2000 + seed), np.random.default_rng([29, seed])
         channels = detect_faults(log, TRAIN).candidates
@@ -98,6 +98,7 @@ def test_the_minimal_detectable_step_is_what_it_says(clean: FlightLog):
             alarms = detect_faults(inject(log, [fault]), TRAIN).alarms
             declared[share] += one.channel in [alarm.channel for alarm in alarms]
     print(f"\nminimal detectable: declared {declared} of {n} at 0.5, 1, 2 times it")
+    assert FULL or declared == {0.5: 1, 1.0: 5, 2.0: 6}  # of these every answer is known
     assert not_below(declared[1.0] / n, 0.8, n)
     assert not_below(1.0 - declared[0.5] / n, 0.6, n)
     assert not_below(declared[2.0] / n, 0.95, n)
@@ -116,7 +117,7 @@ def shaken(log: FlightLog, clean: FlightLog, seed: int) -> FlightLog:
 @pytest.mark.parametrize("everywhere", [False, True], ids=["outputs", "inputs too"])
 @pytest.mark.parametrize("kind", ["gain", "bias"])
 def test_a_failure_is_localised_within_a_second(clean: FlightLog, kind: str, everywhere: bool):
-    n, found, delays = sized(100, 0.16), 0, []
+    n, found, delays = sized(100, 0.05), 0, []
     for seed in range(n):
         log, name, onset_s = failed(noisy(clean, 1000 + seed), clean, kind, seed)
         log = shaken(log, clean, seed) if everywhere else log
@@ -127,13 +128,14 @@ def test_a_failure_is_localised_within_a_second(clean: FlightLog, kind: str, eve
         if not ok:
             print(f"\n  seed {seed}: {name} at {onset_s:g} s: {[(one.channel, one.time_s) for one in result.alarms]}")
     print(f"\n{kind}: {found} of {n} localised, median delay {np.median(delays):.2f} s")
+    assert FULL or found == n  # of these every answer is known
     assert not_below(found / n, 0.90, n)
 
 
 @pytest.mark.parametrize("noise", [1e-5, 1e-4, 3e-4, 1e-3, 3e-3, 0.05] if FULL else [1e-5, 0.05])
 def test_healthy_flights_raise_few_alarms_at_other_noises(clean: FlightLog, noise: float):
     """No bar of the method's source: what is wanted must hold at every noise; steps are shown beside it."""
-    n, alarms, found = sized(100, 0.2), 0, 0
+    n, alarms, found = sized(100, 0.06), 0, 0
     sds = {name: noise / NOISE * sd for name, sd in noise_sd(clean).items()}
     for seed in range(n):
         flight = manoeuvre("3211", time_axis(duration_s=20.0))
@@ -144,7 +146,7 @@ def test_healthy_flights_raise_few_alarms_at_other_noises(clean: FlightLog, nois
         step = Fault(shape="bias", channel=name, magnitude=STEP_SD * sds[name], onset_s=onset_s)
         found += right(detect_faults(inject(log, [step]), TRAIN), name, onset_s)
     print(f"\nnoise {noise:g}: {alarms} alarms in {n} healthy flights, a bias of 5 sd localised in {found}")
-    assert alarms / n <= 0.03 + 2.0 * np.sqrt(0.03 * 0.97 / n)
+    assert alarms / n <= (0.03 + 2.0 * np.sqrt(0.03 * 0.97 / n) if FULL else 0.0)
 
 
 def segments(flights: Path) -> list[FlightLog]:

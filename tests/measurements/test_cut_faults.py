@@ -23,9 +23,9 @@ pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
 SEEDS = 3
 SHORT = (
-    Trial(aircraft="g1000_c172_110812.h5", kind="pitot_blocked", seed=0),
+    Trial(aircraft="g1000_c172_110812.h5", kind="pitot_leak", seed=0),
     Trial(aircraft="sr22t_220417_135002.h5", kind="tas step", seed=0),
-    Trial(aircraft="sr22t_210623_141501.h5", kind="pitot_leak", seed=0),
+    Trial(aircraft="citation_20180312_f1.h5", kind="pitot_blocked", seed=0),
     Trial(aircraft="citation_20180312_f1.h5", kind="cas step", seed=0),
 )
 NAMED, WRONG, OTHERS_PER_HOUR, COVERED = 0.9, 0.03, 0.1, 0.91

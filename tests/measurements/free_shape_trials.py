@@ -19,7 +19,7 @@ from bfi_cli.model import identify_faults
 NOISE = 0.02
 ONSET_S = 12.0  # in the window, after the manoeuvre
 INPUTS = ("elevator", "pitch", "longitudinal_acc")
-SEEDS = range(sized(100, 0.04))
+SEEDS = range(sized(100, 0.03))
 
 
 def two_slopes(t: np.ndarray) -> np.ndarray:

@@ -29,8 +29,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 FLIGHTS = ("citation_20180312_f1.h5", "citation_20190312_123416.h5")
 LENGTH_S, STEP_S = 300.0, 150.0
 FLYING_M_S, STEEPEST_PITCH = 60.0, np.deg2rad(30.0)
-# A third of the windows otherwise, and one onset.
-SHARE = 1.0 if FULL else 0.33
+# A sixth of the windows otherwise, and one onset.
+SHARE = 1.0 if FULL else 0.16
 ONSETS = (0.4, 0.6, 0.8) if FULL else (0.6,)
 FAULTS = {"tas": 2.0, "aoa": float(np.deg2rad(1.0))}
 WITH_ALTITUDE = ("tas", "aoa", "pitch", "pitch_rate", "altitude")

@@ -20,7 +20,7 @@ DICTIONARY = load_dictionary(CONFIGS / "thesis_dictionary.yaml")
 NAMES = tuple(str(atom.name) for atom in DICTIONARY.atoms)
 NOISES = (0.003, 0.01, 0.03, 0.1)[:: 1 if FULL else 3]
 FACTORS = (0.5, 0.7, 1.0, 1.4)
-SEEDS = range(sized(10, 0.4))
+SEEDS = range(sized(10, 0.2))
 RANKED, NEAR_THE_LIMIT = 0.8, 0.7
 
 

@@ -51,7 +51,7 @@ def test_minimal_detectable_magnitudes_in_gusts() -> None:
 
 
 def test_tours_with_a_blocked_line_and_without() -> None:
-    """Fifteen minutes of climbs, descents and turns in gusts; one job of each kind, all aircraft with BFI_FULL=1."""
+    """Climbs, descents and turns in gusts; one job of each kind, all aircraft with BFI_FULL=1."""
     jobs = [(name, seed, shape) for name in AIRCRAFT for seed in range(3) for shape in ("", *BLOCKED)]
     answers: list[TourTrial] = spread(tour_trial, jobs if FULL else [("c172p", 0, ""), ("c172p", 0, "pitot_blocked")])
     for shape in ("", *BLOCKED):

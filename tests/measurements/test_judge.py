@@ -5,12 +5,12 @@ Printed per flight. The short form takes the light aircraft, whose logs are a sa
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from bars import FULL
 
 from bfi_cli.config import Config
 from bfi_cli.flight import diagnose_flight
@@ -23,9 +23,12 @@ LIGHT = ("g1000_c172_110812", "g3x_homebuilt_mfd", "g3x_homebuilt_pfd2", "px4_sw
 LIGHT += ("sr22t_210623_141501", "sr22t_220417_125002", "sr22t_220417_135002", "sr22t_220825_142831")
 JETS = ("citation_20170308_084248", "citation_20180312_f1", "citation_20190305_v4", "citation_20190305_v4_bcalt")
 JETS += ("citation_20190312_123416",)
-HEALTHY = (*LIGHT, *(JETS if os.environ.get("BFI_FULL") else ()))
+HEALTHY = (*LIGHT, *(JETS if FULL else ()))
 # Of the healthy flights one may end with a fault, and a third with something suspected.
 MOST_DECLARED, MOST_SUSPECTED = 1, len(HEALTHY) // 3
+# Events that 0.2.0 declared on them, one of them from the first sample on.
+DECLARED_BEFORE = 9 if FULL else 3
+AT_ONCE_S = 1.0  # after the first sample, in which an event that begins is one from the start
 EVENT = "gnxi_pa28_240720"
 WITHIN_S = 15.0
 ALTITUDES = {"altitude", "baro_altitude", "gps_altitude", "radio_altitude"}
@@ -62,6 +65,15 @@ def test_no_altitude_of_a_healthy_flight_is_at_fault(answers: Mapping[str, Diagn
         name: [one.fault for one in answer.events if one.state == "declared"] for name, answer in answers.items()
     }
     assert not {name: faults for name, faults in declared.items() if ALTITUDES & {*map(quantity_of, faults)}}
+
+
+def test_no_event_of_a_healthy_flight_begins_with_its_first_sample(answers: Mapping[str, DiagnoseResult]) -> None:
+    declared = sum(one.state == "declared" for answer in answers.values() for one in answer.events)
+    for name, answer in answers.items():
+        print(f"{name}: beside {[one.text for one in answer.plausibility]}")
+        assert all(one.onset_s > answer.log.start_s + AT_ONCE_S for one in (*answer.events, *answer.deviations)), name
+    print(f"{declared} declared on {len(answers)} healthy flights, {DECLARED_BEFORE} before")
+    assert declared < DECLARED_BEFORE
 
 
 @pytest.mark.parametrize("without", [(), ("gps_altitude",)])

@@ -135,7 +135,7 @@ def test_the_true_kind_stands_among_the_rivals_of_a_wrong_one_and_is_not_exclude
 @pytest.mark.slow
 @pytest.mark.parametrize(("true", "taken_for"), MISTAKEN)
 def test_a_kind_that_is_taken_for_another_is_excluded_in_1_percent_at_most(flown, true: Shape, taken_for: Shape):
-    outcomes = [mistaken(flown, true, taken_for, seed) for seed in range(sized(100, 0.1))]
+    outcomes = [mistaken(flown, true, taken_for, seed) for seed in range(sized(100, 0.05))]
     among = np.mean([stands for stands, _ in outcomes])
     wrong = np.mean([state == "excluded" for _, state in outcomes])
     print(f"{true} taken for {taken_for}: among {among:.0%}, excluded {wrong:.0%} of {len(outcomes)}")

@@ -224,6 +224,14 @@ def find_phases(
     ----------
     suspects : channels that may be faulty, which are not used; an airspeed is, if there is no other.
     """
+    without = frozenset(suspects)
+    if without not in log.phases:
+        log.phases[without] = _phases_without(log, without)
+    answer: tuple[tuple[Phase, ...], tuple[Disagreement, ...]] = log.phases[without]
+    return answer
+
+
+def _phases_without(log: FlightLog, suspects: Collection[str]) -> tuple[tuple[Phase, ...], tuple[Disagreement, ...]]:
     if log.n_samples < 2 or log.time_s[-1] - log.time_s[0] > LONGEST_S:
         return (), ()
     sensors = _sensors(log, suspects)
@@ -239,7 +247,9 @@ def find_phases(
         return (), ()
     hovering = _hovering(log)
     rotors = within(log.time_s, spans_of(hovering, (HOVER, TRANSITION)))
-    speeds = {name: np.where(rotors, np.nan, smoothed_speed(values, log.rate_hz)) for name, values in speeds.items()}
+    for name, values in speeds.items():  # one after the other, for memory
+        speeds[name] = np.where(rotors, np.nan, smoothed_speed(values, log.rate_hz))
+    del values
     # The first airspeed that moves sets the scale: a tube that was left covered does not move.
     cruises = {name: cruise_of(speed) for name, speed in speeds.items()}
     first = next((name for name, cruise in cruises.items() if cruise > WALK), None)

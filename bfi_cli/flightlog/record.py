@@ -269,6 +269,8 @@ class FlightLog:
     earlier: tuple[FlightLog, ...] = ()
     earlier_weights: tuple[float, ...] = ()
     _rate_hz: list[float] = field(init=False, repr=False, default_factory=list)  # `rate_hz`, after its first use
+    # What `phases.find_phases` returns, by the channels that it does without, after its first use.
+    phases: dict[frozenset[str], Any] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def n_samples(self) -> int:
@@ -336,7 +338,7 @@ class FlightLog:
         first, end = np.searchsorted(self.time_s, (start - near, stop - near)).tolist()
         if end - first < 2:
             raise nothing_between(self.path, (start, stop), (self.time_s[0], self.time_s[-1]))
-        return self.take(slice(first, end))
+        return self if (first, end) == (0, self.n_samples) else self.take(slice(first, end))
 
     def take(self, rows: slice | NDArray[np.bool_]) -> FlightLog:
         """Return the log restricted to a slice of its samples, or to those where a mask is true."""

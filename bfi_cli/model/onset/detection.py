@@ -127,7 +127,8 @@ def search_onsets(
     with one_thread():
         record = prepare_record(log, config, partial(progress, "the window"), entries=kinds)
         config = merge(config, {"start_time.shapes": record.settings.shapes}) if kinds else config
-        first = scan_hypotheses(record, record.y, report=partial(progress, "scan of all onsets"))
+        scanning = partial(progress, "scan of all onsets")
+        first = scan_hypotheses(record, record.y, report=scanning, climbs=bool(entries))
         rule = rule_for(log, record, config, order=first.order, progress=progress)
         estimates, last = detect_sequentially(record, first, rule, progress)
         order = last.fault_free_order

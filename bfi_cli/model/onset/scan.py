@@ -107,7 +107,7 @@ class HypothesisScan:
 
 
 def scan_hypotheses(
-    record: ScanRecord, y: FloatArray, order: int | None = None, report: Report = silent
+    record: ScanRecord, y: FloatArray, order: int | None = None, report: Report = silent, *, climbs: bool = False
 ) -> HypothesisScan:
     """Scan every hypothesis over every onset.
 
@@ -117,6 +117,7 @@ def scan_hypotheses(
     y : (n_samples, n_outputs) scaled outputs, less the faults that are already estimated.
     order : of the model; None to choose it together with the shape by the Bayesian information criterion.
     report : called with the fraction that is done.
+    climbs : whether orders beyond one that is worse with a fault than another nearer to the best without are left out.
     """
     orders = record.orders if order is None else (order,)
     several = len(orders) > 1
@@ -129,7 +130,7 @@ def scan_hypotheses(
     seen: list[dict[int, tuple[float, ...]]] = [{} for _ in orders]
     best = without_fault
     if several:
-        best, seen = _bic_with_fault(record, scans, without_fault, choosing)
+        best, seen = _bic_with_fault(record, scans, without_fault, choosing, climbs=climbs)
     at = int(np.argmin(np.minimum(without_fault, best)))
     own_grid = seen[at] if at in _screened(without_fault) else {}
     chosen, scanned = orders[at], _scan_at_order(record, y, orders[at], own_grid, peaking)
@@ -164,9 +165,16 @@ def _screened(without_fault: Sequence[float]) -> list[int]:
 
 
 def _bic_with_fault(
-    record: ScanRecord, scans: Sequence[Sequence[Scan]], without_fault: Sequence[float], report: Report
+    record: ScanRecord,
+    scans: Sequence[Sequence[Scan]],
+    without_fault: Sequence[float],
+    report: Report,
+    *,
+    climbs: bool,
 ) -> tuple[list[float], list[dict[int, tuple[float, ...]]]]:
     """Return the criterion of every order with its best fault, and the frequencies that stand out, by output.
+
+    That of an order that is left out, see `scan_hypotheses`, is infinite.
 
     A sine is tried at the frequencies that stand out at the lowest order, where its trace is largest, and at the order
     that is best without a fault. That takes half the time of the whole grid at every order and chose the same order in
@@ -182,25 +190,41 @@ def _bic_with_fault(
                 scan = scans[k][form.output]
                 frequencies.update(standing_out(scan, frequency_grid(scan, (low, high)), order_share))
             candidates[form.output] = np.array(sorted(frequencies))
-    best, seen = list[float](), list[dict[int, tuple[float, ...]]]()
-    for (order_scans, base), order_share in parts(comparing, list(zip(scans, without_fault, strict=True))):
-        criteria, ranked = [], dict[int, tuple[float, ...]]()
-        for form, share in parts(order_share, record.forms):
-            scan, n_parameters = order_scans[form.output], 3 if form.parameter or form.shape == "sine" else 2
-            sampling = replace(record.sampling, n_samples=scan.n_samples)
-            if form.shape == "sine":
-                screened = screen_sines(scan, candidates[form.output], share)
-                statistic = float(screened.max())
-                ranked[form.output] = tuple(candidates[form.output][np.argsort(-screened)].tolist())
-            elif record.settings.ends:
-                statistic = scan_ends(scan, waveform(form, replace(sampling, factor=1)), report=share).statistic
-                n_parameters += 1
-            else:
-                statistic = largest_statistic(scan, waveform(form, sampling))
-            criteria.append(base - statistic + n_parameters * float(np.log(scan.n_rows)))
-        best.append(min(criteria))
-        seen.append(ranked)
+    best, seen = [np.inf] * len(scans), [dict[int, tuple[float, ...]]() for _ in scans]
+    begin, order_shares = int(np.argmin(without_fault)), iter(shares(comparing, *[1.0] * len(scans)))
+    for side in (range(begin, -1, -1), range(begin + 1, len(scans))):
+        for k in side:
+            best[k], seen[k] = _with_best_fault(record, scans[k], without_fault[k], candidates, next(order_shares))
+            if climbs and best[k] > min(best):
+                break
+    comparing(1.0)
     return best, seen
+
+
+def _with_best_fault(
+    record: ScanRecord, scans: Sequence[Scan], base: float, candidates: Mapping[int, FloatArray], report: Report
+) -> tuple[float, dict[int, tuple[float, ...]]]:
+    """Return the criterion of an order with its best fault, and by output the frequencies as they stand out.
+
+    Parameters
+    ----------
+    scans : by output; base : the criterion without a fault; candidates : by output, the frequencies that are tried.
+    """
+    criteria, ranked = [], dict[int, tuple[float, ...]]()
+    for form, share in parts(report, record.forms):
+        scan, n_parameters = scans[form.output], 3 if form.parameter or form.shape == "sine" else 2
+        sampling = replace(record.sampling, n_samples=scan.n_samples)
+        if form.shape == "sine":
+            screened = screen_sines(scan, candidates[form.output], share)
+            statistic = float(screened.max())
+            ranked[form.output] = tuple(candidates[form.output][np.argsort(-screened)].tolist())
+        elif record.settings.ends:
+            statistic = scan_ends(scan, waveform(form, replace(sampling, factor=1)), report=share).statistic
+            n_parameters += 1
+        else:
+            statistic = largest_statistic(scan, waveform(form, sampling))
+        criteria.append(base - statistic + n_parameters * float(np.log(scan.n_rows)))
+    return min(criteria), ranked
 
 
 def _scan_at_order(

@@ -21,7 +21,7 @@ from ..decision import KINDS, Conclusion, Evidence, conclude, estimate_of
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
 from ..faults import Fault, FaultEstimate, active_samples, unit_signal
-from ..faults.fault import Comparison, compare_faults, is_same_fault, name_of
+from ..faults.fault import Comparison, compare_faults, is_same_fault, name_of, time_tolerance_s
 from ..faults.filters import BETWEEN_RECORDERS, Filter, alternatives, recorder_low_passes
 from ..faults.shapes import ADDITIVE
 from ..flightlog import FlightLog
@@ -525,11 +525,13 @@ def _begins_as(window: PreparedWindow, entry: int, channel: str, onset_s: float)
 
 def _entry_of(window: PreparedWindow, channel: str, signal: FloatArray) -> tuple[int | None, float]:
     """Return the live dictionary entry whose multiple a fault signal is, None where there is none, and the multiple."""
+    time_s, start_s = window.native.time_s, window.window_start_s
+    tolerance_s = time_tolerance_s(time_s)
     for j in window.live:
         fault = window.faults[j]
         if fault.channel != channel:
             continue
-        atom = unit_signal(fault, window.native.time_s, window_start_s=window.window_start_s)
+        atom = unit_signal(fault, time_s, window_start_s=start_s, tolerance_s=tolerance_s)
         if not np.any(atom):
             continue
         z = float(atom @ signal) / float(atom @ atom)

@@ -109,7 +109,7 @@ def test_a_clear_sine_has_most_of_what_it_promises(onset):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("seed", range(6))
 def test_the_highest_peak_at_few_onsets_is_that_at_all(kind, seed, monkeypatch):
-    scan = made(kind, seed, n=200)
+    scan = made(kind, seed)
     grid = frequency_grid(scan, (3.0 / scan.n_samples, 0.2))
     few = screen_sines(scan, grid)
     monkeypatch.setattr(sines, "MOST_ONSETS", scan.n_samples)

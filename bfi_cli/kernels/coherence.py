@@ -46,6 +46,8 @@ def whiten(signatures: FloatArray, sigma: FloatArray) -> FloatArray:
     (n_rows * n_outputs, n_signals), rows ordered by sample, then output.
     """
     rows, n_y, n = signatures.shape
+    if n_y == 1:
+        return np.asarray(signatures[:, 0] / np.linalg.cholesky(sigma))
     by_output = np.moveaxis(signatures, 1, 0).reshape(n_y, rows * n)
     white = np.asarray(lapack.dtrtrs(np.linalg.cholesky(sigma), by_output, lower=True)[0])
     return np.moveaxis(white.reshape(n_y, rows, n), 0, 1).reshape(rows * n_y, n)

@@ -178,7 +178,8 @@ def regressors_of(layout: Layout, fit: Fit) -> Regressors:
     corrected = layout.y - layout.theta[:, :, list(fit.atoms)] @ fit.z
     input_lags, output_lags = range(0 if layout.feedthrough else 1, fit.order + 1), range(1, fit.order + 1)
     n_base = 1 + len(input_lags) * layout.u.shape[1]
-    X = np.ones((n - first, n_base + fit.order * layout.y.shape[1]), order="F")
+    X = np.empty((n - first, n_base + fit.order * layout.y.shape[1]), order="F")
+    X[:, 0] = 1.0
     fill_lagged(X.T[1:n_base], layout.u, input_lags)
     fill_lagged(X.T[n_base:], corrected, output_lags)
     weights = np.ones(n - first) if layout.weights is None else layout.weights[first:]

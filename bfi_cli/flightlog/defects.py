@@ -289,19 +289,21 @@ def _replaced(log: FlightLog, defects: Sequence[Defect], *, with_lines: bool) ->
 
 def _track(log: FlightLog, channel: Channel) -> _Track | None:
     """Return a channel at its ticks, None where it is constant, unknown, or has too few, too many or empty ones."""
-    finite = np.abs(channel.values) < LARGEST_VALUE
-    readings = channel.values[finite]
+    recorded = channel.values  # read once from the file of a day, and copied only where some of it is no number
+    finite = np.abs(recorded) < LARGEST_VALUE
+    rows = slice(None) if finite.all() else finite
+    readings = recorded[rows]
     if not readings.size or float(np.ptp(readings)) == 0.0:
         return None
     period, phase, is_averaged = 1.0, 0.0, False
     if channel.own_rate_hz is not None and channel.own_rate_hz < AS_FAST * log.rate_hz:
         period = log.rate_hz / channel.own_rate_hz
-    elif (hold := hold_of(log, channel.values)) is not None:
+    elif (hold := hold_of(log, recorded)) is not None:
         period, phase = hold.period, hold.phase
     elif log.rate_hz > FASTEST_HZ:
         period, is_averaged = log.rate_hz / FASTEST_HZ, True
     tick = np.floor(((log.time_s - log.time_s[0]) * log.rate_hz - phase + 0.5) / period)
-    tick = np.maximum(tick, 0.0).astype(np.intp)[finite]
+    tick = np.maximum(tick, 0.0).astype(np.intp)[rows]
     n = int(tick[-1]) + 1
     if not FEWEST_TICKS <= n <= min(MOST_TICKS, SPARSEST * tick.size):
         return None
@@ -314,7 +316,7 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
         values[tick[::-1]] = readings[::-1]  # the first of each tick
     ticks, step_s = np.arange(n), period / log.rate_hz
     values = np.interp(ticks, ticks[known], values[known])
-    at_ticks = channel if np.array_equal(values, channel.values) else replace(channel, values=values)
+    at_ticks = channel if np.array_equal(values, recorded) else replace(channel, values=values)
     quantum = at_ticks.plateau_step(1.0 / step_s) or at_ticks.step or 0.0
     if not quantum:  # a short record shows too few steps: of a channel that mostly rests the usual change in a second
         apart = max(1, round(1.0 / step_s))

@@ -62,7 +62,9 @@ class Surprise:
     size: float
 
 
-def surprising_events(bench: Bench, phases: Sequence[Phase], events: Sequence[Event]) -> Iterator[OrdinaryEvent]:
+def surprising_events(
+    bench: Bench, phases: Sequence[Phase], events: Sequence[Event], gains: Mapping[str, FloatArray]
+) -> Iterator[OrdinaryEvent]:
     """Yield the ordinary causes that act where no finder proposes a fault, or where what it suspects may be one.
 
     A fault within ten to one of the cause leaves a place to the finders: it is told where one suspects it, and stays
@@ -71,9 +73,10 @@ def surprising_events(bench: Bench, phases: Sequence[Phase], events: Sequence[Ev
     Parameters
     ----------
     events : that stand. Where one of air data is declared, the courses about which the model is linear are wrong.
+    gains : of `change_gains`.
     """
     without = [*spans_of(phases, UNLIKE_FLIGHT), *filter(None, map(_wrong_for, events))]
-    for surprise in _surprises(bench, without):
+    for surprise in _surprises(bench, without, gains):
         suspected = next((event for event in events if _is_of(bench, event, surprise)), None)
         if suspected is None and surprise.margin > -ALIKE:
             continue
@@ -89,6 +92,25 @@ def surprising_events(bench: Bench, phases: Sequence[Phase], events: Sequence[Ev
         )
 
 
+def sudden_winds(
+    bench: Bench, phases: Sequence[Phase], gains: Mapping[str, FloatArray]
+) -> Iterator[tuple[float, float]]:
+    """Yield when the wind would change at once, and the log density that it is worth: a pressure line does as well.
+
+    Parameters
+    ----------
+    gains : of `change_gains`.
+    """
+    if "wind" not in gains:
+        return
+    at_once, gradual = gains["wind"]
+    for begins, _ in _largest(gains["wind"] - _manoeuvre_gain(gains)):
+        about = slice(max(begins - APART_S, 0), begins + APART_S)
+        at_s, gain = float(bench.model.time_s[about][np.argmax(at_once[about])]), float(at_once[about].max())
+        if gain > gradual[about].max() and not within(np.array([at_s]), spans_of(phases, UNLIKE_FLIGHT)).any():
+            yield at_s, gain
+
+
 def _wrong_for(event: Event) -> tuple[float, float] | None:
     """Return when air data are wrong by an event, None where none are."""
     if event.state != "declared" or not DEPENDS_ON.keys() & {*event.channels}:
@@ -102,9 +124,11 @@ def _is_of(bench: Bench, event: Event, surprise: Surprise) -> bool:
     return near and explains(bench, surprise.cause, rows_of(bench, event.channels))
 
 
-def _surprises(bench: Bench, without: Sequence[tuple[float, float]]) -> Iterator[Surprise]:
+def _surprises(
+    bench: Bench, without: Sequence[tuple[float, float]], gains: Mapping[str, FloatArray]
+) -> Iterator[Surprise]:
     """Yield what explains a flight's surprises, in their order, a cause once within a minute: the jump that is most."""
-    seconds = _proposed(bench)
+    seconds = _proposed(gains, bench.model.n)
     times_s = bench.model.time_s[seconds]
     standing: dict[float, Surprise] = {}
     for at_s in times_s[~within(times_s, without)].tolist():
@@ -150,17 +174,26 @@ def _margin_of_faults(place: Place, ordinary: Ordinary, state: str) -> float:
     return judge_place(place, without, named=moved).weights[0].margin
 
 
-def _proposed(bench: Bench) -> list[int]:
+def _proposed(gains: Mapping[str, FloatArray], n: int) -> list[int]:
     """Return the seconds about which a change of an ordinary cause is worth most, the best first."""
-    gains = change_gains(bench)
-    manoeuvre = np.maximum(np.max(gains.pop(""), axis=0), 0.0)
-    net = np.max(list(gains.values()), axis=0, initial=0.0) - manoeuvre  # (2, n), at once and gradual
-    seconds: list[int] = []
-    while len(seconds) < MOST_PLACES and net.max(initial=0.0) > PROPOSED:
+    net = np.max([gain for name, gain in gains.items() if name], axis=0, initial=0.0) - _manoeuvre_gain(gains)
+    return [min(begins + is_gradual * GRADUAL_S, n - 1) for begins, is_gradual in _largest(net)]
+
+
+def _manoeuvre_gain(gains: Mapping[str, FloatArray]) -> FloatArray:
+    """Return (n,) what a manoeuvre is worth, at once or gradual."""
+    return np.asarray(np.maximum(np.max(gains[""], axis=0), 0.0))
+
+
+def _largest(net: FloatArray) -> list[tuple[int, bool]]:
+    """Return the largest of (2, n) gains at once and gradual, far from each other: when, and whether gradual."""
+    net = net.copy()
+    largest: list[tuple[int, bool]] = []
+    while len(largest) < MOST_PLACES and net.max(initial=0.0) > PROPOSED:
         how, begins = np.unravel_index(int(np.argmax(net)), net.shape)
-        seconds.append(min(int(begins) + int(how) * GRADUAL_S, bench.model.n - 1))
+        largest.append((int(begins), bool(how)))
         net[:, max(begins - APART_S, 0) : begins + APART_S] = 0.0
-    return seconds
+    return largest
 
 
 def change_gains(bench: Bench) -> dict[str, FloatArray]:

@@ -10,7 +10,7 @@ import numpy as np
 from ..airdata import DEPENDS_ON
 from ..config import Diagnose, KnownCause
 from ..flightlog.phases import NO_AIRSPEED
-from ..kernels import TWO_SIDED_95
+from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.runs import within
 from ..notes import Note
 from ..quantities.channels import STANDARD, per_second
@@ -41,7 +41,7 @@ from .parity.sensors import AT_ONCE_EVIDENCE, PITCH_EVIDENCE
 from .parity.windows import flight_stretches, overlaps
 from .result import Event, OrdinaryEvent
 from .seconds import seconds_of
-from .surprises import surprising_events
+from .surprises import change_gains, sudden_winds, surprising_events
 from .tables import ALTIMETER_SET, ON_GROUND
 from .tables import ORDINARY as CAUSES
 from .timing import Timing, begun_before, timing_of
@@ -67,6 +67,7 @@ BESIDE_S, AROUND_S, ONSET_S = 60.0, 60.0, 3.0
 LOSSES = ("pitot_icing", "pitot_leak", "pitot_water", "q_impact")  # of an impact pressure
 # What comes back to a line: a gain of impact pressure, and a fall of the static one.
 ENDED_BY = {"q_impact": ("pitot_icing", "pitot_leak", "static_leak"), "static_leak": ("static_leak",)}
+SIZED_S = 5  # before and after a step, when its size is read
 EXACT = {"static relations", "sensors"}  # analyses by what holds exactly, or to the last bit
 AIRSPEEDS = ("tas", "cas", "ias", "mach")
 TEMPERATURES = ("sat", "tat")
@@ -111,6 +112,8 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     events = [event for event in events if not any(is_same_oscillation(event, other) for other in swinging)]
     # What is only suspected, or within its tolerance, hides no other.
     hiding = [event for event in swinging if event.state == "declared" and event.beyond_tolerance is not False]
+    gains, unweighed = change_gains(bench), bench
+    events = [*events, *_sudden_losses(flight, bench, (*swinging, *events), gains)]
     known = [*hiding]
     for event in known:
         bench = with_known(bench, event)
@@ -158,14 +161,22 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     for k, event in enumerate(events):
         if event.beyond_tolerance is False and _is_course(event):
             answers[k] = _weighed_deviation(bench, event, known, flight.to_s)
-    return _weighing(flight, bench, (*swinging, *answers))
+    return _weighing(flight, bench, (*swinging, *answers), gains if bench is unweighed else change_gains(bench))
 
 
-def _weighing(flight: Flight, bench: Bench, answers: Sequence[Event | OrdinaryEvent | Note]) -> Weighing:
-    """Return the answers by what they are, with what is ordinary where no finder looked."""
+def _weighing(
+    flight: Flight, bench: Bench, answers: Sequence[Event | OrdinaryEvent | Note], gains: Mapping[str, FloatArray]
+) -> Weighing:
+    """Return the answers by what they are, with what is ordinary where no finder looked.
+
+    Parameters
+    ----------
+    gains : of `surprises.change_gains`.
+    """
     stand = tuple(answer for answer in answers if isinstance(answer, Event))
     ordinary = [answer for answer in answers if isinstance(answer, OrdinaryEvent)]
-    ordinary += [event for event in surprising_events(bench, flight.phases, stand) if not _is_told(event, ordinary)]
+    surprising = surprising_events(bench, flight.phases, stand, gains)
+    ordinary += [event for event in surprising if not _is_told(event, ordinary, stand)]
     ordinary += noisy_events(flight.log, flight.phases, stand)
     notes = tuple(answer for answer in answers if isinstance(answer, Note))
     return Weighing(events=stand, ordinary=tuple(ordinary), notes=notes)
@@ -185,8 +196,46 @@ def _swinging_events(flight: Flight, bench: Bench, events: Sequence[Event]) -> I
     yield from oscillating_events(flight, bench, DECLARED)
 
 
-def _is_told(event: OrdinaryEvent, others: Iterable[OrdinaryEvent]) -> bool:
-    return any(event.cause == other.cause and abs(event.from_s - other.from_s) < APART_S for other in others)
+def _sudden_losses(
+    flight: Flight, bench: Bench, events: Sequence[Event], gains: Mapping[str, FloatArray]
+) -> Iterator[Event]:
+    """Yield a suspected pitot line where the wind would change at once and no event is: fronts take some seconds."""
+    for at_s, gain in sudden_winds(bench, flight.phases, gains):
+        if any(
+            abs(at_s - limit_s) < APART_S for event in events for limit_s in (event.onset_s, event.offset_s or np.inf)
+        ):
+            continue
+        speed = bench.model.coefficients.airspeed
+        at = int(np.searchsorted(bench.model.time_s, at_s))
+        before, after = speed[max(at - SIZED_S, 0)], speed[min(at + SIZED_S, bench.model.n - 1)]
+        yield Event(
+            fault="q_impact",
+            among=("q_impact",),
+            channels=channels_of("q_impact", flight.recorded),
+            state="suspected",
+            kind="abrupt",
+            stages=(MODEL,),
+            shape="bias",
+            effect={},
+            beyond_tolerance=None,
+            onset_s=at_s,
+            onset_ci95=(at_s - 1.0, at_s + 1.0),
+            offset_s=None,
+            seen_until_s=at_s,
+            window_s=flight.around(at_s, at_s, AROUND_S),
+            magnitude=float((after / before) ** 2 - 1.0),
+            unit="1",
+            statistic=0.0,
+            threshold=0.0,
+            evidence={"ground_speed": gain},
+        )
+
+
+def _is_told(event: OrdinaryEvent, others: Iterable[OrdinaryEvent], stand: Iterable[Event]) -> bool:
+    """Return whether an ordinary event is told: by its cause, or as the fault that the model proposed in its place."""
+    proposed = [limit_s for other in stand if other.stages[0] == MODEL for limit_s in (other.onset_s, other.offset_s)]
+    same = [other.from_s for other in others if other.cause == event.cause]
+    return any(abs(event.from_s - at_s) < APART_S for at_s in (*same, *proposed) if at_s is not None)
 
 
 def _after(event: Event, cause: Event) -> Note:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,9 +13,9 @@ from made_journeys import WIND, made_journey
 from bfi_cli.flight.bench import Bench, Place, bench_of
 from bfi_cli.flight.judge import ordinary_of
 from bfi_cli.flight.model import flight_model
-from bfi_cli.flight.result import OrdinaryEvent
+from bfi_cli.flight.result import Event, OrdinaryEvent
 from bfi_cli.flight.seconds import seconds_of
-from bfi_cli.flight.surprises import TOLD, change_gains, surprising_events
+from bfi_cli.flight.surprises import TOLD, change_gains, sudden_winds, surprising_events
 from bfi_cli.flight.weight import Ordinary
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.flightlog.record import frozen_array
@@ -63,6 +63,10 @@ def bench_with(
     return bench_of(model)
 
 
+def told_in(bench: Bench, *, phases: Sequence[Phase] = (), beside: Sequence[Event] = ()) -> list[OrdinaryEvent]:
+    return list(surprising_events(bench, phases, beside, change_gains(bench)))
+
+
 @pytest.fixture(scope="module")
 def with_flaps() -> Bench:
     return bench_with(FLAPS)
@@ -74,11 +78,11 @@ def with_knob() -> Bench:
 
 
 def test_nothing_surprises_in_a_healthy_flight() -> None:
-    assert list(surprising_events(bench_with({}, None), (), ())) == []
+    assert told_in(bench_with({}, None)) == []
 
 
 def test_flaps_are_told_with_time_and_size(with_flaps: Bench) -> None:
-    (event,) = surprising_events(with_flaps, (), ())
+    (event,) = told_in(with_flaps)
     assert (event.cause, event.looks_like, event.unit) == ("flaps", "", "rad")
     assert event.from_s == pytest.approx(AT_S, abs=3.0)
     assert event.magnitude == pytest.approx(-0.03, rel=0.25)
@@ -93,20 +97,20 @@ def test_a_jump_is_worth_most_where_it_is(with_flaps: Bench) -> None:
 
 def test_nothing_is_told_where_the_rows_are_no_functions_of_the_states(with_flaps: Bench) -> None:
     phase = Phase(phase="parabola", from_s=AT_S - 20.0, to_s=AT_S + 20.0)
-    assert list(surprising_events(with_flaps, (phase,), ())) == []
+    assert list(told_in(with_flaps, phases=(phase,))) == []
 
 
 @pytest.mark.parametrize(("channel", "told"), [("tas", False), ("yaw", True)])
 def test_nothing_is_told_while_air_data_are_wrong(with_flaps: Bench, channel: str, told: bool) -> None:
     declared = event_of(channel, AT_S - 100.0, "declared")
-    assert bool(list(surprising_events(with_flaps, (), [declared]))) == told
+    assert bool(list(told_in(with_flaps, beside=[declared]))) == told
 
 
 @pytest.mark.parametrize(("beside", "told"), [((), False), ((("pitch", AT_S),), False), ((("altitude", AT_S),), True)])
 def test_what_an_error_of_a_channel_does_as_well_is_told_beside_its_suspicion_alone(
     with_knob: Bench, beside: tuple[tuple[str, float], ...], told: bool
 ) -> None:
-    events: list[OrdinaryEvent] = list(surprising_events(with_knob, (), [event_of(*each) for each in beside]))
+    events: list[OrdinaryEvent] = told_in(with_knob, beside=[event_of(*each) for each in beside])
     assert [(event.cause, event.looks_like) for event in events] == ([("altimeter_set", "altitude")] if told else [])
     for event in events:
         assert event.magnitude == pytest.approx(60.0, rel=0.1)
@@ -132,7 +136,7 @@ def test_gusts_from_the_side_make_no_deviation_of_the_compass() -> None:
 def test_what_comes_within_seconds_is_told(
     channels: Mapping[str, Callable[[FloatArray], FloatArray]], cause: str, size: float
 ) -> None:
-    (event,) = surprising_events(bench_with(channels), (), ())
+    (event,) = told_in(bench_with(channels))
     assert (event.cause, event.looks_like) == (cause, "")
     assert event.from_s == pytest.approx(AT_S, abs=10.0)
     assert event.magnitude == pytest.approx(size, rel=0.3)
@@ -151,13 +155,20 @@ def test_a_cause_is_told_that_is_clearly_better_than_none_and_ten_thousand_times
         return replace(ordinary_of(place), gain=over_none, lead=float(np.log(over_another)))
 
     monkeypatch.setattr("bfi_cli.flight.surprises.ordinary_of", weighed)
-    assert [event.cause for event in surprising_events(with_flaps, (), ())] == (["flaps"] if told else [])
+    assert [event.cause for event in told_in(with_flaps)] == (["flaps"] if told else [])
 
 
 @pytest.mark.parametrize(("size", "told"), [(0.21, True), (0.25, False)])
 def test_an_attitude_settles_by_nine_degrees_at_most(size: float, told: bool) -> None:
     """Of the error some two thirds are seen where its jump is read, in half a minute in which it settles."""
-    events = list(surprising_events(bench_with({"pitch": lambda since: erection(since, size)}), (), ()))
+    events = told_in(bench_with({"pitch": lambda since: erection(since, size)}))
     assert [event.cause for event in events] == (["attitude_settles"] if told else [])
     for event in events:
         assert np.degrees(event.magnitude) == pytest.approx(7.8, abs=0.8)
+
+
+@pytest.mark.parametrize(("course", "is_sudden"), [(lambda since: 8.0 * (since >= 0.0), True), (front, False)])
+def test_a_wind_that_changes_at_once_is_no_front(course: Callable[[FloatArray], FloatArray], is_sudden: bool) -> None:
+    bench = bench_with({"velocity_north": course, "yaw": np.zeros_like})
+    sudden = list(sudden_winds(bench, (), change_gains(bench)))
+    assert [at_s for at_s, _ in sudden] == ([pytest.approx(AT_S, abs=1.0)] if is_sudden else [])

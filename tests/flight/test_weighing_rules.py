@@ -89,9 +89,13 @@ def weighed(monkeypatch: pytest.MonkeyPatch) -> Callable[[Model, Sequence[Event]
             "timing_of": timing_of,
         }
         replaced |= dict.fromkeys(("is_on_ground", "is_set"), lambda *args: False)
-        nothing = ("gross_errors", "oscillating_events", "surprising_events", "rests_about")
+        nothing = ("gross_errors", "oscillating_events", "sudden_winds", "surprising_events", "rests_about")
         replaced |= dict.fromkeys(nothing, lambda *args: ())
-        replaced |= {"noisy_events": lambda *args: (), "begun_before": lambda *args, **sure: None}
+        replaced |= {
+            "change_gains": lambda bench: {},
+            "noisy_events": lambda *args: (),
+            "begun_before": lambda *args, **sure: None,
+        }
         for name, stub in replaced.items():
             monkeypatch.setattr(weighing, name, stub)
         flight: Any = SimpleNamespace(log=SimpleNamespace(rate_hz=10.0), phases=(), from_s=0.0, to_s=float(N))

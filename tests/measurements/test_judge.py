@@ -13,9 +13,11 @@ import pytest
 from bars import FULL
 
 from bfi_cli.config import Config
+from bfi_cli.faults import parse_spec
 from bfi_cli.flight import diagnose_flight
 from bfi_cli.flight.result import DiagnoseResult
 from bfi_cli.flightlog import read_log
+from bfi_cli.flightlog.injection import inject
 from bfi_cli.quantities.channels import quantity_of
 
 FLIGHTS = Path(__file__).resolve().parents[2].parent / "shared" / "flights"
@@ -90,3 +92,23 @@ def test_the_event_of_the_static_line_is_the_one_answer(without: tuple[str, ...]
     assert event.offset_s == pytest.approx(9306.0, abs=WITHIN_S)
     # It reads 20 m/s where the satellites and the minutes about it say 59 to 60.
     assert event.effect["ias"] == pytest.approx(-40.0, rel=0.2)
+
+
+@pytest.mark.parametrize(
+    ("name", "spec", "onset_s"),
+    [
+        ("g1000_c172_110812", "pitot_icing,magnitude=0.005,onset_s=3119.3,offset_s=3179.3", 3119.3),
+        ("sr22t_220417_135002", "pitot_icing,magnitude=0.003,onset_s=3744.5,offset_s=3804.5", 3744.5),
+    ],
+)
+def test_ice_that_comes_off_at_once_is_suspected_where_no_finder_proposes_it(
+    name: str, spec: str, onset_s: float
+) -> None:
+    """A wind that changes within a second is none that has a front: 8 and 9 m/s of all airspeeds."""
+    log = read_log(FLIGHTS / f"{name}.h5")
+    log = inject(log, [parse_spec(spec, unit_of=lambda channel: log.channel(channel).unit)])
+    answer = diagnose_flight(log, Config())
+    (event,) = answer.events
+    assert (event.fault, event.state) == ("pitot_icing", "suspected")
+    assert event.onset_ci95[0] <= onset_s <= event.onset_ci95[1]
+    assert event.offset_s == pytest.approx(onset_s + 60.0, abs=1.5)

@@ -36,10 +36,11 @@ def largest_surprise(log: FlightLog) -> float:
     seconds, phases = seconds_of(log), phases_of(log)
     model = None if seconds is None else flight_model(seconds)
     assert model is not None
+    bench = bench_of(model)
     lands_s = flight_stretches(phases)[-1][1] - BEFORE_LANDING_S
     gains = [
         event.evidence["gain"]
-        for event in surprises.surprising_events(bench_of(model), phases, ())
+        for event in surprises.surprising_events(bench, phases, (), surprises.change_gains(bench))
         if event.cause != "flaps" or event.from_s < lands_s
     ]
     return max(gains, default=0.0)

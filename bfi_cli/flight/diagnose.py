@@ -127,7 +127,7 @@ def diagnose_flight(
     # 6. What could not have been seen, and the conclusion.
     bounds = bounds_of(flight, slow.scanned, static, lasting)
     limits = limits_of(flight, bounds)
-    unwatched = [*unwatched_by_scan(flight, bounds, lasting), *unwatched_by_lines(flight)]
+    unwatched = [*unwatched_by_scan(flight, bounds, lasting, events), *unwatched_by_lines(flight)]
     without_steps = unwatched_by_steps(flight, stepped) if stepped else []
     says = partial(sentence_of, events, limits, unwatched, without_steps, looked_for_steps=bool(stepped))
     evidence = evidence_of(events, limits, unwatched, flight.recorded, (*findings, *flight.not_credible))

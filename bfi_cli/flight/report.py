@@ -206,7 +206,7 @@ def _event_tables(name: str, title: str, events: Sequence[Event], units: Units) 
                 if event.magnitude is not None
                 else f"{event.shape}, {event.count} in all"
                 if event.count
-                else "held",
+                else ("held" if event.shape.endswith("blocked") else event.shape),
                 f"{effect} by {instant(round(event.window_s[1]))} s" if effect else "-",
                 "-" if event.p_value is None else f"{event.p_value:.2g}",
                 evidence or "-",

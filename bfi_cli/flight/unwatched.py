@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
+import numpy as np
+
 from ..decision import two_digits
 from ..flightlog.phases import HOVER, NO_AIRSPEED, PARTS, TRANSITION, note_on_rotors
 from ..kernels.runs import left_of, union
@@ -13,7 +15,7 @@ from .flight import Flight
 from .limits import AIRSPEEDS, PITOT_LINE, Bounds
 from .looks import GLANCE_S, Scanned
 from .parity import LENGTHS_S, available
-from .parity.windows import Window
+from .parity.windows import Window, overlaps
 from .result import Event, FlightLimit
 
 # Half a minute of flight: what is shorter narrows a claim by less than the onsets of slow faults are uncertain.
@@ -61,10 +63,16 @@ def flown_of(flight: Flight) -> list[Window]:
     return union(flown)
 
 
-def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence[Event]) -> list[Unwatched]:
+def unwatched_by_scan(
+    flight: Flight, bounds: Sequence[Bounds], events: Sequence[Event], stand: Sequence[Event]
+) -> list[Unwatched]:
     """Return where no window bounds a slow fault of the pitot line, or of an airspeed, that begins there.
 
     A window bounds an airspeed by its residuals, or by its relation to another.
+
+    Parameters
+    ----------
+    events : that finders proposed; stand : those that were confirmed or are suspected.
     """
     drifts = [bound for bound in bounds if bound.shape == "drift"]
     unbounded: list[tuple[Window, str]] = []
@@ -73,12 +81,17 @@ def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence
         for piece in left_of(flown_of(flight), union([stretch for hidden in windows for stretch in hidden.watched])):
             if piece[1] - piece[0] >= LEAST_S:
                 unbounded.append((piece, "the pitot line" if name == PITOT_LINE else name))
-    declared = [
-        (event.onset_s, event.seen_until_s if event.offset_s is None else event.offset_s)
+    lasting = [(event.onset_s, np.inf if event.offset_s is None else event.offset_s) for event in stand]
+    masked = [
+        (
+            window,
+            "the fault there masks others" if overlaps(window, lasting) else "what looks like a fault masks others",
+        )
         for event in events
         if event.state == "declared"
+        for window in [(event.onset_s, event.seen_until_s if event.offset_s is None else event.offset_s)]
     ]
-    reasons = _reasons(flight, declared)
+    reasons = _reasons(flight, masked)
     parts = [(phase.from_s, phase.to_s) for phase in flight.part_phases]
     stretches = [*parts, *(piece for piece, _ in unbounded), *(window for window, _ in reasons)]
     known = [(phase.from_s, phase.to_s) for phase in flight.part_phases if phase.phase in PARTS]
@@ -95,11 +108,11 @@ def unwatched_by_scan(flight: Flight, bounds: Sequence[Bounds], events: Sequence
     return _long(pieces)
 
 
-def _reasons(flight: Flight, declared: Sequence[Window]) -> list[tuple[Window, str]]:
+def _reasons(flight: Flight, masked: Sequence[tuple[Window, str]]) -> list[tuple[Window, str]]:
     """Return the stretches in which slow faults are not looked for, and why, the first that holds first."""
     return [
         *(((phase.from_s, phase.to_s), NO_SPEED) for phase in flight.part_phases if phase.phase == NO_AIRSPEED),
-        *((window, "the fault there masks others") for window in declared),
+        *masked,
         *(
             ((phase.from_s, phase.to_s), "parabola: no slow fault is looked for")
             for phase in flight.part_phases

@@ -176,8 +176,8 @@ def _weighing(
     stand = tuple(answer for answer in answers if isinstance(answer, Event))
     ordinary = [answer for answer in answers if isinstance(answer, OrdinaryEvent)]
     surprising = surprising_events(bench, flight.phases, stand, gains)
-    ordinary += [event for event in surprising if not _is_told(event, ordinary, stand)]
-    ordinary += noisy_events(flight.log, flight.phases, stand)
+    noisy = noisy_events(flight.log, flight.phases, stand)
+    ordinary += [event for event in (*surprising, *noisy) if not _is_told(event, ordinary, stand)]
     notes = tuple(answer for answer in answers if isinstance(answer, Note))
     return Weighing(events=stand, ordinary=tuple(ordinary), notes=notes)
 
@@ -592,7 +592,7 @@ def _from_its_onset(bench: Bench, event: Event, timing: Timing) -> Event:
         timing = replace(timing, weight=replace(weight, size=-event.magnitude, sd=event.sd))
     return replace(
         _timed(bench, event, timing),
-        among=tuple(dict.fromkeys((fault, *event.among))),
+        among=tuple(dict.fromkeys((fault, *(name for name in event.among if name != event.fault)))),
         note=f"its return at {event.onset_s:.0f} s stood out first",
     )
 

@@ -58,6 +58,12 @@ def test_few_healthy_flights_end_with_a_fault(answers: Mapping[str, DiagnoseResu
     assert len(some) <= most
 
 
+def test_where_no_fault_stands_none_masks_others(answers: Mapping[str, DiagnoseResult]) -> None:
+    for name, answer in answers.items():
+        if not answer.events:
+            assert not [why for *_, why in answer.unwatched if why.startswith("the fault there")], name
+
+
 def test_no_altitude_of_a_healthy_flight_is_at_fault(answers: Mapping[str, DiagnoseResult]) -> None:
     """No setting of an altimeter and no geometric altitude is taken for a fault.
 
@@ -109,6 +115,7 @@ def test_ice_that_comes_off_at_once_is_suspected_where_no_finder_proposes_it(
     log = inject(log, [parse_spec(spec, unit_of=lambda channel: log.channel(channel).unit)])
     answer = diagnose_flight(log, Config())
     (event,) = answer.events
-    assert (event.fault, event.state) == ("pitot_icing", "suspected")
+    assert (event.fault, event.among, event.state) == ("pitot_icing", ("pitot_icing",), "suspected")
+    assert [each.cause for each in answer.ordinary if abs(each.from_s - onset_s) < 120.0] == []
     assert event.onset_ci95[0] <= onset_s <= event.onset_ci95[1]
     assert event.offset_s == pytest.approx(onset_s + 60.0, abs=1.5)

@@ -79,7 +79,7 @@ def test_an_end_behind_what_is_weighed_stays_as_proposed():
             *("static_blocked", "static_blocked", -12.0, 60.0),
             marks=pytest.mark.xfail(
                 strict=True,
-                reason="a later onset is spared the noise of a lagging thermometer, which a port that errs little pays too",
+                reason="a later onset is spared the noise of a lagging thermometer, which a port pays that errs little",
             ),
         ),
         ("pitot_blocked", "pitot_blocked", 16.0, 60.0),

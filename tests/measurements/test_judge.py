@@ -9,15 +9,19 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from bars import FULL
+from trials import spread
 
 from bfi_cli.config import Config
 from bfi_cli.faults import parse_spec
 from bfi_cli.flight import diagnose_flight
+from bfi_cli.flight.parity.windows import flight_stretches
 from bfi_cli.flight.result import DiagnoseResult
 from bfi_cli.flightlog import read_log
 from bfi_cli.flightlog.injection import inject
+from bfi_cli.flightlog.phases import phases_of
 from bfi_cli.quantities.channels import quantity_of
 
 FLIGHTS = Path(__file__).resolve().parents[2].parent / "shared" / "flights"
@@ -25,6 +29,7 @@ LIGHT = ("g1000_c172_110812", "g3x_homebuilt_mfd", "g3x_homebuilt_pfd2", "px4_sw
 LIGHT += ("sr22t_210623_141501", "sr22t_220417_125002", "sr22t_220417_135002", "sr22t_220825_142831")
 JETS = ("citation_20170308_084248", "citation_20180312_f1", "citation_20190305_v4", "citation_20190305_v4_bcalt")
 JETS += ("citation_20190312_123416",)
+ICED = ("g1000_c172_110812", "sr22t_210623_141501", "sr22t_220417_135002", "sr22t_220825_142831")
 HEALTHY = (*LIGHT, *(JETS if FULL else ()))
 # Of the healthy flights one may end with a fault, and a third with something suspected.
 MOST_DECLARED, MOST_SUSPECTED = 1, len(HEALTHY) // 3
@@ -119,3 +124,25 @@ def test_ice_that_comes_off_at_once_is_suspected_where_no_finder_proposes_it(
     assert [each.cause for each in answer.ordinary if abs(each.from_s - onset_s) < 120.0] == []
     assert event.onset_ci95[0] <= onset_s <= event.onset_ci95[1]
     assert event.offset_s == pytest.approx(onset_s + 60.0, abs=1.5)
+
+
+def seen_ice(trial: tuple[str, int]) -> bool:
+    """Return whether ice of a minute that comes off at once is declared or suspected where it is."""
+    name, seed = trial
+    rng, log = np.random.default_rng([9, seed]), read_log(FLIGHTS / f"{name}.h5")
+    stretches = flight_stretches(phases_of(log))
+    onset_s, rate = rng.uniform(stretches[0][0] + 100.0, stretches[-1][1] - 200.0), rng.uniform(0.002, 0.005)
+    spec = f"pitot_icing,magnitude={rate:.4f},onset_s={onset_s:.1f},offset_s={onset_s + 60.0:.1f}"
+    log = inject(log, [parse_spec(spec, unit_of=lambda channel: log.channel(channel).unit)])
+    answer = diagnose_flight(log, Config())
+    at = [(event.fault, round(event.onset_s)) for event in answer.events if abs(event.onset_s - onset_s) < 90.0]
+    print(name, spec, at)
+    return any(fault == "pitot_icing" for fault, _ in at)
+
+
+@pytest.mark.skipif(not FULL, reason="it has no bar: only where BFI_FULL=1 is set")
+def test_ice_that_comes_off_at_once_is_seen_more_often_than_by_the_finders_alone() -> None:
+    """Of these sixteen, of 2.5 to 8 m/s, the finders propose one; most are within what a wind explains."""
+    seen = spread(seen_ice, [(name, seed) for name in ICED for seed in range(4)])
+    print(f"ice that comes off at once: {sum(seen)} of {len(seen)} seen")
+    assert sum(seen) > 1

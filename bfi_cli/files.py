@@ -7,8 +7,6 @@ import hashlib
 import json
 import os
 import re
-import shutil
-import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -178,6 +176,9 @@ def aside(folder: Path, *, place: Path, option: str) -> Iterator[Path]:
     ------
     ConfigError : the folder cannot be made or written to.
     """
+    import shutil
+    import tempfile
+
     made = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)

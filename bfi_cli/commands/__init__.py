@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import errno
 import gc
 import importlib
@@ -12,8 +11,6 @@ import os
 import re
 import signal
 import sys
-import tempfile
-import traceback
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from typing import TextIO
@@ -216,6 +213,8 @@ def _usage(error: click.ClickException) -> str:
 
 
 def _did_you_mean(word: str, known: Iterable[str]) -> str:
+    import difflib
+
     close = difflib.get_close_matches(word, known, n=1)
     return f"did you mean '{close[0]}'?" if close else ""
 
@@ -249,6 +248,8 @@ def _close_output(*streams: TextIO) -> None:
 
 def crash_line(error: Exception) -> str:
     """Write a crash file for a maintainer, without data of the user; return the line to print."""
+    import tempfile
+
     what = f"bfi: internal error, {type(error).__name__}"
     text = "".join(f"{line}\n" for line in _crash_lines(error))
     try:
@@ -264,6 +265,7 @@ def _crash_lines(error: BaseException) -> Iterator[str]:
 
     The message of an exception, the values of options and the paths of logs are left out: they can hold data.
     """
+    import traceback
     from importlib.metadata import version
 
     python = ".".join(map(str, sys.version_info[:3]))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import math
 import reprlib
 import sys
@@ -392,6 +391,8 @@ def _value_problem(key: str, value: object) -> str | None:
 
 def did_you_mean(word: object, known: Sequence[str]) -> str:
     """Return "; did you mean 'onset_s'?", or "; known: ..." where nothing is close."""
+    import difflib
+
     is_short = isinstance(word, str) and len(word) <= SHOWN_LETTERS
     close = difflib.get_close_matches(str(word), known, n=1, cutoff=0.6) if is_short else []
     return f"; did you mean '{close[0]}'?" if close else f"; known: {', '.join(known)}"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from ..airdata import (
 from ..errors import DictionaryError, LogError
 from ..faults import Fault, active_samples, course, has_channel
 from ..faults.filters import recorded_signal, response_of
-from ..faults.ordinary import Occurrence
 from ..faults.shapes import SHAPES
 from ..kernels import BoolArray
 from ..kernels.low_pass import Response
@@ -30,6 +30,9 @@ from ..notes import Note
 from ..quantities.text import instant
 from .derived import pressures_of
 from .record import FlightLog, FloatArray, Truth, frozen_array
+
+if TYPE_CHECKING:
+    from ..faults.ordinary import Occurrence
 
 ROUNDING = 1e-12  # of a pressure: a fault that moves it by less, a line trapped in still air, moves nothing
 # The share of a pressure by which a derivative is taken: its square is far below, and round-off far above, what counts.

@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,10 +18,12 @@ from ..epoch import Epoch
 from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..faults.filters import Filter, filters_from_json, filters_to_json
-from ..faults.ordinary import Occurrence
 from ..notes import Note
 from ..quantities.channels import STANDARD, NameMatch, match_name, si_unit, to_si
 from .record import FlightLog, Segment, Track
+
+if TYPE_CHECKING:
+    from ..faults.ordinary import Occurrence
 
 FloatArray = NDArray[np.float64]
 # First and last time of the wanted window, None for an end of the log.
@@ -355,6 +357,8 @@ def _segment(entry: Mapping[str, Any]) -> Segment:
 
 
 def _occurrence(entry: Mapping[str, Any]) -> Occurrence:
+    from ..faults.ordinary import Occurrence
+
     return Occurrence(cause=str(entry["cause"]), at_s=float(entry["at_s"]), size=float(entry["size"]))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import difflib
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -437,6 +436,8 @@ def _channel(path: str, name: str, column: Track, unit: str | None, stated: str 
 
 def _check_maps(path: str, columns: Sequence[Track], asked: ReadRequest) -> None:
     """Check that the columns of `--channel` and `--unit` exist, and that the units fit them."""
+    import difflib
+
     sources = [column.source for column in columns]
     has = ", ".join(sorted(sources))
     for name, source in asked.channel_map.items():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,13 @@ from ..epoch import Epoch
 from ..errors import LogError
 from ..faults import Fault
 from ..faults.filters import Filter
-from ..faults.ordinary import Occurrence
 from ..kernels.quantisation import find_quantum, quantum_of_plateaus
 from ..notes import Note
 from ..quantities.channels import meant_channel, unit_of
 from ..quantities.text import instant
+
+if TYPE_CHECKING:
+    from ..faults.ordinary import Occurrence
 
 FloatArray = NDArray[np.float64]
 

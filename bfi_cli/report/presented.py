@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from html import escape
 from importlib import import_module
 from io import StringIO
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -47,9 +46,14 @@ class Presented:
 
     def _repr_html_(self) -> str:
         """Return the first screen and the tables, for a notebook."""
+        from html import escape
+
+        def row(tag: str, cells: tuple[str, ...]) -> str:
+            return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
+
         parts = [f"<pre>{escape(repr(self))}</pre>"]
         for table in self.report().tables:
-            rows = [_row("th", table.heads), *(_row("td", row) for row in table.rows)]
+            rows = [row("th", table.heads), *(row("td", cells) for cells in table.rows)]
             parts.append(f"<table><caption>{escape(table.title)}</caption>{''.join(rows)}</table>")
         return "".join(parts)
 
@@ -87,7 +91,3 @@ def _known(name: str, named: dict[str, Any], what: str) -> str:
     if wanted not in named:
         raise ConfigError(f"{what}: the report has no {name or what}; it has: {', '.join(named) or 'none'}")
     return wanted
-
-
-def _row(tag: str, cells: tuple[str, ...]) -> str:
-    return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"

@@ -18,15 +18,18 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .. import TINY, ComplexArray, FloatArray, IntArray
 from ..progress import Report, parts, shares, silent
-from .pairs import Pair, PairLimits, PairTables, climb, pair_limits, screen_pairs, spread, tabulate_pairs
 from .profile import CACHE_DOUBLES, peaks, profile_polynomial, screen
 from .scan import ENDING, STARTING, Scan, default_onsets, difference, largest_magnitude, scan_shape
 from .waveform import sine
+
+if TYPE_CHECKING:
+    from .pairs import Pair, PairLimits, PairTables
 
 # Numbers of the running sums that are made together, 1.6 MB: more leave the processor's cache, and take a third longer.
 TOGETHER = 100_000
@@ -188,7 +191,7 @@ def _explained_by_both(scan: Scan, sums: ComplexArray, total: FloatArray, double
 
 
 # A frequency, cycles per sample, and a pair of start and end to begin with.
-Trial = tuple[float, Pair]
+Trial = tuple[float, tuple[int, int]]
 
 # Step of the grid over 1 / duration: half of the peak's width.
 STEP = 0.5
@@ -253,6 +256,8 @@ def scan_frequency_ends(scan: Scan, band: tuple[float, float], report: Report = 
     ------
     ValueError : the band is empty, or the record too short for two periods of its highest frequency.
     """
+    from .pairs import climb, pair_limits, screen_pairs, spread, tabulate_pairs
+
     room = scan.n_samples - (STARTING + ENDING) * scan.order - 1
     grid = frequency_grid(scan, (max(band[0], MIN_CYCLES / room) if band[0] > 0.0 < room else band[0], band[1]))
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
-from importlib import resources
 from pathlib import Path
 
 import numpy as np
@@ -239,8 +238,7 @@ def shipped_rule(record: ScanRecord, config: Config) -> Rule:
 @cache
 def _shipped_tables() -> tuple[CalibrationTable, ...]:
     """Return the tables that come with the program."""
-    with resources.as_file(resources.files(__package__).joinpath(SHIPPED)) as path:
-        return load_tables(path)
+    return load_tables(Path(__file__).with_name(SHIPPED))
 
 
 def own_table(

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -34,10 +35,12 @@ from ..preprocessing.magnitudes import at_half_rate, estimate_magnitudes, overdi
 from ..preprocessing.regression import scored_by
 from ..preprocessing.window import prepare_window, regression_of
 from .decision import Verdict
-from .oscillation import HOPELESS, OscillationSearch, Sinusoid, estimate_oscillation, oscillation_search
 from .scan import Peak, lasting_peak, scan_of
 from .scan_record import DECIMALS, ScanRecord
 from .shapes import ShapeHypothesis, SubsampleIndex, fault_of, signal, subsample_index, waveform
+
+if TYPE_CHECKING:
+    from .oscillation import OscillationSearch, Sinusoid
 
 # Quantile of the normal distribution for an interval of 95 %; an onset's holds what is within its square of the best
 # statistic (chi-square of one degree of freedom).
@@ -189,6 +192,8 @@ def estimate(
     step, form, drop = steps(report, STEPS), peak.form, DROP * dispersion
     record, peak, sd_of_recorder = with_likeliest_recorder(record, y, peak, order=order, dispersion=dispersion)
     if form.shape == "sine":
+        from .oscillation import HOPELESS, estimate_oscillation, oscillation_search
+
         search = oscillation_search(record.likelihood(y, order, step), peak)
         jump = None if jump_s is None else record.native(jump_s)
         sinusoid = estimate_oscillation(search, dispersion=dispersion, jump=jump, least=least)

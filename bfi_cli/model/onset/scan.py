@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +22,6 @@ from ...kernels.onset.frequency import (
     screen_sines,
     standing_out,
 )
-from ...kernels.onset.pairs import scan_ends
 from ...kernels.onset.scan import (
     Profile,
     Scan,
@@ -34,6 +34,9 @@ from ...kernels.onset.scan import (
 from ...kernels.progress import Report, parts, shares, silent
 from .scan_record import ScanRecord
 from .shapes import ShapeHypothesis, waveform
+
+if TYPE_CHECKING:
+    from ...kernels.onset.pairs import PairScan
 
 # Duration of the search for a frequency, in scans of a shape of known frequency: for the progress only.
 SEARCH = 20
@@ -141,9 +144,8 @@ def scan_hypotheses(
         peak, criteria = min(scanned, key=bic_change), []
         for (s, base), share in parts(comparing, list(zip(orders, without_fault, strict=True))):
             scan = scan_of(record, y, s, output=peak.form.output, first=max(orders))
-            sharp = waveform(peak.form, replace(record.sampling, n_samples=scan.n_samples, factor=1))
             charge = peak.n_parameters * float(np.log(scan.n_rows))
-            criteria.append(base - scan_ends(scan, sharp, report=share).statistic + charge)
+            criteria.append(base - _scan_with_ends(record, scan, peak.form, share).statistic + charge)
         best = np.minimum(best, criteria).tolist()
         if (better := orders[int(np.argmin(np.minimum(without_fault, best)))]) != chosen:
             chosen, scanned = better, _scan_at_order(record, y, better, {}, peaking)
@@ -213,16 +215,15 @@ def _with_best_fault(
     criteria, ranked = [], dict[int, tuple[float, ...]]()
     for form, share in parts(report, record.forms):
         scan, n_parameters = scans[form.output], 3 if form.parameter or form.shape == "sine" else 2
-        sampling = replace(record.sampling, n_samples=scan.n_samples)
         if form.shape == "sine":
             screened = screen_sines(scan, candidates[form.output], share)
             statistic = float(screened.max())
             ranked[form.output] = tuple(candidates[form.output][np.argsort(-screened)].tolist())
         elif record.settings.ends:
-            statistic = scan_ends(scan, waveform(form, replace(sampling, factor=1)), report=share).statistic
+            statistic = _scan_with_ends(record, scan, form, share).statistic
             n_parameters += 1
         else:
-            statistic = largest_statistic(scan, waveform(form, sampling))
+            statistic = largest_statistic(scan, waveform(form, replace(record.sampling, n_samples=scan.n_samples)))
         criteria.append(base - statistic + n_parameters * float(np.log(scan.n_rows)))
     return min(criteria), ranked
 
@@ -310,9 +311,17 @@ def scan_hypothesis(
             frequency = scan_frequency(scan, band, report=searching, begin=begin)
         form = replace(form, parameter=float(rate_hz * frequency))
     if ends:
-        pair = scan_ends(scan, waveform(form, replace(record.sampling, factor=1)), report=report)
+        pair = _scan_with_ends(record, scan, form, report)
         return Peak(form=form, profile=pair.over_starts, end=pair.end)
     return lasting_peak(record, scan, form, report)
+
+
+def _scan_with_ends(record: ScanRecord, scan: Scan, form: ShapeHypothesis, report: Report) -> PairScan:
+    """Return the best start and end of a hypothesis, whose edges are sharp."""
+    from ...kernels.onset.pairs import scan_ends
+
+    sharp = replace(record.sampling, n_samples=scan.n_samples, factor=1)
+    return scan_ends(scan, waveform(form, sharp), report=report)
 
 
 def lasting_peak(record: ScanRecord, scan: Scan, form: ShapeHypothesis, report: Report = silent) -> Peak:

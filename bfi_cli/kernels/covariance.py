@@ -10,7 +10,7 @@ from . import TINY, FloatArray
 from .atom_signals import some_of
 from .coherence import whiten
 from .compiled import lapack
-from .lagged import Compressed, EarlierRows, compress, fill_lagged, with_earlier
+from .lagged import BLOCK_ROWS, Compressed, EarlierRows, add_rows, compress, fill_lagged, with_earlier
 from .progress import Report, silent
 from .variable_projection import Fit
 
@@ -20,8 +20,7 @@ BLIND = 1e-10
 RANK_TOLERANCE = 1e-12
 # MOST_VALUES: values of the signatures evaluated at once, 8 MB: only windows of hours have more.
 MOST_VALUES = 10**6
-# Columns that LAPACK treats together, and rows that are rotated together: the speed only.
-PANEL, ROWS = 32, 65_536
+ROWS = 65_536  # that are rotated together: the speed only
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -211,19 +210,36 @@ def _above(rows: FloatArray, others: FloatArray) -> FloatArray:
 def _basis(X: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return an orthogonal basis Q of a tall column-major matrix, all singular values, and M with pseudoinverse M Q'.
 
-    Q takes the memory of a matrix of many values: of a long record each is 40 MB and more.
+    Q takes the memory of a matrix of many values: of a long record each is 40 MB and more. There it is the matrix
+    over its triangular factor, which blocks that stay in a processor's cache make in a third of the time.
     """
     if X.size <= MOST_VALUES:
         Q, s, Vt = np.linalg.svd(X, full_matrices=False)
         keep = s > RANK_TOLERANCE * s[0]
         return (Q if keep.all() else Q[:, keep]), s, Vt[keep].T / s[keep]
-    n_columns = X.shape[1]
-    X, tau = lapack.dgeqrf(X, lwork=PANEL * n_columns, overwrite_a=True)[:2]
-    rotation, s, Vt = np.linalg.svd(np.triu(X[:n_columns]))
+    _, s, Vt = np.linalg.svd(_triangle(X))
     keep = s > RANK_TOLERANCE * s[0]
-    Q = lapack.dorgqr(X, tau, lwork=PANEL * n_columns, overwrite_a=True)[0]
-    inverse = Vt[keep].T / s[keep]
-    return (Q, s, inverse @ rotation.T) if keep.all() else (Q @ rotation[:, keep], s, inverse)
+    inverse, Q = Vt[keep].T / s[keep], X[:, : np.count_nonzero(keep)]
+    _times(X, inverse, Q)
+    # Rounding leaves directions that X hardly has somewhat oblique: Q'Q is 1 to its error, and its factor mends that.
+    again = lapack.dtrtri(np.linalg.cholesky(Q.T @ Q).T)[0]
+    _times(Q, again, Q)
+    return Q, s, inverse @ again
+
+
+def _triangle(X: FloatArray) -> FloatArray:
+    """Return the triangular factor of a tall matrix, block by block."""
+    R = np.zeros((X.shape[1], X.shape[1]), order="F")
+    for start in range(0, len(X), BLOCK_ROWS):
+        R = add_rows(R, X[start : start + BLOCK_ROWS].copy(order="F"), overwrite=True)
+    return R
+
+
+def _times(X: FloatArray, factors: FloatArray, product: FloatArray) -> None:
+    """Write the product of a tall matrix and a small one, of no more columns, which may be the same memory."""
+    for start in range(0, len(X), BLOCK_ROWS):
+        rows = slice(start, start + BLOCK_ROWS)
+        product[rows] = X[rows] @ factors
 
 
 def unfold(layout: Layout, fit: Fit, regressors: Regressors | None = None) -> FitRows:

@@ -26,12 +26,12 @@ import numpy as np
 
 from .. import TINY, ComplexArray, FloatArray, IntArray
 from ..compiled import lapack
-from ..covariance import PANEL
 from ..lagged import lagged
 from ..progress import Report, parts, silent
 from .profile import CACHE_DOUBLES, ProfilePolynomial, log_ratio, minimise, profile_polynomial, screen
 from .waveform import Waveform
 
+PANEL = 32  # columns that LAPACK treats together: the speed only
 # Below this share of the largest, a pivot of the scaled base is round-off: 1e5 times the precision of a double.
 RANK_TOLERANCE = 1e-11
 # White noise that noise-free outputs are taken to carry, relative to the rms of their part orthogonal to the base.

@@ -123,8 +123,10 @@ def identify(
     if dictionary is None or (kinds and not dictionary.exact.atoms):
         return _identify_kinds(log, part, dictionary, kinds, config, arithmetic, progress)
     _require_one_model(part, config, "estimate")
-    log, on_model = model.with_those_that_share(log, dictionary.exact, config, progress) if log.earlier else (log, ())
-    part = replace(part, earlier=log.earlier)
+    on_model: tuple[Note, ...] = ()
+    if log.earlier:
+        log, on_model = model.with_those_that_share(log, dictionary.exact, config, progress)
+        part = replace(part, earlier=log.earlier)
     result = _identify_entries(log, part, dictionary, kinds, config, arithmetic, progress, first=on_model)
     return result, dictionary
 

@@ -414,7 +414,8 @@ def without_other_conventions(log: FlightLog, phases: Sequence[Phase]) -> tuple[
 
 def without(log: FlightLog, *names: str) -> FlightLog:
     """Return a log without some of its channels."""
-    return replace(log, channels={name: channel for name, channel in log.channels.items() if name not in names})
+    left = {name: channel for name, channel in log.channels.items() if name not in names}
+    return log if len(left) == len(log.channels) else replace(log, channels=left)
 
 
 def _mean_rate(record: Record, phases: Sequence[Phase]) -> float:

@@ -293,7 +293,7 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
     finite = np.abs(recorded) < LARGEST_VALUE
     rows = slice(None) if finite.all() else finite
     readings = recorded[rows]
-    if not readings.size or float(np.ptp(readings)) == 0.0:
+    if not readings.size or (travelled := float(np.ptp(readings))) == 0.0:
         return None
     period, phase, is_averaged = 1.0, 0.0, False
     if channel.own_rate_hz is not None and channel.own_rate_hz < AS_FAST * log.rate_hz:
@@ -307,7 +307,7 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
     n = int(tick[-1]) + 1
     if not FEWEST_TICKS <= n <= min(MOST_TICKS, SPARSEST * tick.size):
         return None
-    readings = np.unwrap(readings) if channel.name in ANGLES else readings
+    readings = np.unwrap(readings) if channel.name in ANGLES and travelled >= np.pi else readings
     values, known = np.full(n, np.nan), np.zeros(n, dtype=bool)
     known[tick] = True
     if is_averaged:

@@ -1,8 +1,9 @@
-"""Routines of LAPACK and special functions as scipy compiles them, without what their packages import beside them.
+"""Routines of LAPACK, special functions and `einsum` as they are compiled, without what is imported or done before.
 
 The packages `scipy.linalg` and `scipy.special` import numpy's compiler of Fortran, its tools for tests and all of their
 own modules, which takes as long as the analysis of a short log. What is called here are functions of one extension
-module of each. A scipy that lays these out otherwise is imported whole.
+module of each. A scipy that lays these out otherwise is imported whole. What numpy does in Python in front of `einsum`
+takes longer than most of the small contractions here.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import scipy
 
-__all__ = ["lapack", "special"]
+__all__ = ["einsum", "lapack", "special"]
 
 
 def _extension(package: str, module: str, whole: str) -> ModuleType:
@@ -41,8 +42,13 @@ def _extension(package: str, module: str, whole: str) -> ModuleType:
 
 
 if TYPE_CHECKING:
+    from numpy import einsum
     from scipy import special
     from scipy.linalg import lapack
 else:
+    try:
+        from numpy._core.multiarray import c_einsum as einsum
+    except ImportError:
+        from numpy import einsum
     lapack = _extension("linalg", "_flapack", "scipy.linalg.lapack")
     special = _extension("special", "_ufuncs", "scipy.special")

@@ -9,7 +9,7 @@ import numpy as np
 from . import TINY, FloatArray
 from .atom_signals import some_of
 from .coherence import whiten
-from .compiled import lapack
+from .compiled import einsum, lapack
 from .lagged import BLOCK_ROWS, Compressed, EarlierRows, add_rows, compress, fill_lagged, with_earlier
 from .progress import Report, silent
 from .variable_projection import Fit
@@ -126,7 +126,7 @@ class Regressors:
                 G = whiten(_filtered(theta, fit, self.layout.first, self.weights, rows), fit.sigma)
                 absorbed += self.Q[rows].T @ G.reshape(-1, n_y * n_signals)
                 inner += others[rows.start * n_y : rows.stop * n_y].T @ G
-                power += np.einsum("kj,kj->j", G, G)
+                power += einsum("kj,kj->j", G, G)
         left = power - np.sum(absorbed.reshape(-1, n_signals) ** 2, axis=0) - np.sum(inner[:-1] ** 2, axis=0)
         return _additions(inner[-1], left, power, _small_sample_factor(fit, unfolded))
 
@@ -264,7 +264,7 @@ def _filtered(theta: FloatArray, fit: Fit, first: int, weights: FloatArray, rows
     g = theta[start:stop].copy()
     for i, K in enumerate(fit.K, start=1):
         lag = theta[start - i : stop - i]
-        g -= K[0, 0] * lag if K.size == 1 else np.einsum("io,koj->kij", K, lag)
+        g -= K[0, 0] * lag if K.size == 1 else einsum("io,koj->kij", K, lag)
     g *= weights[rows, None, None]
     return g
 
@@ -273,7 +273,7 @@ def _projected(made: Regressors, g: FloatArray, n_rows: int) -> FitRows:
     """Return the rows of a fit with weighted signatures g (n_all, n_outputs, n_atoms), which are overwritten."""
     Q, weighted_error, n = made.Q, made.weighted_error, len(made.weights)
     flat = g.reshape(len(g), -1)
-    raw_norm = np.sqrt(np.einsum("koj,koj->j", g, g))
+    raw_norm = np.sqrt(einsum("koj,koj->j", g, g))
     flat -= Q @ (Q.T @ flat)
     signatures = flat.reshape(g.shape)
     return FitRows(
@@ -350,7 +350,7 @@ def single_additions(fit: Fit, unfolded: FitRows) -> tuple[FloatArray, FloatArra
     G, e = whiten(unfolded.all_signatures, fit.sigma), whiten(unfolded.all_errors[:, :, None], fit.sigma)[:, 0]
     Q = np.linalg.qr(G[:, list(fit.atoms)])[0]
     others = G - Q @ (Q.T @ G)
-    power = np.einsum("kj,kj->j", others, others)
+    power = einsum("kj,kj->j", others, others)
     white_raw = unfolded.raw_norm**2 / np.linalg.eigvalsh(fit.sigma)[-1]
     return _additions(others.T @ e, power, white_raw, _small_sample_factor(fit, unfolded))
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import EPS, FloatArray
-from .compiled import lapack
+from .compiled import einsum, lapack
 from .lagged import PANEL
 from .progress import Iterate, StoppingRule, Termination, iterate
 from .variable_projection import ProjectedRegression, without_signal
@@ -131,7 +131,7 @@ def least_squares(S: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]
     if not S.shape[1]:
         return np.zeros(0), np.zeros((0, 0))
     n = S.shape[1]
-    norms = np.sqrt(np.einsum("ij,ij->j", S, S))
+    norms = np.sqrt(einsum("ij,ij->j", S, S))
     norms[norms <= EPS * norms.max(initial=0.0)] = 1.0
     stacked = np.empty((max(len(S), n + 1), n + 1), order="F")
     stacked[: len(S), :n] = S / norms
@@ -248,7 +248,7 @@ def whitened_outputs(problem: ProjectedRegression, z: FloatArray, K: FloatArray)
     less = problem
     for present in np.flatnonzero(z):
         less = without_signal(less, int(present), float(z[present]))
-    error = less.y[:, 0] - np.einsum("kic,imc->km", less.y[:, 1:], K)
+    error = less.y[:, 0] - einsum("kic,imc->km", less.y[:, 1:], K)
     norms = np.linalg.norm(y[:, 0], axis=0)
     norms[norms == 0.0] = 1.0
     R, whiten = np.linalg.qr(error / norms)[1], np.diag(1.0 / norms)

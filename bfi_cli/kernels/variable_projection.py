@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from . import TINY, BoolArray, FloatArray
-from .compiled import lapack
+from .compiled import einsum, lapack
 from .lagged import Compressed, restrict
 from .progress import Termination
 
@@ -190,7 +190,7 @@ def _log_dets_of_outputs(support: _Support, y: FloatArray, start: FloatArray) ->
         moving, Q, R, scale = moving[full], Q[full], R[full], scale[full]
         if not moving.size:
             break
-        along = np.einsum("nij,ni->nj", Q, e[moving])
+        along = einsum("nij,ni->nj", Q, e[moving])
         step = np.linalg.solve(R, along[:, :, None])[:, :, 0] / scale[:, 0]
         gain, before = np.sum(along**2, axis=1), log_det[moving]
         trying = np.arange(len(moving))
@@ -335,10 +335,10 @@ def _additions(problem: ProjectedRegression, fit: Fit, atoms: Sequence[int]) -> 
     at = support.predict(fit.z)
     regressors, e = support.linearise(at)
     others = support.whiten(at, _Support(problem, together, compress=False).filter(at.K))[:, np.isin(together, atoms)]
-    raw = np.einsum("ij,ij->j", others, others)
+    raw = einsum("ij,ij->j", others, others)
     Q = np.linalg.qr(regressors)[0]
     others = others - Q @ (Q.T @ others)
-    power = np.einsum("ij,ij->j", others, others)
+    power = einsum("ij,ij->j", others, others)
     seen = power > RANK_TOLERANCE * raw
     magnitude = np.where(seen, others.T @ (e - Q @ (Q.T @ e)), 0.0) / np.where(seen, power, 1.0)
     return magnitude, np.where(seen, power, 0.0)
@@ -449,6 +449,8 @@ class _Support:
             kept = [rows * 0.0] + [slopes[atom] * z[j] for j, atom in enumerate(self.atoms) if atom in slopes]
             factor = np.maximum(np.abs(1.0 - sum(kept[1:], kept[0])), TINY)
             return 2.0 * float(rows @ np.log(factor)) / self.problem.n_rows
+        if not self.problem.scaling:
+            return 0.0
         shares = [
             (self.problem.scaling[atom], z[j]) for j, atom in enumerate(self.atoms) if atom in self.problem.scaling
         ]
@@ -458,7 +460,7 @@ class _Support:
     def filter(self, K: FloatArray) -> FloatArray:
         """Return (m, n_outputs, n_active) signals filtered by the predictor: theta(k) - sum K_i theta(k - i)."""
         filtered = self.theta[:, 0, None, :] * self.acts.T
-        filtered -= np.einsum("nls,los->nos", self.theta[:, 1:], K @ self.acts.T)
+        filtered -= einsum("nls,los->nos", self.theta[:, 1:], K @ self.acts.T)
         alike = self.problem.n_outputs == 1 and len(self.owner) == len(self.atoms)
         return np.asarray(filtered if alike else filtered @ self._owned())
 
@@ -498,7 +500,7 @@ class _Support:
         log_det = 2.0 * np.log(np.abs(np.diagonal(root, axis1=1, axis2=2))).sum(axis=1)
         log_det -= [self.log_jacobian(magnitudes) for magnitudes in z]
         filtered = self.theta[:, 0, None, :] * self.acts.T
-        filtered = filtered - np.einsum("mls,nlos->nmos", self.theta[:, 1:], K @ self.acts.T)
+        filtered = filtered - einsum("mls,nlos->nmos", self.theta[:, 1:], K @ self.acts.T)
         G = (filtered @ self._owned()).reshape(n, m, -1)
         G = (G - Q @ (Q.transpose(0, 2, 1) @ G)).reshape(n, m, n_y, -1)
         both = np.concatenate([G, error[:, :, :, None]], axis=3).transpose(0, 2, 1, 3).reshape(n, n_y, -1)
@@ -547,8 +549,8 @@ def _covariance_root(error: FloatArray, problem: ProjectedRegression) -> tuple[F
     """Return the triangular root of the floored residual covariance, and log det of that covariance."""
     floor = _floor(problem)
     if problem.n_outputs == 1:
-        root = np.hypot(np.linalg.norm(error) / np.sqrt(problem.n_rows), floor)[None, None]
-    else:
-        stacked = np.vstack([error / np.sqrt(problem.n_rows), floor * np.eye(problem.n_outputs)])
-        root = np.triu(lapack.dgeqrf(stacked)[0][: problem.n_outputs])
+        size = np.hypot(np.sqrt(error[:, 0] @ error[:, 0]) / np.sqrt(problem.n_rows), floor)
+        return size[None, None], 2.0 * float(np.log(size))
+    stacked = np.vstack([error / np.sqrt(problem.n_rows), floor * np.eye(problem.n_outputs)])
+    root = np.triu(lapack.dgeqrf(stacked)[0][: problem.n_outputs])
     return root, 2.0 * float(np.log(np.abs(np.diag(root))).sum())

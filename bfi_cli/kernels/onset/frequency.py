@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .. import TINY, ComplexArray, FloatArray, IntArray
+from ..compiled import einsum
 from ..progress import Report, parts, shares, silent
 from .profile import CACHE_DOUBLES, peaks, profile_polynomial, screen
 from .scan import ENDING, STARTING, Scan, default_onsets, difference, largest_magnitude, scan_shape
@@ -125,8 +126,8 @@ class Sines:
         S = np.empty((s + 1, s + 1, len(k)))
         for i in range(s + 1):
             steady = 0.5 * np.real(turned[i] * (np.conj(turned[i:]) * common - turned[i:] * changing))
-            steady += np.einsum("ln,ljn->jn", weights * early[:, i], early[:, i:])
-            steady -= np.einsum("qn,qjn->jn", C[: scan.n_base, i], C[: scan.n_base, i:])
+            steady += einsum("ln,ljn->jn", weights * early[:, i], early[:, i:])
+            steady -= einsum("qn,qjn->jn", C[: scan.n_base, i], C[: scan.n_base, i:])
             S[i, i:] = S[i:, i] = steady
         return C[scan.n_base :], S
 
@@ -181,9 +182,9 @@ def _explained_by_both(scan: Scan, sums: ComplexArray, total: FloatArray, double
     """
     n_regressors = len(scan.Q) - scan.n_outputs
     known, errors = sums[:n_regressors], sums[n_regressors:]
-    cosine = 0.5 * (total + doubled.real) - np.einsum("rkb,rkb->kb", known.real, known.real)
-    sine = 0.5 * (total - doubled.real) - np.einsum("rkb,rkb->kb", known.imag, known.imag)
-    both = 0.5 * doubled.imag - np.einsum("rkb,rkb->kb", known.real, known.imag)
+    cosine = 0.5 * (total + doubled.real) - einsum("rkb,rkb->kb", known.real, known.real)
+    sine = 0.5 * (total - doubled.real) - einsum("rkb,rkb->kb", known.imag, known.imag)
+    both = 0.5 * doubled.imag - einsum("rkb,rkb->kb", known.real, known.imag)
     determinant = cosine * sine - both**2
     sound = determinant > ROUNDING * (cosine + sine) ** 2
     explained = errors.real**2 * sine + errors.imag**2 * cosine - 2.0 * errors.real * errors.imag * both

@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .. import EPS, TINY, FloatArray, IntArray
+from ..compiled import einsum
 
 # Numbers per table of a stack that stays in the processor's cache: 1 MB.
 CACHE_DOUBLES = 120_000
@@ -71,10 +72,10 @@ class ProfilePolynomial:
         H -= self.H1[:, :, None]
         H *= z.reshape(-1, n_onsets)
         H = H.reshape(m, m, -1)
-        left = np.einsum("iin->in", H)
+        left = einsum("iin->in", H)
         left += 1.0
         # What a signature leaves of a record is never less than nothing: where it explains all, rounding of its terms.
-        terms = 1.0 + np.einsum("iin->in", self.H2)[:, None] * z.reshape(-1, n_onsets) ** 2
+        terms = 1.0 + einsum("iin->in", self.H2)[:, None] * z.reshape(-1, n_onsets) ** 2
         np.maximum(left, EPS * terms.reshape(left.shape), out=left)
         return H
 
@@ -98,10 +99,10 @@ def profile_polynomial(C: FloatArray, S: FloatArray, W: FloatArray) -> ProfilePo
     free[:-1, :-1] = S - np.matmul(C[:-1].transpose(2, 1, 0), C[:-1].transpose(2, 0, 1)).transpose(1, 2, 0)
     free[:-1, -1] = free[-1, :-1] = -C[-1]
     # A signature that the regressors explain leaves the rounding of the difference, which is no pivot.
-    eliminate(free, width, np.einsum("iin->in", S))
+    eliminate(free, width, einsum("iin->in", S))
     v = np.ones((m, n))
-    v[:-1] = np.einsum("jin,in->jn", C[:-1], solve_last(free, width)[:-1, 0])
-    top, bottom = (np.einsum("in,in->n", v, np.einsum("ijn,jn->in", X, v)) for X in (A, H2))
+    v[:-1] = einsum("jin,in->jn", C[:-1], solve_last(free, width)[:-1, 0])
+    top, bottom = (einsum("in,in->n", v, einsum("ijn,jn->in", X, v)) for X in (A, H2))
     start = np.divide(top, bottom, out=np.zeros(n), where=bottom > 0.0)
     return ProfilePolynomial(H1=A + A.transpose(1, 0, 2), H2=H2, start=start, n_outputs=m - width + 1)
 
@@ -121,12 +122,12 @@ def minimise(stack: ProfilePolynomial, bound: FloatArray) -> FloatArray:
     """Return (3, n_onsets) z, F and its curvature at the global minimum over |z| <= bound (n_onsets,)."""
     grid = np.concatenate([-GRID[::-1], [0.0], GRID])[:, None] * bound
     seeds = np.concatenate([grid, np.clip(stack.start, -bound, bound)[None]])
-    F = log_ratio(stack, seeds)
+    F, every = log_ratio(stack, seeds), np.arange(len(bound))
     F[len(GRID)] = 0.0
-    padded = np.pad(F[:-1], ((1, 1), (0, 0)), constant_values=np.inf)
+    padded = np.full((len(F) + 1, len(every)), np.inf)
+    padded[1:-1] = F[:-1]
     F[:-1][(F[:-1] > padded[:-2]) | (F[:-1] > padded[2:])] = np.inf
     first, *further = np.argsort(F, axis=0)[:STARTS]
-    every = np.arange(len(bound))
     best = _newton(stack, seeds[first, every], bound)
     for row in further:
         # Where the parabola through a start's minimum goes through the next start as well, that leads to the same one.
@@ -158,9 +159,9 @@ def _newton(stack: ProfilePolynomial, z: FloatArray, bound: FloatArray) -> Float
         step = np.clip(here + np.clip(step, -reach, reach), -limit, limit) - here
         gain = np.abs(step) * (np.abs(tilt) + np.abs(step * bend))
         moving = (gain > TOLERANCE) & (np.abs(step) > SMALLEST_STEP * limit)
-        if not moving.any():
+        if not (n_moving := np.count_nonzero(moving)):
             break
-        if moving.mean() < STILL_MOVING:
+        if n_moving < STILL_MOVING * len(moving):
             stack, live, step = stack.take(np.flatnonzero(moving)), live[moving], step[moving]
         trial = _derivatives(stack, z[live] + step)
         better = trial[0] < F[live]
@@ -178,10 +179,10 @@ def _derivatives(stack: ProfilePolynomial, z: FloatArray) -> tuple[FloatArray, F
     s = len(H) - stack.n_outputs
     S = eliminate(H, s).copy()
     V = solve_last(H, s)
-    first, second = (np.einsum("ijn,jrn->irn", X, V) for X in (stack.H1, stack.H2))
+    first, second = (einsum("ijn,jrn->irn", X, V) for X in (stack.H1, stack.H2))
     G = 2.0 * z * second - first
-    slope = np.einsum("irn,iqn->rqn", V, G)
-    curvature = 2.0 * (np.einsum("irn,iqn->rqn", V, second) - solved_norm(H, G[:s]))
+    slope = einsum("irn,iqn->rqn", V, G)
+    curvature = 2.0 * (einsum("irn,iqn->rqn", V, second) - solved_norm(H, G[:s]))
     if len(S) == 1:
         slope, curvature = slope[0, 0] / S[0, 0], curvature[0, 0] / S[0, 0]
         return np.log(S[0, 0]), slope, curvature - slope**2
@@ -191,7 +192,7 @@ def _derivatives(stack: ProfilePolynomial, z: FloatArray) -> tuple[FloatArray, F
     return (
         np.asarray(np.linalg.slogdet(S)[1]),
         np.asarray(np.trace(relative, axis1=1, axis2=2)),
-        np.asarray(np.trace(bend, axis1=1, axis2=2) - np.einsum("nij,nji->n", relative, relative)),
+        np.asarray(np.trace(bend, axis1=1, axis2=2) - einsum("nij,nji->n", relative, relative)),
     )
 
 
@@ -205,13 +206,13 @@ def eliminate(H: FloatArray, n_pivots: int, size: FloatArray | None = None) -> F
     ----------
     size : (n_pivots, n) of the terms that the first diagonal entries are differences of; None where they are not.
     """
-    smallest = SINGULAR * np.einsum("iin->in", H) + TINY
+    smallest = SINGULAR * einsum("iin->in", H) + TINY
     if size is not None:
         smallest[:n_pivots] = SINGULAR * size + TINY
     for j in range(len(H)):
         if k := min(j, n_pivots):
-            H[j, j:] -= np.einsum("kn,kin->in", H[j, :k], H[:k, j:])
-        if j < n_pivots and (gone := H[j, j] < smallest[j]).any():
+            H[j, j:] -= einsum("kn,kin->in", H[j, :k], H[:k, j:])
+        if j < n_pivots and np.count_nonzero(gone := H[j, j] < smallest[j]):
             H[j, j + 1 :, gone] = 0.0
         np.maximum(H[j, j], smallest[j], out=H[j, j])
         if j < n_pivots:
@@ -228,7 +229,7 @@ def solve_last(H: FloatArray, n_pivots: int) -> FloatArray:
     V = np.empty((m, m - n_pivots, n))
     V[n_pivots:] = np.eye(m - n_pivots)[:, :, None]
     for j in range(n_pivots - 1, -1, -1):
-        np.einsum("in,irn->rn", H[j, j + 1 :], V[j + 1 :], out=V[j])
+        einsum("in,irn->rn", H[j, j + 1 :], V[j + 1 :], out=V[j])
         V[j] /= -H[j, j]
     return V
 
@@ -238,8 +239,8 @@ def solved_norm(H: FloatArray, G: FloatArray) -> FloatArray:
     G = G.copy()
     for j in range(len(G)):
         G[j + 1 :] -= H[j + 1 : len(G), j, None] * G[j]
-    pivots = np.einsum("iin->in", H)[: len(G)]
-    return np.asarray(np.einsum("irn,iqn->rqn", G / pivots[:, None], G))
+    pivots = einsum("iin->in", H)[: len(G)]
+    return np.asarray(einsum("irn,iqn->rqn", G / pivots[:, None], G))
 
 
 def peaks(statistic: FloatArray, count: int) -> IntArray:

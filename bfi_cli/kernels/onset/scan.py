@@ -25,7 +25,7 @@ from typing import Literal
 import numpy as np
 
 from .. import TINY, ComplexArray, FloatArray, IntArray
-from ..compiled import lapack
+from ..compiled import einsum, lapack
 from ..lagged import lagged
 from ..progress import Report, parts, silent
 from .profile import CACHE_DOUBLES, ProfilePolynomial, log_ratio, minimise, profile_polynomial, screen
@@ -246,7 +246,7 @@ def _tables(scan: Scan, h: FloatArray) -> ShapeTables:
     G = dict(zip(keys, _summed(scan, products), strict=True))
     for (a, b, d), table in G.items():
         table[:d] = 0.0
-        table[d:] -= np.einsum("qk,qk->k", P[a][:n_base, d:], P[b][:n_base, : n - d])
+        table[d:] -= einsum("qk,qk->k", P[a][:n_base, d:], P[b][:n_base, : n - d])
     return P, G
 
 

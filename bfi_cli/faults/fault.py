@@ -21,7 +21,7 @@ from .shapes import KEY_RULES, SHAPES, Shape
 
 __all__ = ["Decision", "Fault", "FaultEstimate", "active_samples", "build_up_s", "course", "did_you_mean"]
 __all__ += ["fault_from_dict", "fault_to_dict", "has_channel", "magnitude_unit", "meaning", "parse_spec", "physical"]
-__all__ += ["shown", "tail_of", "unit_signal", "unknown_key"]
+__all__ += ["shown", "tail_of", "unit_signal", "unit_signals", "unknown_key"]
 
 FloatArray = NDArray[np.float64]
 Decision = Literal["fault", "no_fault", "inconclusive"]
@@ -176,22 +176,35 @@ def unit_signal(
     -----
     `ramp_hold` and `samples` keep their last value until the offset; `samples` is zero before its first time.
     """
+    return unit_signals([fault], time_s, window_start_s=window_start_s, tolerance_s=tolerance_s)[0]
+
+
+def unit_signals(
+    faults: Sequence[Fault], time_s: FloatArray, *, window_start_s: float, tolerance_s: float | None = None
+) -> FloatArray:
+    """Return (n_faults, n_samples) what `unit_signal` does; an oscillation on the window's own time, which an onset
+    only switches on, is made once for all onsets.
+    """
     time_s = np.asarray(time_s, dtype=np.float64)
     tolerance_s = time_tolerance_s(time_s) if tolerance_s is None else tolerance_s
-    end_s = math.inf if fault.offset_s is None else fault.offset_s
-    # What `active_samples` says, of times in order.
-    active = slice(*np.searchsorted(time_s, (fault.onset_s - tolerance_s, end_s - tolerance_s)).tolist())
-    for key in SHAPES[fault.shape].keys:
-        if key.required and getattr(fault, key.name) in (None, ""):
-            raise DictionaryError(f"{fault.called}: {_missing(key.name, fault.shape)}")
-    parameters = _parameters(fault)
-    if parameters.pop("phase_reference", "onset") == "window":
-        since_s = time_s[active] - window_start_s
-    else:
-        since_s = np.maximum(time_s[active] - fault.onset_s, 0.0)
-    signal = np.zeros(time_s.shape)
-    signal[active] = SHAPES[fault.shape].signal(since_s, **parameters)
-    return signal
+    signals, running = np.zeros((len(faults), len(time_s))), dict[tuple[Any, ...], FloatArray]()
+    for signal, fault in zip(signals, faults, strict=True):
+        end_s = math.inf if fault.offset_s is None else fault.offset_s
+        # What `active_samples` says, of times in order.
+        active = slice(*np.searchsorted(time_s, (fault.onset_s - tolerance_s, end_s - tolerance_s)).tolist())
+        for key in SHAPES[fault.shape].keys:
+            if key.required and getattr(fault, key.name) in (None, ""):
+                raise DictionaryError(f"{fault.called}: {_missing(key.name, fault.shape)}")
+        parameters = _parameters(fault)
+        if parameters.pop("phase_reference", "onset") == "onset":
+            since_s = np.maximum(time_s[active] - fault.onset_s, 0.0)
+            signal[active] = SHAPES[fault.shape].signal(since_s, **parameters)
+            continue
+        alike = (fault.shape, *parameters.values())
+        if alike not in running:
+            running[alike] = SHAPES[fault.shape].signal(time_s - window_start_s, **parameters)
+        signal[active] = running[alike][active]
+    return signals
 
 
 def course(fault: Fault, time_s: FloatArray) -> FloatArray:

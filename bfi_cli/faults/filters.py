@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from ..errors import LogError
 from ..kernels.low_pass import IDENTITY, Kind, Response, decimated, low_pass
-from .fault import Fault, time_tolerance_s, unit_signal
+from .fault import Fault, unit_signals
 
 FloatArray = NDArray[np.float64]
 
@@ -150,7 +150,5 @@ def recorded_signals(
         step = float(np.median(np.diff(time_s)))
         before, after = step * np.arange(response.after, 0, -1), step * np.arange(1, response.before + 1)
         time_s = np.concatenate([time_s[0] - before, time_s, time_s[-1] + after])
-    made, tolerance_s = np.empty((len(faults), len(time_s))), time_tolerance_s(time_s)
-    for row, fault in zip(made, faults, strict=True):
-        row[:] = unit_signal(fault, time_s, window_start_s=window_start_s, tolerance_s=tolerance_s)
+    made = unit_signals(faults, time_s, window_start_s=window_start_s)
     return response.filtered(made.T) if filtered else made.T

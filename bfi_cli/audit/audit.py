@@ -11,7 +11,7 @@ from ..dictionary import Dictionary, dead_reason, no_signal, signals
 from ..errors import ConfigError, DictionaryError
 from ..faults.shapes import ADDITIVE
 from ..flightlog import FlightLog
-from ..kernels.coherence import whiten
+from ..kernels.covariance import whiten
 from ..model.preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..model.preprocessing.magnitudes import fault_free_limits
 from ..model.preprocessing.window import prepare_window, unusable_atoms, with_inputs_of

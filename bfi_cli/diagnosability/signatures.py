@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,8 +11,10 @@ from ..dictionary import Dictionary
 from ..errors import DictionaryError
 from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
+from ..frozen import dataclass
 from ..kernels import FloatArray
-from ..kernels.coherence import mutual_coherence, whiten
+from ..kernels.coherence import mutual_coherence
+from ..kernels.covariance import whiten
 from ..kernels.divergence import Distinguishability, distinguishability, sample_bits, window_bits
 from ..model.preprocessing.fault_free_model import about_the_log, fit_fault_free, without_injected_faults
 from ..model.preprocessing.magnitudes import fault_free_limits

@@ -7,13 +7,14 @@ import math
 import reprlib
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DictionaryError, LogError
+from ..frozen import dataclass
 from ..kernels.atom_signals import Tail
 from ..printable import shortened
 from ..quantities.channels import STANDARD, change_in_si
@@ -176,7 +177,8 @@ def unit_signal(
     -----
     `ramp_hold` and `samples` keep their last value until the offset; `samples` is zero before its first time.
     """
-    return unit_signals([fault], time_s, window_start_s=window_start_s, tolerance_s=tolerance_s)[0]
+    (signal,) = unit_signals([fault], time_s, window_start_s=window_start_s, tolerance_s=tolerance_s)
+    return np.asarray(signal)
 
 
 def unit_signals(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 
 from ..decision import beyond_tolerance
+from ..frozen import dataclass
 from .flight import Flight
 from .naming import hypothesis_of
 from .parity import Finding

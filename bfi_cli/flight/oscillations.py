@@ -8,12 +8,13 @@ rows says what a sine of that frequency is worth, which airspeeds have it, how l
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..decision import beyond_tolerance
 from ..faults.filters import response_of
+from ..frozen import dataclass
 from ..kernels import TWO_SIDED_95, BoolArray, FloatArray
 from ..kernels.bounded_filter import StackRun
 from ..kernels.low_pass import IDENTITY, Response

@@ -9,11 +9,12 @@ from __future__ import annotations
 import mmap
 import struct
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ..frozen import dataclass
 from ..notes import Note
 from .axis import boot_starts
 from .messages import Places, require_tables, table_of

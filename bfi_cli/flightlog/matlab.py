@@ -14,13 +14,14 @@ import struct
 import warnings
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import first_line
+from ..frozen import dataclass
 from ..notes import Note
 from . import raw
 from .layouts import with_channels

@@ -9,11 +9,12 @@ attitude says which they are.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ..airdata import G
+from ..frozen import dataclass
 from ..notes import Note
 from ..quantities.channels import STANDARD
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, StoredChannel, frozen_array

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from ..frozen import dataclass
 from ..quantities.channels import FOOT, POUND, G
 
 # File in the folder of a flight with the part of the flight that is done.

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from ..frozen import dataclass
 from . import FloatArray
-from .compiled import lapack, special
+from .compiled import special
 from .lagged import lagged
 
 # Singular values of unit signatures below this share of the largest are round-off; chosen, not tuned.
@@ -31,26 +30,6 @@ class Dependence:
     rank: int
     condition_number: float
     weakest: FloatArray
-
-
-def whiten(signatures: FloatArray, sigma: FloatArray) -> FloatArray:
-    """Return signatures as columns whose inner products are those of the information matrix.
-
-    Parameters
-    ----------
-    signatures : (n_rows, n_outputs, n_signals).
-    sigma : (n_outputs, n_outputs) residual covariance, positive definite.
-
-    Returns
-    -------
-    (n_rows * n_outputs, n_signals), rows ordered by sample, then output.
-    """
-    rows, n_y, n = signatures.shape
-    if n_y == 1:
-        return np.asarray(signatures[:, 0] / np.linalg.cholesky(sigma))
-    by_output = np.moveaxis(signatures, 1, 0).reshape(n_y, rows * n)
-    white = np.asarray(lapack.dtrtrs(np.linalg.cholesky(sigma), by_output, lower=True)[0])
-    return np.moveaxis(white.reshape(n_y, rows, n), 0, 1).reshape(rows * n_y, n)
 
 
 def mutual_coherence(G: FloatArray) -> FloatArray:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from ..frozen import dataclass
 from . import TINY, FloatArray
 from .atom_signals import some_of
-from .coherence import whiten
 from .compiled import einsum, lapack
 from .lagged import BLOCK_ROWS, Compressed, EarlierRows, add_rows, compress, fill_lagged, with_earlier
 from .progress import Report, silent
@@ -297,6 +297,26 @@ def unfold_own(layout: Layout, fit: Fit) -> FitRows:
 
 def _support_alone(layout: Layout, fit: Fit) -> tuple[Layout, Fit]:
     return layout.with_signals(some_of(layout.theta, fit.atoms)), replace(fit, atoms=tuple(range(len(fit.atoms))))
+
+
+def whiten(signatures: FloatArray, sigma: FloatArray) -> FloatArray:
+    """Return signatures as columns whose inner products are those of the information matrix.
+
+    Parameters
+    ----------
+    signatures : (n_rows, n_outputs, n_signals).
+    sigma : (n_outputs, n_outputs) residual covariance, positive definite.
+
+    Returns
+    -------
+    (n_rows * n_outputs, n_signals), rows ordered by sample, then output.
+    """
+    rows, n_y, n = signatures.shape
+    if n_y == 1:
+        return np.asarray(signatures[:, 0] / np.linalg.cholesky(sigma))
+    by_output = np.moveaxis(signatures, 1, 0).reshape(n_y, rows * n)
+    white = np.asarray(lapack.dtrtrs(np.linalg.cholesky(sigma), by_output, lower=True)[0])
+    return np.moveaxis(white.reshape(n_y, rows, n), 0, 1).reshape(rows * n_y, n)
 
 
 def covariance(fit: Fit, unfolded: FitRows) -> FloatArray:

@@ -14,11 +14,12 @@ others 2012).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 
+from ..frozen import dataclass
 from . import FloatArray
 from .atom_signals import acting
 from .compiled import lapack

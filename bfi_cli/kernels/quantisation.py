@@ -8,10 +8,9 @@ differ in size, and all changes share one phase.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from ..frozen import dataclass
 from . import FloatArray
 from .runs import runs, travel
 

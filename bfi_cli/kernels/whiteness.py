@@ -7,10 +7,11 @@ gust statistics). A threshold includes the uncertainty of a tail that few health
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from ..frozen import dataclass
 from . import FloatArray, IntArray
 from .compiled import special
 

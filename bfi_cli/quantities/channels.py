@@ -9,12 +9,13 @@ import difflib
 import math
 import re
 from collections.abc import Collection
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import LogError
+from ..frozen import dataclass
 from ..printable import shortened
 
 

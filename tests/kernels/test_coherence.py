@@ -11,8 +11,8 @@ from bfi_cli.kernels.coherence import (
     detectable_deviations,
     homogeneous_order,
     mutual_coherence,
-    whiten,
 )
+from bfi_cli.kernels.covariance import whiten
 
 K = np.arange(400.0)
 SIGNALS = {

@@ -6,10 +6,11 @@ as it did before, and of a cabin's c, which stays.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from ...frozen import dataclass
 from ...kernels import BoolArray, FloatArray, IntArray
 from .finding import as_good
 

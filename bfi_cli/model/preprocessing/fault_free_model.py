@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from ...config import Config
 from ...flightlog import FlightLog
+from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.atom_signals import some_of
 from ...kernels.coherence import detectable_deviations

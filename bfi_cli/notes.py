@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Literal, get_args
-
-from .frozen import dataclass
 
 __all__ = ["NOTE_KINDS", "Note", "NoteKind", "unique"]
 

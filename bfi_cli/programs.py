@@ -10,11 +10,11 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from . import guard
-from .frozen import dataclass
 
 GUARD = str(Path(guard.__file__))
 # Seconds in which a guard must start a program, and end it: hundredths, but on a machine that is out of memory.

@@ -10,7 +10,7 @@ import hashlib
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -32,7 +32,6 @@ from .flight.parity.sampled import quanta_of
 from .flightlog import FlightLog, inject
 from .flightlog.derived import with_derived
 from .flightlog.quality import recorder_filters
-from .frozen import dataclass
 from .journal import Journal, lines_of_journal
 from .kernels.low_pass import Response
 from .kernels.progress import Progress

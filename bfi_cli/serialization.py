@@ -10,7 +10,7 @@ import shlex
 import sys
 import types
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -22,7 +22,6 @@ import scipy
 from . import __version__
 from .errors import ConfigError, reason_of
 from .files import MARK
-from .frozen import dataclass
 from .notes import Note, unique
 from .printable import printable, valid_text
 

@@ -24,7 +24,6 @@ PACKAGE = Path(__file__).parents[1] / "bfi_cli"
 # From the ground up. A module imports what stands on lower floors, and its own package; neighbours know nothing of
 # each other. The longest name counts: what several analyses share is below them, wherever its file lies.
 FLOORS = (
-    ("frozen",),
     ("epoch", "errors", "first_use", "guard", "kernels", "methods", "notes", "printable", "threads"),
     ("airdata", "engine", "files", "programs", "quantities", "yaml12"),
     ("faults", "serialization"),
@@ -157,7 +156,7 @@ def test_no_module_imports_itself_in_a_circle():
 
 
 def test_kernels_import_numpy_scipy_and_each_other():
-    allowed = {*sys.stdlib_module_names, "numpy", "scipy", ".frozen", ".kernels"}
+    allowed = {*sys.stdlib_module_names, "numpy", "scipy", ".kernels"}
     wrong = {
         f"{name} -> {target}"
         for name, path in MODULES.items()

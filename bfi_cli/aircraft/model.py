@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -14,7 +14,6 @@ from ..errors import ConfigError
 from ..faults.ordinary import Occurrence
 from ..faults.validation import Number, Positive, Rules, Text, validate
 from ..flightlog.record import frozen_array
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..kernels.progress import Report, silent
 from ..notes import Note

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..errors import ConfigError
 from ..faults import did_you_mean
 from ..flightlog.record import Channel, FlightLog, Truth, frozen_array
-from ..frozen import dataclass
 from ..jsbsim.ordinary import GUSTS as GUSTS_BEGIN
 from ..kernels import FloatArray
 from ..notes import Note

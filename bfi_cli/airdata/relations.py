@@ -14,13 +14,12 @@ Those of `cas` by Mach number, of `q_impact` and of `aoa` had to be widened for 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import KW_ONLY, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from functools import partial
 from itertools import product
 
 import numpy as np
 
-from ..frozen import dataclass
 from .airspeed import (
     HIGHEST,
     LOWEST,

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..flightlog.record import frozen_array
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..kernels.coherence import Dependence, dependence, homogeneous_order, mutual_coherence
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -14,7 +14,6 @@ from ..dictionary import Dictionary, dead_reason_of_kind
 from ..errors import DictionaryError
 from ..faults import Fault, did_you_mean, magnitude_unit, physical
 from ..flightlog import FlightLog
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..model.onset import OnsetSearch, search_onsets
 from ..model.preprocessing.signals import SAMPLES_PER_CYCLE

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Protocol
 
 import click
 
-from ..frozen import dataclass
 from .options import CHANNELS, OPTIONS, Command, GroupedCommand, config_of, with_options
 from .output import check_out, emit, stages
 

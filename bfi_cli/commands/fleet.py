@@ -9,7 +9,7 @@ import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -18,7 +18,6 @@ from typing import IO, TYPE_CHECKING, Any
 import click
 
 from ..errors import BfiError, ConfigError, reason_of
-from ..frozen import dataclass
 from .analysis import ANSWERS, Answer, Asked, exit_code_of, inputs_of
 from .output import note, print_text, progress, show_lines, without_notes
 

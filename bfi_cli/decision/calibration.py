@@ -11,13 +11,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import ConfigError
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..kernels.whiteness import ExcessTail
 from ..notes import Note, unique

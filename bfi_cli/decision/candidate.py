@@ -15,14 +15,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
 
 from ..faults import Fault, FaultEstimate, build_up_s, magnitude_unit, meaning, physical
 from ..faults.shapes import SHAPES, Kind, Shape
-from ..frozen import dataclass
 from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.runs import runs
 from ..notes import Note

@@ -11,11 +11,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from ..faults import Decision, FaultEstimate, build_up_s
 from ..faults.shapes import LINE_SHAPES, SHAPES, Kind
-from ..frozen import dataclass
 from ..notes import Note
 from ..quantities.text import instant, quantity
 from .candidate import KINDS, STEPS, Candidate, Evidence, Manoeuvre, State, shown_limit, with_limit

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 from ..airdata import G
-from ..frozen import dataclass
 
 What = Literal["unit", "sign", "swapped", "clock", "offset", "scale", "unrelated", "impossible"]
 

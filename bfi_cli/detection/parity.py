@@ -8,14 +8,13 @@ as it has to last. The worst onset counts.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..config import Config
 from ..flightlog.record import frozen_array
-from ..frozen import dataclass
 from ..kernels import ONE_SIDED_90, ONE_SIDED_99, FloatArray
 from ..kernels.parity import Drops, StepHeight, drop_at, largest_drops, step_height
 from ..kernels.progress import Report, silent

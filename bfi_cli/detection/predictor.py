@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import LogError
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..kernels.lagged import lagged
 from ..kernels.parity import past_basis

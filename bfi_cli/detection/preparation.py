@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from ..flightlog.derived import with_derived
 from ..flightlog.phases import APART_S, flight_stretches, phases_of
 from ..flightlog.quality import recorder_filters
 from ..flightlog.record import frozen_array
-from ..frozen import dataclass
 from ..kernels import BoolArray, FloatArray
 from ..kernels.input_directions import directions, independent, moments
 from ..kernels.low_pass import WHITE, Response, decimate, lost_samples, lowpass_taps

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,7 +15,6 @@ from ..errors import ConfigError, LogError
 from ..faults import did_you_mean, meaning
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..kernels.divergence import window_bits
 from ..model.result import LogSummary, ModelSummary

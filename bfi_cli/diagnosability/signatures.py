@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,7 +12,6 @@ from ..dictionary import Dictionary
 from ..errors import DictionaryError
 from ..faults import Fault, magnitude_unit
 from ..flightlog import FlightLog
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..kernels.coherence import mutual_coherence
 from ..kernels.covariance import whiten

@@ -7,7 +7,7 @@ import hashlib
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, lru_cache, partial
 from pathlib import Path
 from typing import Annotated, Any, Generic, Literal, TypeVar, cast
@@ -42,7 +42,6 @@ from ..faults.validation import (
     path_beside,
     validate,
 )
-from ..frozen import dataclass
 from ..kernels.low_pass import IDENTITY, Response
 from ..printable import shortened
 from ..quantities.text import instant

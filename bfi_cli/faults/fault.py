@@ -7,14 +7,13 @@ import math
 import reprlib
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DictionaryError, LogError
-from ..frozen import dataclass
 from ..kernels.atom_signals import Tail
 from ..printable import shortened
 from ..quantities.channels import STANDARD, change_in_si

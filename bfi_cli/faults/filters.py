@@ -9,14 +9,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Literal, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import LogError
-from ..frozen import dataclass
 from ..kernels.low_pass import IDENTITY, Kind, Response, decimated, low_pass
 from .fault import Fault, unit_signals
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from math import isfinite
 
 from ..errors import ConfigError, LogError
-from ..frozen import dataclass
 from ..quantities.channels import change_in_si
 from .fault import did_you_mean, shown
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -18,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..errors import DictionaryError, reason_of
-from ..frozen import dataclass
 from ..kernels.atom_signals import Tail
 from ..kernels.onset import waveform as waveforms
 from ..quantities.channels import per_second

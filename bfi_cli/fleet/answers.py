@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from ..epoch import Epoch
 from ..flight.plausibility.constants import ConstantError
 from ..flightlog.phases import PARTS
-from ..frozen import dataclass
 from ..notes import Note
 from ..quantities.text import counted, instant, number
 from ..report.content import ReportContent

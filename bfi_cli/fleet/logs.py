@@ -10,12 +10,12 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from ..errors import ConfigError, LogError, reason_of
 from ..files import DOCUMENTS, is_ours
 from ..flightlog import is_log_folder
-from ..frozen import dataclass
 
 # Endings of the files of a folder that are taken for logs; a file that is given by its name may have any.
 ENDINGS = (".bin", ".csv", ".dat", ".h5", ".hdf5", ".igc", ".log", ".mat", ".mcap", ".tdms", ".tlog", ".txt", ".ulg")

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Generator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 from ..engine import in_order
-from ..frozen import dataclass
 from .answers import LogAnswer
 from .logs import FleetLog
 from .store import Store

@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import io
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import Any
 
-from ..frozen import dataclass
 from ..serialization import to_csv
 from .answers import LogAnswer
 from .trends import FleetTrend, trend_rows

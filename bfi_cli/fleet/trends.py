@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..frozen import dataclass
 from ..kernels.monotone_trend import monotone_trend
 from ..report.content import Drawing, Panel, curve
 from .answers import LogAnswer

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from ..frozen import dataclass
 from ..kernels import BoolArray, FloatArray
 from ..kernels.bounded_filter import Coupling, Stack, StackRun, Transition, filter_stack
 from ..kernels.runs import runs

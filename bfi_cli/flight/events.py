@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from ..decision import beyond_tolerance
-from ..frozen import dataclass
 from .flight import Flight
 from .naming import hypothesis_of
 from .parity import Finding

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from ..flightlog.ordinary import check_within
 from ..flightlog.phases import NO_AIRSPEED, Disagreement, Phase, find_phases
 from ..flightlog.plausible import IN_FLIGHT, impossible_median, sentence_of_impossible
 from ..flightlog.quality import with_seen_recorder
-from ..frozen import dataclass
 from ..model.preprocessing.defaults import AIRSPEEDS, FIXED, tolerance_of
 from ..quantities.channels import STANDARD, quantity_of
 from .parity import (

@@ -7,10 +7,10 @@ they last a line reads anything: its rows have a wide noise, whose density is ch
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..frozen import dataclass
 from ..kernels import BoolArray, FloatArray
 from ..kernels.runs import runs
 from .bench import Bench, Place, place_of, run_place

@@ -8,10 +8,10 @@ each row's part of it says who confirms the fault and who refutes it.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..frozen import dataclass
 from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.bounded_filter import StackRun
 from .bench import FAULT_STATES, SHOWN_S, Bench, Place, jump, jump_seconds, place_of, run_place

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Literal
 
 import numpy as np
 
 from ..decision import MOSTLY
-from ..frozen import dataclass
 from ..kernels import BoolArray, FloatArray, IntArray
 from ..kernels.runs import runs
 from ..quantities.channels import LARGEST_ERROR, STANDARD, per_second

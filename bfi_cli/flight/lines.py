@@ -11,12 +11,12 @@ filter's answer.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from ..airdata import HIGHEST, LOWEST, G, channels_of, isa_temperature, pressure_at, speed_of_sound, total_temperature
-from ..frozen import dataclass
 from ..kernels import BoolArray, FloatArray
 from ..kernels.runs import noise_of_second_differences, runs
 from .bench import FAULT_STATES, SHOWN_S, ZERO, Bench, Place, jump_seconds, run_place

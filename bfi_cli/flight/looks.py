@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache, partial
 
 import numpy as np
@@ -14,7 +14,6 @@ from ..config import Config, merge
 from ..engine import in_order
 from ..errors import BfiError
 from ..flightlog import FlightLog
-from ..frozen import dataclass
 from ..kernels import ONE_SIDED_90, FloatArray
 from ..kernels.progress import Report, silent
 from ..model.onset.detection import search_onsets

@@ -9,12 +9,11 @@ made again.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..airdata import G, channels_of, isa_temperature, pressure_at, speed_of_sound
-from ..frozen import dataclass
 from ..kernels import BoolArray, FloatArray
 from ..kernels.bounded_filter import Coupling, Transition
 from ..kernels.runs import greatest_of_neighbours, median_of_neighbours, runs

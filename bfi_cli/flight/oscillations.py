@@ -8,13 +8,12 @@ rows says what a sine of that frequency is worth, which airspeeds have it, how l
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..decision import beyond_tolerance
 from ..faults.filters import response_of
-from ..frozen import dataclass
 from ..kernels import TWO_SIDED_95, BoolArray, FloatArray
 from ..kernels.bounded_filter import StackRun
 from ..kernels.low_pass import IDENTITY, Response

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from ..decision import Proof, State
 from ..decision.implausible import Implausible
 from ..faults import Decision
 from ..faults.shapes import Kind
 from ..flightlog.phases import Phase
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..model.result import LogSummary
 from ..notes import Note

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..airdata import AirData, channels_of, static_temperature
 from ..flightlog import FlightLog
-from ..frozen import dataclass
 from ..kernels import BoolArray, FloatArray
 from ..kernels.runs import bridged, mean_of_stretches
 from .parity.record import Record, over_seconds, record_of, seconds_of_samples

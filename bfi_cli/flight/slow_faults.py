@@ -10,11 +10,10 @@ goes: before a vane was known to be wrong, the angle of zero lift was wrong in t
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..frozen import dataclass
 from ..kernels.progress import Report, silent
 from ..notes import Note
 from .events import Draft, beyond_its_tolerance, clusters, is_certain, is_return

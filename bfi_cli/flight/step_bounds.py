@@ -7,13 +7,13 @@ airspeed that gains metres per second within ten seconds asks for a force.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..airdata import DEPENDS_ON, SENSORS, isa_temperature
 from ..decision import STEPS, OnsetBound
 from ..faults.shapes import SHAPES
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..kernels.likelihood_ratio import likelihood_ratios
 from .flight import Flight

@@ -8,13 +8,12 @@ explains it clearly better than nothing, than a manoeuvre, and than every fault 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..airdata import DEPENDS_ON
 from ..flightlog.phases import Phase, spans_of
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..kernels.bounded_filter import Stack, change_scores, filter_stack
 from ..kernels.runs import within

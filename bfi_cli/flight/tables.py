@@ -7,11 +7,11 @@ A row of a table is all there is to an addition: a measurement is a `Row` whose 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..airdata import G
-from ..frozen import dataclass
 from ..kernels import FloatArray
 
 Loads = Mapping[str, FloatArray | float]

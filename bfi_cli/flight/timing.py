@@ -9,10 +9,10 @@ Nelder 1989, 9.2).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..frozen import dataclass
 from .bench import CHECK_S, JUMP_S, SHOWN_S, Bench, Place, place_of
 from .judge import GROWTHS_S, channel_faults, ordinary_of, weights_of_channel
 from .lines import ICINGS, LAWS, LEAKS, Law, has_lines, weights_of_laws

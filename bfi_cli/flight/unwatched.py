@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from ..decision import two_digits
 from ..flightlog.phases import HOVER, NO_AIRSPEED, PARTS, TRANSITION, note_on_rotors
-from ..frozen import dataclass
 from ..kernels.runs import left_of, union
 from .flight import Flight
 from .limits import AIRSPEEDS, PITOT_LINE, Bounds

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..airdata import DEPENDS_ON
 from ..config import Diagnose, KnownCause
 from ..flightlog.phases import NO_AIRSPEED
-from ..frozen import dataclass
 from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.runs import within
 from ..notes import Note

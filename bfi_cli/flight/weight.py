@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..frozen import dataclass
 from ..kernels import BoolArray, FloatArray
 from ..kernels.bounded_filter import BOUND, bounded_log_density
 from .bench import Place, jump

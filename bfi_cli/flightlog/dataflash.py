@@ -9,12 +9,11 @@ from __future__ import annotations
 import mmap
 import struct
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..frozen import dataclass
 from ..notes import Note
 from .axis import boot_starts
 from .messages import Places, require_tables, table_of

@@ -12,7 +12,7 @@ amount, 0.083 m per Pa at 1013 hPa.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -32,7 +32,6 @@ from ..airdata import (
     zero_lift_angle,
 )
 from ..errors import LogError
-from ..frozen import dataclass
 from ..kernels import MAD, BoolArray
 from ..kernels.quantisation import find_quantum
 from ..kernels.runs import runs

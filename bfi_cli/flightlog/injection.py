@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +23,6 @@ from ..errors import DictionaryError, LogError
 from ..faults import Fault, active_samples, course, has_channel
 from ..faults.filters import recorded_signal, response_of
 from ..faults.shapes import SHAPES
-from ..frozen import dataclass
 from ..kernels import BoolArray
 from ..kernels.low_pass import Response
 from ..kernels.runs import bridged

@@ -9,10 +9,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from ..errors import LogError
-from ..frozen import dataclass
 from ..quantities.channels import si_unit, split_unit
 from .cells import ABSENT, Lines, cells_of, with_commas
 from .raw import ReadRequest, fits, require_few

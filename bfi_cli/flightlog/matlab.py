@@ -14,14 +14,13 @@ import struct
 import warnings
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ..errors import first_line
-from ..frozen import dataclass
 from ..notes import Note
 from . import raw
 from .layouts import with_channels

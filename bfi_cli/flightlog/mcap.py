@@ -14,7 +14,7 @@ import os
 import struct
 from array import array
 from collections.abc import Iterator, Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from typing import Any, BinaryIO
 
@@ -23,7 +23,6 @@ import numpy as np
 from ..epoch import DAY_S, Epoch
 from ..errors import LogError
 from ..files import MCAP
-from ..frozen import dataclass
 from ..quantities.channels import match_name, si_unit, split_unit
 from .raw import (
     LARGEST_CHUNK,

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 from array import array
 from collections.abc import Iterable, Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from mmap import mmap
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..frozen import dataclass
 from .raw import require_memory
 
 # Bytes of messages that are copied at once, each by an index of eight bytes.

@@ -7,13 +7,13 @@ much the impact pressure in the tube moves, or the times that the clock writes.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from ..airdata import SEA_LEVEL_PRESSURE, altitude_of
 from ..errors import LogError
 from ..faults.ordinary import Making, Occurrence
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..quantities.text import instant
 from .record import FlightLog

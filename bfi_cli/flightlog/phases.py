@@ -12,14 +12,13 @@ of CAST and ICAO, "Phase of flight: definitions and usage notes" (2013), where t
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ..airdata import G
-from ..frozen import dataclass
 from ..kernels import BoolArray, FloatArray
 from ..kernels.runs import Run, block_means, bridged, joined, left_of, runs, runs_with, within
 from ..notes import Note

@@ -9,12 +9,11 @@ attitude says which they are.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..airdata import G
-from ..frozen import dataclass
 from ..notes import Note
 from ..quantities.channels import STANDARD
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, StoredChannel, frozen_array

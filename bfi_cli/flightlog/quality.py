@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Literal
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from ..errors import LogError
 from ..faults.filters import Filter
-from ..frozen import dataclass
 from ..kernels import BoolArray
 from ..kernels.low_pass import Kind, recorder_from_jumps, recorder_from_spectra
 from ..kernels.quantisation import Hold, find_hold, may_be_held, repeat_fraction

@@ -7,7 +7,7 @@ import json
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -18,7 +18,6 @@ from ..epoch import Epoch
 from ..errors import DictionaryError, LogError, first_line
 from ..faults import Fault, fault_from_dict, fault_to_dict
 from ..faults.filters import Filter, filters_from_json, filters_to_json
-from ..frozen import dataclass
 from ..notes import Note
 from ..quantities.channels import STANDARD, NameMatch, match_name, si_unit, to_si
 from .record import FlightLog, Segment, Track

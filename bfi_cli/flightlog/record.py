@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from ..epoch import Epoch
 from ..errors import LogError
 from ..faults import Fault
 from ..faults.filters import Filter
-from ..frozen import dataclass
 from ..kernels.quantisation import find_quantum, quantum_of_plateaus
 from ..notes import Note
 from ..quantities.channels import meant_channel, unit_of

@@ -9,14 +9,13 @@ motion and thrust, the log itself tells.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 
 from ..airdata import SEA_LEVEL_PRESSURE, ground_speed_of, isa_temperature, pressure_at
-from ..frozen import dataclass
 from ..kernels import BoolArray, FloatArray
 from ..kernels.runs import Run, bridged, median_of_neighbours, runs
 from .record import LARGEST_VALUE, FlightLog

@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from ..epoch import DAY_S, Epoch
 from ..errors import LogError
-from ..frozen import dataclass
 from ..notes import Note
 from ..quantities.channels import match_name
 from .raw import (

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Literal, cast
@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from ..epoch import Epoch, epoch_of_clock, utc_of_gps
 from ..errors import LogError
-from ..frozen import dataclass
 from ..notes import Note
 from ..quantities.channels import DEGREE, REPEATED, STANDARD
 from .raw import FloatArray, RawLog, ReadRequest

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ..frozen import dataclass
+from dataclasses import dataclass
+
 from ..quantities.channels import FOOT, POUND, G
 
 # File in the folder of a flight with the part of the flight that is done.

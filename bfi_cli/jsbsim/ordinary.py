@@ -7,12 +7,12 @@ made with the other gusts, before the flight.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from ..faults.ordinary import Making
-from ..frozen import dataclass
 from ..quantities.channels import FOOT
 from .pilot import Pilot
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import cmath
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..frozen import dataclass
 from . import FloatArray
 
 # Time constants that a filter may reach beside a sample: e^50 of a signal is far from the largest number.

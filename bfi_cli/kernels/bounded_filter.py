@@ -14,9 +14,10 @@ The score is that of Koopman and Shephard (1992): of every variance, from one ba
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from ..frozen import dataclass
 from . import FloatArray
 from .compiled import lapack
 

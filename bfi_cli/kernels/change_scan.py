@@ -7,9 +7,10 @@ likelihoods at the best size and correlation of the noise under each.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from ..frozen import dataclass
 from . import FloatArray
 from .generalised_least_squares import regressions
 

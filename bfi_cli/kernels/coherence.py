@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
-from ..frozen import dataclass
 from . import FloatArray
 from .compiled import special
 from .lagged import lagged

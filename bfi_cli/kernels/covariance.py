@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..frozen import dataclass
 from . import TINY, FloatArray
 from .atom_signals import some_of
 from .compiled import einsum, lapack

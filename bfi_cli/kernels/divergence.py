@@ -24,10 +24,10 @@ the window tells.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..frozen import dataclass
 from . import EPS, FloatArray
 from .compiled import special
 

@@ -18,12 +18,11 @@ ratio are parameters like any other.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from ..frozen import dataclass
 from . import TINY, TWO_SIDED_95, FloatArray
 from .compiled import lapack
 from .covariance import Layout

@@ -8,9 +8,10 @@ and Jones 1976).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from ..frozen import dataclass
 from . import EPS, BoolArray, FloatArray
 
 # RANK_TOLERANCE: share of the nuisances' largest singular value, columns of length 1, below which one is rounding.

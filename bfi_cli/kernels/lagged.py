@@ -14,12 +14,11 @@ others 2012).
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from ..frozen import dataclass
 from . import FloatArray
 from .atom_signals import acting
 from .compiled import lapack

@@ -7,12 +7,11 @@ grid, with and without a fault. That is what makes one threshold hold in calm an
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from ..frozen import dataclass
 from . import TINY, BoolArray, FloatArray, IntArray
 from .compiled import lapack
 from .generalised_least_squares import RANK_TOLERANCE, regressions

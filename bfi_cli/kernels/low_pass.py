@@ -17,13 +17,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..frozen import dataclass
 from . import EPS, TINY, FloatArray
 from .runs import mean_of_stretches, travel
 

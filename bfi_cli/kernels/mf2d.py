@@ -12,13 +12,13 @@ multipliers splits the three terms; its least squares are factorised once for ev
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dtrmv
 from scipy.linalg.lapack import dtpqrt, dtrtri
 
-from ..frozen import dataclass
 from . import FloatArray
 from .admm import RELAXATION, step_change
 from .variable_projection import ProjectedRegression

@@ -19,11 +19,11 @@ charged, so that they are exactly zero together, and the criterion decides.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..frozen import dataclass
 from . import TINY, FloatArray
 from .admm import RELAXATION, step_change
 from .model_selection import Penalty

@@ -7,13 +7,12 @@ Chen and Chen (2008) for the criterion; an atom must lower it by `evidence`, on 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain, combinations
 from operator import attrgetter
 
 import numpy as np
 
-from ..frozen import dataclass
 from . import FloatArray
 from .progress import Report, Step, parts, shares, silent, steps
 from .variable_projection import Fit, ProjectedRegression, fit_magnitudes, linear_additions, relaxed_bound

@@ -10,10 +10,10 @@ than Kendall's rank correlation, whose ranks such values take (500 drawn records
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..frozen import dataclass
 from . import MAD, TWO_SIDED_95, FloatArray
 
 # Standard deviations beyond which a value says nothing: 95 % of the power of least squares in normal noise (Holland &

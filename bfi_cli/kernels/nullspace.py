@@ -9,9 +9,10 @@ The criterion of row k is the distance of Y(k) from the row space of Z, which a 
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from ..frozen import dataclass
 from . import FloatArray, IntArray
 from .compiled import lapack
 

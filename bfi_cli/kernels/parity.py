@@ -17,9 +17,10 @@ first rows have a height of their own each, and that which the others share is t
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from ..frozen import dataclass
 from . import FloatArray, IntArray
 from .compiled import lapack, special
 from .lagged import lagged

@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from enum import Enum
 from itertools import accumulate, pairwise
 from typing import Protocol, TypeVar
 
 import numpy as np
 
-from ..frozen import dataclass
 from ..kernels import EPS, FloatArray
 
 T = TypeVar("T")

@@ -8,9 +8,10 @@ differ in size, and all changes share one phase.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from ..frozen import dataclass
 from . import FloatArray
 from .runs import runs, travel
 

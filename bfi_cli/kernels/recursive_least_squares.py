@@ -7,9 +7,10 @@ estimated on a short healthy past is in them.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from ..frozen import dataclass
 from . import MAD, FloatArray
 from .compiled import lapack
 from .lagged import add_rows

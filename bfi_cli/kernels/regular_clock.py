@@ -8,10 +8,10 @@ squares line give T far better than q, and the true times.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
-
-from ..frozen import dataclass
 
 FloatArray = NDArray[np.float64]
 Counts = NDArray[np.intp]

@@ -12,10 +12,10 @@ units of the outputs nor on their order. One output is left as it is.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
-from ..frozen import dataclass
 from . import EPS, FloatArray
 from .compiled import einsum, lapack
 from .lagged import PANEL

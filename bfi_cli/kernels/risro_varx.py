@@ -35,11 +35,11 @@ x_least = ln u / alpha, u = alpha^2 / (2 R); for given R the threshold is larges
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 
-from ..frozen import dataclass
 from . import FloatArray
 from .compiled import lapack
 from .lagged import PANEL, Compressed

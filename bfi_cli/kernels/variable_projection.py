@@ -12,11 +12,10 @@ import math
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..frozen import dataclass
 from . import TINY, BoolArray, FloatArray
 from .compiled import einsum, lapack
 from .lagged import Compressed, restrict

@@ -7,11 +7,10 @@ gust statistics). A threshold includes the uncertainty of a tail that few health
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..frozen import dataclass
 from . import FloatArray, IntArray
 from .compiled import special
 

@@ -8,6 +8,7 @@ fault so slow that the aircraft could have moved like that is put down to the ai
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -18,7 +19,6 @@ from ..errors import ConfigError, LogError
 from ..faults import did_you_mean
 from ..flightlog import FlightLog, require_usable
 from ..flightlog.record import frozen_array
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..kernels.kalman import FAULT, NO_FAULT, Gaussian, RandomWalk, StateSpace, double_model, state_and_fault
 from ..kernels.low_pass import decimate

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from ..config import Config
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..kernels.atom_signals import some_of
 from ..kernels.lagged import lagged

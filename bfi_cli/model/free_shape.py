@@ -13,14 +13,13 @@ identifiable, and no course is declared.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from ..config import Config
 from ..faults import Fault, active_samples
-from ..frozen import dataclass
 from ..kernels import TINY, BoolArray, FloatArray
 from ..kernels.free_course import CourseFit, course_problem, fit_course, redrawn, walk_columns
 from ..kernels.low_pass import decimate

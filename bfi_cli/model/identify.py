@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import import_module
 from operator import attrgetter
@@ -26,7 +26,6 @@ from ..faults.filters import BETWEEN_RECORDERS, Filter, alternatives, recorder_l
 from ..faults.shapes import ADDITIVE
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..kernels.low_pass import decimate
 from ..kernels.progress import Progress, unseen

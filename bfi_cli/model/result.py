@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,6 @@ from ..errors import ConfigError
 from ..faults import Decision, Fault, FaultEstimate
 from ..faults.fault import Comparison
 from ..faults.shapes import SHAPES, Kind
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..notes import Note
 from ..quantities.channels import Conversion

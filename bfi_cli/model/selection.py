@@ -11,13 +11,12 @@ this lowers the criterion by more than the price of the choice (docs/theory.md, 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from ..config import Config
-from ..frozen import dataclass
 from ..kernels import FloatArray
 from ..kernels.covariance import FitRows, Regressors, regressors_of_support
 from ..kernels.model_selection import Penalty, Proposal, Visited, least_criterion

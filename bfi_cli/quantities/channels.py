@@ -9,13 +9,12 @@ import difflib
 import math
 import re
 from collections.abc import Collection
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from ..errors import LogError
-from ..frozen import dataclass
 from ..printable import shortened
 
 

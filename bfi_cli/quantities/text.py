@@ -9,12 +9,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..frozen import dataclass
 from ..printable import shortened
 from .channels import Conversion, conversion_of, split_rates, unit_of
 

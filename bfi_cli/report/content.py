@@ -7,13 +7,12 @@ HTML, so that all show the same.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ..frozen import dataclass
 from ..notes import Note
 from ..quantities.text import SI, Units
 from ..serialization import from_plain

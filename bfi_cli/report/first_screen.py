@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Literal, Protocol
 
@@ -15,7 +15,6 @@ from ..decision import KINDS, UNTESTED, Candidate, Proof, shown_limit
 from ..decision.implausible import Implausible
 from ..faults import Decision, FaultEstimate
 from ..faults.shapes import SHAPES, Kind
-from ..frozen import dataclass
 from ..notes import Note
 from ..printable import shortened
 from ..quantities.channels import STANDARD, Conversion, channel_in_words

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import base64
+from dataclasses import dataclass
 
-from ..frozen import dataclass
 from ..serialization import Provenance
 from .content import Drawing
 from .html import page_environment, resource

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,6 @@ from ..flightlog.derived import DERIVED, with_derived
 from ..flightlog.phases import Phase, phases_of
 from ..flightlog.quality import ExcitedWindow, ranked_windows
 from ..flightlog.record import LARGEST_VALUE, Channel, FlightLog, FloatArray
-from ..frozen import dataclass
 from ..notes import Note
 from ..quantities.text import SI, Units, change, instant
 from ..serialization import (

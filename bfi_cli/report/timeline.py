@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from ..flightlog.phases import HOVER, MANOEUVRES, NO_AIRSPEED, PARTS, TRANSITION, Phase
 from ..flightlog.quality import ExcitedWindow
 from ..flightlog.record import Segment
-from ..frozen import dataclass
 from ..quantities.text import instant
 from .content import Block, Lane, Shade, Table
 

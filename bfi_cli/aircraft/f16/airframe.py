@@ -6,6 +6,7 @@ Source: Stevens and Lewis, Aircraft Control and Simulation, section 3.5, after N
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
@@ -13,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...flightlog.record import frozen_array
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...quantities.channels import DEGREE, FOOT
 from ...yaml12 import load_yaml

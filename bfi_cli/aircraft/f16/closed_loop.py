@@ -10,12 +10,11 @@ their fault moves the aircraft too.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import partial
 
 import numpy as np
 
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from .airframe import (
     ALTITUDE,

@@ -7,9 +7,10 @@ Lewis, section 3.5.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...quantities.channels import FOOT
 from .airframe import (

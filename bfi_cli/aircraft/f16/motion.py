@@ -8,12 +8,12 @@ orthogonal to the velocity.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cache, partial
 
 import numpy as np
 
 from ...errors import ConfigError
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.progress import Report, silent
 from ...notes import Note

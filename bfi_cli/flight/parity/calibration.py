@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,6 @@ from ...decision.calibration import (
 from ...errors import ConfigError
 from ...flightlog import FlightLog
 from ...flightlog.phases import phases_of
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...serialization import from_plain
 from .record import record_of

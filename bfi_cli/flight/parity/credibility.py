@@ -10,6 +10,7 @@ with an onset, which other analyses find.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -19,7 +20,6 @@ from ...airdata.relations import AIRSPEED, LARGEST_SCALE, LEAST_CORRELATION, Fol
 from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.phases import Phase
-from ...frozen import dataclass
 from ...kernels import TWO_SIDED_95, BoolArray, FloatArray
 from ...model.preprocessing.defaults import AIRSPEED_LEAST, FIXED
 from .lines import RENEWED_S, renewed_every_s

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ...faults.shapes import SHAPES
-from ...frozen import dataclass
 from ...kernels import CHI_SQUARE_95, FloatArray
 from ...kernels.likelihood_ratio import likelihood_ratio
 from .record import STATIC_LEAK, Hypothesis, Record, hypotheses, without_fault

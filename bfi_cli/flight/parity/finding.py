@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
 
-from ...frozen import dataclass
 from ...kernels import FloatArray, IntArray
 
 Bound = Literal["error", "disagreement"]

@@ -8,13 +8,12 @@ no signature is fitted, and no size is told.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...flightlog import FlightLog
 from ...flightlog.phases import Phase
-from ...frozen import dataclass
 from ...kernels import BoolArray
 from ...kernels.runs import runs
 from .finding import Finding

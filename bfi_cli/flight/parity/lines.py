@@ -6,7 +6,7 @@ A trapped pressure is a line in time but for the noise of its transducer and the
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,7 +14,6 @@ from ...airdata import IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of
 from ...flightlog import FlightLog
 from ...flightlog.derived import pressures_of
 from ...flightlog.phases import Phase, airborne
-from ...frozen import dataclass
 from ...kernels import BoolArray, FloatArray
 from ...kernels.quantisation import find_hold
 from ...kernels.runs import noise_of_second_differences, runs, sd_about_lines

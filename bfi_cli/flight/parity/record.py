@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -30,7 +30,6 @@ from ...airdata import (
 from ...airdata.relations import State
 from ...flightlog import FlightLog
 from ...flightlog.derived import pressures_of
-from ...frozen import dataclass
 from ...kernels import FloatArray, IntArray
 from ...kernels.runs import block_means, bridged
 from .sampled import quanta_of

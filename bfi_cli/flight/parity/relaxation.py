@@ -6,11 +6,10 @@ as it did before, and of a cabin's c, which stays.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...frozen import dataclass
 from ...kernels import BoolArray, FloatArray, IntArray
 from .finding import as_good
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,7 +16,6 @@ from ...airdata import (
     constant_wind,
     kinematic_acceleration,
 )
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from .record import Record
 

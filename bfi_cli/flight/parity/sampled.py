@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...flightlog import FlightLog
-from ...frozen import dataclass
 from ...kernels import FloatArray, IntArray
 from ...kernels.runs import block_means
 from ...quantities.channels import STANDARD

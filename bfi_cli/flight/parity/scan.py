@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
 
-from ...frozen import dataclass
 from ...kernels import BoolArray, FloatArray, IntArray
 from ...kernels.change_scan import steps_and_ramps
 from ...kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratios, noise_model

@@ -8,7 +8,7 @@ that of gravity, bank and little else, since the climb is no other afterwards th
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,7 +19,6 @@ from ...flightlog.defects import STILL, WATCHED, unwatched_in
 from ...flightlog.derived import pressures_of
 from ...flightlog.phases import Phase
 from ...flightlog.quality import FEWEST_REPEATS
-from ...frozen import dataclass
 from ...kernels import MAD, TWO_SIDED_95, BoolArray, FloatArray, IntArray
 from ...kernels.quantisation import find_quantum
 from ...kernels.runs import Run, is_repeated, repeats

@@ -8,7 +8,7 @@ stands in.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from operator import itemgetter
 
@@ -21,7 +21,6 @@ from ...airdata.relations import Relation as Row
 from ...faults.shapes import SHAPES
 from ...flightlog import FlightLog
 from ...flightlog.phases import Phase, airborne
-from ...frozen import dataclass
 from ...kernels import BoolArray, FloatArray
 from ...kernels.change_scan import ChangeScan, scan_changes, steps_and_ramps
 from ...quantities.channels import REPEATED, STANDARD, match_name, quantity_of

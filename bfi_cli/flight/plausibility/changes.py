@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import chain, combinations
 
 from ...airdata.relations import State
 from ...decision.implausible import What
-from ...frozen import dataclass
 from ...quantities.channels import CONVERSIONS, STANDARD, Conversion, conversion_of
 
 # The likelier first: what is known by name, and then what fits whatever it is. Within a rank all are as likely.

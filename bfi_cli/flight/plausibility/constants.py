@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...airdata import relations as table
 from ...airdata.relations import NAMES, Relation, State
 from ...flightlog import FlightLog
-from ...frozen import dataclass
 from ...kernels import TWO_SIDED_95, FloatArray
 from ...quantities.channels import STANDARD
 from .implausible import FEWEST, NEEDS, circle_scales

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,6 @@ from ...flightlog import FlightLog
 from ...flightlog.formats import parameters_of
 from ...flightlog.phases import airborne
 from ...flightlog.plausible import impossible_median, sentence_of_impossible
-from ...frozen import dataclass
 from ...kernels import TWO_SIDED_95, FloatArray
 from ...kernels.compiled import special
 from ...model.preprocessing.defaults import tolerance_of

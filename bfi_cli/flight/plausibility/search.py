@@ -11,7 +11,7 @@ changes is constant only as far as it is there before.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -20,7 +20,6 @@ from ...airdata.relations import LARGEST_SCALE, LEAST_CORRELATION, Relation, Sta
 from ...flightlog import FlightLog
 from ...flightlog.record import LARGEST_VALUE
 from ...flightlog.signs import BORNE, FASTEST, METRES_PER_SECOND, MOVING, WALK
-from ...frozen import dataclass
 from ...kernels import BoolArray, FloatArray, IntArray
 from ...kernels.change_scan import steps_and_ramps, whitened
 from ...kernels.runs import block_means, runs

@@ -8,11 +8,11 @@ magnitude and only the best pairs exactly; the last sweeps, around the pair retu
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
-from ...frozen import dataclass
 from .. import FloatArray, IntArray
 from ..progress import Report, parts, shares, silent
 from .profile import ProfilePolynomial, minimise, peaks, profile_polynomial, screen

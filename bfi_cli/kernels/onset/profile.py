@@ -13,9 +13,10 @@ the magnitude for that K. This start finds the narrow minima of large faults, wh
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from ...frozen import dataclass
 from .. import EPS, TINY, FloatArray, IntArray
 from ..compiled import einsum
 

@@ -18,13 +18,12 @@ size, and the profile is flat there, where a standard deviation from the curvatu
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import cache
 from typing import Literal
 
 import numpy as np
 
-from ...frozen import dataclass
 from .. import TINY, ComplexArray, FloatArray, IntArray
 from ..compiled import einsum, lapack
 from ..lagged import lagged

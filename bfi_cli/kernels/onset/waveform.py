@@ -7,9 +7,10 @@ for a drift, a sine and a cosine for a sine.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from ...frozen import dataclass
 from .. import FloatArray, IntArray
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,7 +15,6 @@ from ...dictionary import Dictionary
 from ...errors import ConfigError
 from ...faults import Decision, Fault, FaultEstimate
 from ...flightlog import FlightLog
-from ...frozen import dataclass
 from ...model.identify import identify_faults
 from ...model.preprocessing.defaults import default_inputs
 from ...model.result import IdentifyResult

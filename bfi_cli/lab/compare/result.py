@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Literal
 
 from ...faults import Decision, Fault
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...model.result import LogSummary
 from ...notes import Note

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from ...faults import Decision
 from ...faults.shapes import Kind
-from ...frozen import dataclass
 from ...kernels import TWO_SIDED_95
 from ...quantities.text import number
 from ...report.content import Curve, Style, curve

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
@@ -15,7 +16,6 @@ import numpy as np
 from ...engine import in_order
 from ...errors import ConfigError, LogError, SweepError
 from ...flightlog.derived import with_derived
-from ...frozen import dataclass
 from ...journal import Journal, lines_of_journal
 from ...serialization import Provenance, document_of, from_plain
 from .flight import check_onsets, record_of

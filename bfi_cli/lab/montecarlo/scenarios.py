@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,6 @@ from ...faults import Fault, did_you_mean
 from ...faults.fault import is_same_fault
 from ...faults.shapes import PARAMETERS, SHAPES
 from ...faults.validation import validate
-from ...frozen import dataclass
 from ...printable import printable
 from ...yaml12 import load_yaml, read_text
 from ..compare import Peer

@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 import numpy as np
 
 from ...decision import KINDS
 from ...faults import Decision
-from ...frozen import dataclass
 from ...notes import Note, unique
 from ...quantities.text import counted, number
 from ...report.content import Curve, Drawing, Panel, ReportContent, Table, curve, notes_of

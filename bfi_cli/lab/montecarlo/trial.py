@@ -8,7 +8,7 @@ faulty record then follows from that of the clean one: centre and scale of the o
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
 import numpy as np
@@ -20,7 +20,6 @@ from ...faults import Decision, Fault, FaultEstimate
 from ...faults.fault import compare_faults
 from ...faults.shapes import ADDITIVE, LINE_SHAPES, Kind
 from ...flightlog import FlightLog
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.progress import Termination
 from ...methods import METHODS

@@ -7,6 +7,7 @@ the base of its logarithm. Each is an option, whose default comes close to the p
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Annotated, Literal
 
@@ -17,7 +18,6 @@ from pydantic import Field, model_validator
 from ...aircraft.f16 import STATES, Inversion, Observation, observe
 from ...errors import ConfigError
 from ...faults.validation import Number, Positive, Rules, validate
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.divergence import (
     Density,

@@ -8,13 +8,13 @@ rank, the nuclear norm penalises singular values instead, which shrinks them.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...dictionary import signals
 from ...errors import ConfigError, DictionaryError
 from ...flightlog.record import frozen_array
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.progress import Termination
 from ...kernels.risro import risro

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...aircraft.catalogue import B747, ELEVATORS, ENGINES
 from ...aircraft.model import LinearModel, propagate, response
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.nullspace import Criteria, criteria
 from ...quantities.text import number

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import field
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,7 +16,6 @@ from ...config import Config, merge
 from ...decision.calibration import save_tables
 from ...faults import FaultEstimate, unit_signal
 from ...flightlog import FlightLog
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.lagged import lagged
 from ...model import identify_faults

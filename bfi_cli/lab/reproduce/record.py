@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,6 @@ from ...engine import in_order
 from ...errors import LogError
 from ...faults import Fault
 from ...flightlog import FlightLog, inject
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...report.content import Curve, Panel, Span, curve
 

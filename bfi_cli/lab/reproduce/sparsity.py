@@ -7,7 +7,7 @@ RISRO if it needs RISRO. Atoms are those of the thesis, or steps at regular star
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from time import process_time
 from typing import Any
@@ -19,7 +19,6 @@ from ...config import STRONG_EVIDENCE, Config, merge
 from ...dictionary import Dictionary
 from ...faults import Fault
 from ...flightlog import FlightLog
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.model_selection import Penalty, Proposal, Visited, least_criterion, refine_supports, search_orders
 from ...kernels.risro_varx import SparseStage, risro_varx

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -16,7 +16,6 @@ import numpy as np
 from ...config import merge
 from ...errors import LogError
 from ...flightlog import write_log
-from ...frozen import dataclass
 from ...notes import Note
 from ...quantities.text import number
 from ...report.content import Drawing, ReportContent, Span, curve

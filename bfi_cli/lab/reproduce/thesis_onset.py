@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -11,7 +12,6 @@ from ...config import STRONG_EVIDENCE
 from ...faults import Fault, unit_signal
 from ...faults.shapes import Shape
 from ...flightlog import FlightLog
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.lagged import Compressed, compress
 from ...kernels.model_selection import Penalty, least_criterion, refine_supports

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -32,7 +32,6 @@ from ...decision import (
 )
 from ...faults import Fault
 from ...faults.shapes import ADDITIVE, SHAPES, Kind, Shape, scanned_shape
-from ...frozen import dataclass
 from ...kernels import ONE_SIDED_90, ONE_SIDED_95, BoolArray, FloatArray, IntArray
 from ...kernels.onset.frequency import PEAKS, frequency_grid, screen_grid
 from ...kernels.onset.profile import peaks

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 
@@ -26,7 +26,6 @@ from ...faults.shapes import SCANNED_AS
 from ...flightlog import FlightLog
 from ...flightlog.phases import airborne_stretches
 from ...flightlog.record import frozen_array
-from ...frozen import dataclass
 from ...kernels.lagged import lagged
 from ...kernels.progress import Progress, Report, parts, silent, unseen
 from ...notes import Note

@@ -12,7 +12,7 @@ of an estimate, as `identify` would with their onsets given.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,7 +25,6 @@ from ...faults import FaultEstimate
 from ...faults.filters import BETWEEN_RECORDERS, alternatives, response_of
 from ...faults.shapes import Shape
 from ...flightlog import FlightLog
-from ...frozen import dataclass
 from ...kernels import TWO_SIDED_95, FloatArray
 from ...kernels.model_selection import Penalty, least_criterion
 from ...kernels.onset import waveform as waveforms

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from ...config import Config
 from ...flightlog import FlightLog
-from ...frozen import dataclass
 from ...threads import one_thread
 from .decision import shipped_rule
 from .estimate import as_scanned

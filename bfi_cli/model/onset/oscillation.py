@@ -10,12 +10,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...config import STRONG_EVIDENCE
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.onset.frequency import MIN_CYCLES
 from ...kernels.variable_projection import Fit

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 from ...decision import Candidate, Conclusion, Evidence, Proof
@@ -10,7 +11,6 @@ from ...decision.implausible import Implausible
 from ...faults import Decision, Fault, FaultEstimate
 from ...faults.shapes import Kind, Shape
 from ...flightlog.record import frozen_array
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.whiteness import exceedances, robust_sd
 from ...notes import Note

@@ -7,12 +7,11 @@ order chosen without the fault would be so high that it absorbs an oscillation.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.onset.frequency import (
     frequency_grid,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Hashable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +16,6 @@ from ...errors import ConfigError, LogError
 from ...faults import Fault, magnitude_unit
 from ...faults.shapes import SCANNED_AS, Shape, sample_bytes
 from ...flightlog import FlightLog
-from ...frozen import dataclass
 from ...kernels import BoolArray, FloatArray, IntArray
 from ...kernels.covariance import FitRows, Layout, unfold
 from ...kernels.onset.scan import ENDING, FLOOR, STARTING, Scan

@@ -7,7 +7,7 @@ through the same filter: it starts a few conditioned samples before its onset, w
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -16,7 +16,6 @@ from ...config import StartTime
 from ...decision import KINDS
 from ...faults import Fault, unit_signal
 from ...faults.shapes import SCANNED_AS, SHAPES, Shape, scanned_shape
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.low_pass import IDENTITY, Lowpass, Response, decimate, lost_samples, lowpass_taps
 from ...kernels.onset import waveform as waveforms

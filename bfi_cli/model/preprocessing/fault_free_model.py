@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...config import Config
 from ...flightlog import FlightLog
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.atom_signals import some_of
 from ...kernels.coherence import detectable_deviations

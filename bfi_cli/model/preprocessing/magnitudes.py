@@ -10,14 +10,13 @@ are multiplied by it, as in quasi-likelihood (McCullagh and Nelder 1989).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...config import Config
 from ...errors import LogError
 from ...faults import Fault
-from ...frozen import dataclass
 from ...kernels import ONE_SIDED_90, FloatArray
 from ...kernels.compiled import special
 from ...kernels.covariance import Regressors, covariance, regressors_of_support, single_additions, unfold

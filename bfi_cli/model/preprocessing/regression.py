@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ...config import Config, Selection
 from ...errors import LogError
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.atom_signals import powers, some_of, standardised
 from ...kernels.covariance import FitRows, Layout, unfold_own

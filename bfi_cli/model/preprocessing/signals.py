@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -19,7 +19,6 @@ from ...errors import LogError
 from ...faults import Fault, tail_of
 from ...faults.filters import recorded_signal, recorded_signals
 from ...flightlog import FlightLog
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.atom_signals import LONGEST_REACH, acting
 from ...kernels.lagged import compress

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from ...flightlog import Channel, FlightLog, require_usable, resample, resample_
 from ...flightlog.derived import with_derived
 from ...flightlog.injection import added_by, line_signals
 from ...flightlog.quality import held_hz, is_uniform, recorder_filters
-from ...frozen import dataclass
 from ...kernels import FloatArray
 from ...kernels.atom_signals import amplitudes
 from ...kernels.low_pass import WHITE, Lowpass, Response

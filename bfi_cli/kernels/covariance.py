@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -82,7 +83,7 @@ class Layout:
         return with_earlier(data, self.earlier)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)  # without slots, so that it keeps its unfolded support
 class Regressors:
     """The regressors of a fit on the rows of its record, orthogonalised: they depend on its support alone.
 
@@ -112,10 +113,7 @@ class Regressors:
 
         `single_additions` of these by inner products alone, so that a long record is gone through once.
         """
-        fit, unfolded = self.fit, unfold(self.layout, self.fit, self)
-        basis = np.linalg.qr(whiten(unfolded.all_signatures, fit.sigma))[0]
-        e = whiten(unfolded.all_errors[:, :, None], fit.sigma)
-        others = np.hstack([basis, e - basis @ (basis.T @ e)])
+        fit, (others, small_sample) = self.fit, self._unfolded
         n_y, n_signals, n_rows = len(fit.sigma), theta.shape[2], len(self.weights)
         absorbed, inner = np.zeros((self.Q.shape[1], n_y * n_signals)), np.zeros((others.shape[1], n_signals))
         power = np.zeros(n_signals)
@@ -127,7 +125,15 @@ class Regressors:
                 inner += others[rows.start * n_y : rows.stop * n_y].T @ G
                 power += einsum("kj,kj->j", G, G)
         left = power - np.sum(absorbed.reshape(-1, n_signals) ** 2, axis=0) - np.sum(inner[:-1] ** 2, axis=0)
-        return _additions(inner[-1], left, power, _small_sample_factor(fit, unfolded))
+        return _additions(inner[-1], left, power, small_sample)
+
+    @cached_property
+    def _unfolded(self) -> tuple[FloatArray, float]:
+        """A basis of the whitened signatures of the support, last the errors off these, and the small-sample factor."""
+        fit, unfolded = self.fit, unfold(self.layout, self.fit, self)
+        basis = np.linalg.qr(whiten(unfolded.all_signatures, fit.sigma))[0]
+        e = whiten(unfolded.all_errors[:, :, None], fit.sigma)
+        return np.hstack([basis, e - basis @ (basis.T @ e)]), _small_sample_factor(fit, unfolded)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -8,8 +8,9 @@ channels with its motion just before and just after.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache, partial
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy as np
 from ..airdata import IMPACT_SOURCES
 from ..airdata.relations import RELATIONS, relatives
 from ..faults.filters import response_of
-from ..kernels import MAD, BoolArray
+from ..kernels import MAD, BoolArray, IntArray
 from ..kernels.generalised_least_squares import least_squares
 from ..kernels.runs import (
     block_means,
@@ -217,7 +218,9 @@ def find_defects(log: FlightLog) -> tuple[Defect, ...]:
     ----------
     log : with the filters of its recorder, if known, see `recorder.with_seen_recorder`.
     """
-    tracks = {name: track for name in log.independent(WATCHED) if (track := _track(log, log.channels[name]))}
+    ticks = lru_cache(maxsize=1)(partial(_ticks, log))  # most channels have one clock
+    tracks = {name: track for name in log.independent(WATCHED) if (track := _track(log, log.channels[name], ticks))}
+    ticks.cache_clear()
     width_s, reach_s = _recorder(log)
     # Errors are made once more where a channel is searched: those of all channels of a day do not fit in memory.
     loudness = {name: _loudness(track, _errors(track), log) for name, track in tracks.items()}
@@ -287,8 +290,19 @@ def _replaced(log: FlightLog, defects: Sequence[Defect], *, with_lines: bool) ->
     return log
 
 
-def _track(log: FlightLog, channel: Channel) -> _Track | None:
-    """Return a channel at its ticks, None where it is constant, unknown, or has too few, too many or empty ones."""
+def _ticks(log: FlightLog, period: float, phase: float) -> IntArray:
+    """Return (n_samples,) the ticks of a clock, its period and phase in samples."""
+    ticks = np.floor(((log.time_s - log.time_s[0]) * log.rate_hz - phase + 0.5) / period)
+    return np.asarray(np.maximum(ticks, 0.0), dtype=np.intp)
+
+
+def _track(log: FlightLog, channel: Channel, ticks: Callable[[float, float], IntArray]) -> _Track | None:
+    """Return a channel at its ticks, None where it is constant, unknown, or has too few, too many or empty ones.
+
+    Parameters
+    ----------
+    ticks : of the samples, by period and phase, see `_ticks`.
+    """
     recorded = channel.values  # read once from the file of a day, and copied only where some of it is no number
     finite = np.abs(recorded) < LARGEST_VALUE
     rows = slice(None) if finite.all() else finite
@@ -302,8 +316,7 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
         period, phase = hold.period, hold.phase
     elif log.rate_hz > FASTEST_HZ:
         period, is_averaged = log.rate_hz / FASTEST_HZ, True
-    tick = np.floor(((log.time_s - log.time_s[0]) * log.rate_hz - phase + 0.5) / period)
-    tick = np.maximum(tick, 0.0).astype(np.intp)[rows]
+    tick = ticks(period, phase)[rows]
     n = int(tick[-1]) + 1
     if not FEWEST_TICKS <= n <= min(MOST_TICKS, SPARSEST * tick.size):
         return None
@@ -314,8 +327,8 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
         values = block_means(readings, tick, n)
     else:
         values[tick[::-1]] = readings[::-1]  # the first of each tick
-    ticks, step_s = np.arange(n), period / log.rate_hz
-    values = np.interp(ticks, ticks[known], values[known])
+    at, step_s = np.arange(n), period / log.rate_hz
+    values = values if known.all() else np.interp(at, at[known], values[known])
     at_ticks = channel if np.array_equal(values, recorded) else replace(channel, values=values)
     quantum = at_ticks.plateau_step(1.0 / step_s) or at_ticks.step or 0.0
     if not quantum:  # a short record shows too few steps: of a channel that mostly rests the usual change in a second
@@ -325,7 +338,7 @@ def _track(log: FlightLog, channel: Channel) -> _Track | None:
         quantum = float(np.median(moves[moved])) if moved.any() and float(np.mean(moved)) < 0.5 else 0.0
     return _Track(
         channel=channel,
-        time_s=np.asarray(log.time_s[0] + phase / log.rate_hz + step_s * ticks, dtype=np.float64),
+        time_s=np.asarray(log.time_s[0] + phase / log.rate_hz + step_s * at, dtype=np.float64),
         step_s=step_s,
         values=values,
         known=known,
@@ -592,7 +605,7 @@ def _rests(
             marked = (should > needed) & (here <= floor)
             if marked.any():
                 marked &= ~_often_still(track, size, here, floor)
-        while (marked := marked & _all_of(~taken, size)).any():
+        while marked.any() and (marked := marked & _all_of(~taken, size)).any():
             k = int(np.argmax(np.where(marked, should, 0.0)))
             # The samples about the middle of the stretch that stay at its level, and those beside it that do as well.
             off = np.abs(track.values - np.median(track.values[k : k + size]))

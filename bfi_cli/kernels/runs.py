@@ -199,7 +199,9 @@ def running_median(x: FloatArray, block: int, n_blocks: int) -> FloatArray:
     medians = medians_of_rows(x[: n * block].reshape(n, -1))
     padded = np.pad(medians, half, mode="edge" if n <= half else "reflect")
     smooth = _along(padded, 2 * half + 1, medians_of_rows)  # of odd width: a median is one of the values
-    return np.asarray(smooth[np.minimum(np.arange(len(x)) // block, n - 1)])
+    counts = np.full(n, block)
+    counts[-1] = len(x) - (n - 1) * block
+    return np.repeat(smooth, counts)
 
 
 def median_of_neighbours(x: FloatArray, size: int) -> FloatArray:

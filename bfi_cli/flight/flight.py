@@ -345,7 +345,8 @@ def _without_frozen(log: FlightLog) -> tuple[list[str], FlightLog]:
     sentences = {}
     for name in (name for name in (*USED, *INPUTS) if name in log.channels):
         values = log.channels[name].values
-        known = values[np.isfinite(values)]
+        known = np.isfinite(values)
+        known = values if known.all() else values[known]
         if not known.size or known.min() == known.max():
             held = "holds one value" if known.size else "holds no number"
             sentences[name] = f"'{name}' is not used: it {held} through the whole log"

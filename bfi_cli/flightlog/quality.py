@@ -405,17 +405,18 @@ def _extent(x: FloatArray) -> float:
 
 def _move_times(log: FlightLog, name: str, flying: BoolArray) -> FloatArray:
     """Return the times at which moves begin: runs of block means that change one way by more than the threshold."""
-    good = flying & np.isfinite(log.channels[name].values)
-    x, t = log.channels[name].values[good], log.time_s[good]
+    values = log.channels[name].values
+    good = flying & np.isfinite(values)
+    x, t = (values, log.time_s) if good.all() else (values[good], log.time_s[good])
     size = max(1, round(BLOCK_S * log.rate_hz))
     n = x.size // size
     travel = np.diff(x[: n * size].reshape(n, size).mean(axis=1))
-    if not travel.size or _extent(x) == 0.0:
+    if not travel.size or (extent := _extent(x)) == 0.0:
         return np.empty(0)
     way = np.sign(travel)
     starts = np.flatnonzero(np.concatenate([[True], way[1:] != way[:-1]]))
     runs = np.add.reduceat(travel, starts)
-    return np.asarray(t[starts[np.abs(runs) > MOVE * _extent(x)] * size])
+    return np.asarray(t[starts[np.abs(runs) > MOVE * extent] * size])
 
 
 def ranked_windows(log: FlightLog, phases: Sequence[Phase]) -> tuple[ExcitedWindow, ...]:

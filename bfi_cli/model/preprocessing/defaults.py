@@ -127,7 +127,7 @@ def default_inputs(log: FlightLog, config: Config) -> tuple[str, ...]:
     these, but for published methods, the trusted channels that are finite throughout the window.
     """
     groups: tuple[tuple[str, ...], ...] = IN_PLACE_OF_ELEVATOR
-    if "elevator" in log.channels and np.ptp(_finite(log.channels["elevator"])) > 0.0:
+    if "elevator" in log.channels and np.ptp(_finite(log.channels["elevator"].values)) > 0.0:
         groups = (("elevator",), *(IN_PLACE_OF_ELEVATOR[1:] if _thrust_is_moved(log, config) else ()))
     usable = [
         name
@@ -160,13 +160,14 @@ def _thrust_is_moved(log: FlightLog, config: Config) -> bool:
 
 def _moves(log: FlightLog, channel: Channel) -> bool:
     """Say whether a channel moves, and is not held between values of a lower rate."""
-    return bool(np.ptp(_finite(channel)) > 0.0) and held_hz(log, channel) is None
+    values = channel.values  # of a day read once
+    return bool(np.ptp(_finite(values)) > 0.0) and held_hz(log, channel) is None
 
 
-def _finite(channel: Channel) -> FloatArray:
-    """Return the samples of a channel that are numbers, or a zero where none is."""
-    finite = channel.values[np.isfinite(channel.values)]
-    return finite if finite.size else np.zeros(1)
+def _finite(values: FloatArray) -> FloatArray:
+    """Return the samples that are numbers, or a zero where none is."""
+    known = np.isfinite(values)
+    return values if known.all() else values[known] if known.any() else np.zeros(1)
 
 
 def _with_window(log: FlightLog, config: Config) -> tuple[Config, list[Note]]:

@@ -7,7 +7,7 @@ the dictionary.
 from __future__ import annotations
 
 from bisect import bisect_left
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -62,6 +62,11 @@ class Signals:
     slopes: Mapping[int, FloatArray] = field(default_factory=dict)
     earlier: tuple[Signals, ...] = ()
     weight: float = 1.0
+
+    @property
+    def each_input(self) -> Iterable[FloatArray]:
+        """(n_samples,) of each input."""
+        return self.u.T
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -128,6 +133,11 @@ class NativeSignals:
     def u(self) -> FloatArray:
         """(n_samples, n_inputs)."""
         return self.log.signals(self.inputs)
+
+    @property
+    def each_input(self) -> Iterable[FloatArray]:
+        """(n_samples,) of each input, one after the other, for memory."""
+        return (self.log.channel(name).values for name in self.inputs)
 
     @property
     def y(self) -> FloatArray:
@@ -537,11 +547,11 @@ def _empty_from(signals: Signals | NativeSignals) -> float | None:
     The spectrum of a differenced signal (Welch's averaged periodograms of half-overlapping Hann segments) falls by
     30 dB and more within two octaves only behind a filter.
     """
-    if len(signals.u) < 3:  # one step has no spectrum
+    if len(signals.time_s) < 3:  # one step has no spectrum
         return None
-    n, edges = min(len(signals.u) - 1, 1024), []
+    n, edges = min(len(signals.time_s) - 1, 1024), []
     f = np.fft.rfftfreq(n, 1.0 / signals.rate_hz)
-    for values in signals.u.T:
+    for values in signals.each_input:
         segments = np.lib.stride_tricks.sliding_window_view(np.diff(values), n)[:: max(1, n // 2)]
         total = np.zeros(len(f))
         for start in range(0, len(segments), SEGMENTS):

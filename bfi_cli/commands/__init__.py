@@ -13,7 +13,8 @@ import signal
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
-from typing import TextIO
+from types import ModuleType, SimpleNamespace
+from typing import TextIO, cast
 
 import click
 
@@ -123,8 +124,10 @@ def main(argv: list[str] | None = None) -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     gc.set_threshold(*COLLECTED)
-    # pydantic would search every installed package for plugins, on which no check of an input may depend.
+    # pydantic would search every installed package for plugins, on which no check of an input may depend. Where it is
+    # told not to, it still imports what would search, and with that all that reads packages and e-mail.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    sys.modules.setdefault("pydantic.plugin._loader", cast("ModuleType", SimpleNamespace(get_plugins=tuple)))
     _open_streams()
     code = run_command(argv)
     if code == INTERRUPTED:

@@ -458,28 +458,25 @@ def profile_with_deviances(
     profile : over the onsets.
     deviances : (2, n_magnitudes, n_onsets) n_rows log(RSS(+m) / RSS(0)), and of -m.
     """
-    tables, m = tabulate(scan, waveform.samples), magnitudes * waveform.unit
+    tables, both = tabulate(scan, waveform.samples), np.concatenate([magnitudes, -magnitudes]) * waveform.unit
     bound = magnitude_bound(scan, waveform, scan.n_samples - onsets)
 
     def block_profile(block: slice) -> FloatArray:
         stack = stack_onsets(scan, tables, onsets[block])
-        return np.concatenate(
-            [minimise(stack, bound[block]), *(log_ratio(stack, sign * m[:, block]) for sign in (1.0, -1.0))]
-        )
+        return np.concatenate([minimise(stack, bound[block]), log_ratio(stack, both[:, block])])
 
-    minimum, plus, minus = np.split(in_blocks(scan, len(onsets), block_profile), [3, 3 + len(m)])
-    return in_units(scan, waveform, onsets, minimum), scan.n_rows * np.stack([plus, minus])
+    made = in_blocks(scan, len(onsets), block_profile)
+    return in_units(scan, waveform, onsets, made[:3]), scan.n_rows * made[3:].reshape(2, *magnitudes.shape)
 
 
 def deviances(scan: Scan, waveform: Waveform, onsets: IntArray, magnitudes: FloatArray) -> FloatArray:
     """Return the second of `profile_with_deviances` alone."""
-    tables, m = tabulate(scan, waveform.samples), magnitudes * waveform.unit
+    tables, both = tabulate(scan, waveform.samples), np.concatenate([magnitudes, -magnitudes]) * waveform.unit
 
     def block_ratios(block: slice) -> FloatArray:
-        stack = stack_onsets(scan, tables, onsets[block])
-        return np.array([log_ratio(stack, sign * m[:, block]) for sign in (1.0, -1.0)])
+        return log_ratio(stack_onsets(scan, tables, onsets[block]), both[:, block])
 
-    return scan.n_rows * in_blocks(scan, len(onsets), block_ratios)
+    return scan.n_rows * in_blocks(scan, len(onsets), block_ratios).reshape(2, *magnitudes.shape)
 
 
 def undeclared_magnitudes(

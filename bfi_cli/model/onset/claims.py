@@ -97,9 +97,9 @@ class Limits:
 
     Attributes
     ----------
-    profile : over the onsets that a claim covers; onset_s : (n_onsets,) of these, on the log's axis.
+    record : of the scan; profile : over the onsets that a claim covers.
     parameter : of the hypothesis: frequency, time constant or duration, 0 where it has none.
-    sized_s : (n_sized,) the onsets, all or some, at which there are:
+    sized : over the onsets, all or some, at which there are (n_sized,):
     declared : magnitude that is declared with 90 % power, infinite where none is.
     seen : largest error of the magnitude that is declared or suspected with 90 % power.
     excluded : magnitude beyond which the record excludes the fault, infinite where none is; effect : its largest error.
@@ -108,16 +108,21 @@ class Limits:
     tolerance : of the channel.
     """
 
+    record: ScanRecord
     profile: Profile
-    onset_s: FloatArray
     parameter: float
-    sized_s: FloatArray
+    sized: Profile
     declared: FloatArray
     seen: FloatArray
     excluded: FloatArray
     effect: FloatArray
     ratios: FloatArray | None = None
     tolerance: float = np.nan
+
+    @property
+    def onset_s(self) -> FloatArray:
+        """(n_onsets,) the onsets that a claim covers, on the log's axis."""
+        return self.record.onsets_s(self.profile.onsets + self.record.sampling.lead)
 
     def hidden(self, near: BoolArray | None = None) -> tuple[float, float]:
         """Return magnitude and error that are excluded at the worst of the onsets, those `near` (n_onsets,) or all.
@@ -136,10 +141,11 @@ class Limits:
 
         Infinite where there is none; None where no onset near it is covered.
         """
-        near = np.abs(self.onset_s - onset_s) <= near_s
+        onsets_s, sized_s = self.onset_s, self.record.onsets_s(self.sized.onsets + self.record.sampling.lead)
+        near = np.abs(onsets_s - onset_s) <= near_s
         if not near.any():
             return None
-        nearest = np.abs(self.onset_s[near][:, None] - self.sized_s).argmin(axis=1)
+        nearest = np.abs(onsets_s[near][:, None] - sized_s).argmin(axis=1)
         return *self.hidden(near), mostly(self.seen[nearest])
 
     @property
@@ -296,7 +302,7 @@ def _bounded(
         looks = []
         for claimed in [claimed for claimed in glances if claimed in worst]:
             wave, onsets = _wave(record, scan, claimed), _covered(record, scan, claimed)
-            looks.append(replace(glances[claimed], **_weighed(record, scan, wave, onsets, tolerance)))
+            looks.append(replace(glances[claimed], **_weighed(scan, wave, onsets, tolerance)))
     likeliest = max(looks, key=lambda limits: (limits.beyond, float(limits.profile.statistic.max())))
     covers, named = _in_words(shape, [claimed.parameter or 0.0 for claimed in forms], likeliest.parameter)
     candidate = replace(_with_magnitude(record, candidate, form, likeliest.profile), note=covers)
@@ -513,36 +519,31 @@ def _limits(
     if onsets.size == 0:
         return None
     if form.shape in WEIGHED:
-        shown, least = _weighed(record, scan, wave, onsets, tolerance), tolerance
+        shown, least = _weighed(scan, wave, onsets, tolerance), tolerance
         profile: Profile = shown["profile"]
         sized = profile.take(np.linspace(0, len(onsets) - 1, min(SIZED, len(onsets))).astype(np.intp))
         if is_suspected:
             suspicion = min(suspicion, profile.dispersion * likelier_by(every * len(onsets)) ** 2)
     else:
         profile = sized = scan_shape(scan, wave, onsets)
-        shown, least = {"profile": profile, "onset_s": _onsets_s(record, onsets)}, 0.0
-    sizes = _sizes(record, scan, wave, sized, threshold, suspicion, profile.dispersion, least=least)
-    return Limits(parameter=form.parameter or 0.0, tolerance=tolerance, **shown, **sizes)
+        shown, least = {"profile": profile}, 0.0
+    sizes = _sizes(scan, wave, sized, threshold, suspicion, profile.dispersion, least=least)
+    return Limits(record=record, parameter=form.parameter or 0.0, tolerance=tolerance, **shown, **sizes)
 
 
-def _weighed(record: ScanRecord, scan: Scan, wave: Waveform, onsets: IntArray, tolerance: float) -> dict[str, Any]:
+def _weighed(scan: Scan, wave: Waveform, onsets: IntArray, tolerance: float) -> dict[str, Any]:
     """Return what `Limits` has of a waveform over (n_onsets,) onsets that a claim covers, with likelihood ratios."""
     magnitudes = tolerance * ERRORS[:, None] / wave.largest(scan.n_samples - onsets)
     profile, both_signs = profile_with_deviances(scan, wave, onsets, magnitudes)
     ratios = likelihood_ratios(both_signs, dispersion=profile.dispersion)
-    return {"profile": profile, "onset_s": _onsets_s(record, onsets), "ratios": ratios}
+    return {"profile": profile, "ratios": ratios}
 
 
 def _wave(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> Waveform:
     return waveform(form, replace(record.sampling, n_samples=scan.n_samples))
 
 
-def _onsets_s(record: ScanRecord, onsets: IntArray) -> FloatArray:
-    return record.onsets_s(onsets + record.sampling.lead)
-
-
 def _sizes(
-    record: ScanRecord,
     scan: Scan,
     wave: Waveform,
     profile: Profile,
@@ -572,7 +573,7 @@ def _sizes(
     )
     excluded, largest = np.maximum(declared, admitted), wave.largest(scan.n_samples - profile.onsets)
     return {
-        "sized_s": _onsets_s(record, profile.onsets),
+        "sized": profile,
         "declared": declared,
         "seen": np.minimum(declared * largest, np.maximum(suspected * largest, least)),
         "excluded": excluded,

@@ -42,8 +42,8 @@ def sized(record: ScanRecord, scan: Scan, threshold: float, suspicion: float) ->
     """Return the sizes of a step at every onset, whatever the record says of them by its likelihood."""
     wave = waveform(BIAS, record.sampling)
     profile = scan_shape(scan, wave, claims._covered(record, scan, BIAS))
-    sizes = claims._sizes(record, scan, wave, profile, threshold, suspicion, profile.dispersion)
-    return claims.Limits(profile=profile, onset_s=sizes["sized_s"], parameter=0.0, tolerance=1.0, **sizes)
+    sizes = claims._sizes(scan, wave, profile, threshold, suspicion, profile.dispersion)
+    return claims.Limits(record=record, profile=profile, parameter=0.0, tolerance=1.0, **sizes)
 
 
 @pytest.mark.parametrize("threshold", [30.0, 90.0])

@@ -9,7 +9,7 @@ are multiplied by it, as in quasi-likelihood (McCullagh and Nelder 1989).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -418,15 +418,25 @@ def _family(fault: Fault) -> Fault:
     return replace(fault.later(-fault.onset_s), name=None, magnitude=1.0)
 
 
+def _elsewhere(window: PreparedWindow, family: Fault) -> Iterator[FloatArray]:
+    """Yield the signals of a shape at onsets spread over the window, in parts; those of a short record are kept."""
+    if family in window.elsewhere:
+        yield window.elsewhere[family]
+        return
+    time_s, n_values = window.native.time_s, N_ONSETS * len(window.signals.y)
+    onsets = time_s[0] + np.linspace(*INSIDE, N_ONSETS) * (time_s[-1] - time_s[0])
+    for part in np.array_split(onsets, min(N_ONSETS, -(-n_values // MOST_VALUES))):
+        shifted = signals_of_faults(window, [family.later(onset) for onset in part.tolist()])
+        if n_values * len(window.live) <= MOST_VALUES:
+            window.elsewhere[family] = shifted
+        yield shifted
+
+
 def _factor(window: PreparedWindow, regression: RegressionData, adding: Regressors, family: Fault) -> float:
     """Return the mean over onsets of z^2 / var(z) of a shape that is added to a fit, at least 1."""
-    time_s = window.native.time_s
-    onsets = time_s[0] + np.linspace(*INSIDE, N_ONSETS) * (time_s[-1] - time_s[0])
-    n_parts = min(N_ONSETS, -(-N_ONSETS * len(window.signals.y) // MOST_VALUES))
     squares = np.empty(0)
     # Each shifted signal is added alone to the fit.
-    for part in np.array_split(onsets, n_parts):
-        shifted = signals_of_faults(window, [family.later(onset) for onset in part.tolist()])
+    for shifted in _elsewhere(window, family):
         z, variance = adding.each_of(shifted / regression.unit[:, None])
         squares = np.append(squares, z**2 / variance)
     seen = squares[np.isfinite(squares)]

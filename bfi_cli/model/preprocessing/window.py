@@ -73,6 +73,7 @@ class PreparedWindow:
     exact : a VARX explains the record to round-off at its own rate.
     orders : of the model, to choose from.
     sizes : by entry of a pressure line, the magnitude to which its signal is the secant; others have the derivative.
+    elsewhere : by shape, its signals at other onsets, (n_samples, n_outputs, n_onsets), of a short record.
     """
 
     log: FlightLog
@@ -93,6 +94,7 @@ class PreparedWindow:
     exact: bool
     orders: tuple[int, ...]
     sizes: Mapping[int, float] = field(default_factory=dict)
+    elsewhere: dict[Fault, FloatArray] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def faults(self) -> tuple[Fault, ...]:

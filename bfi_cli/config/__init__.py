@@ -1,11 +1,11 @@
 """The configuration of an analysis: every key with its default, checked whole, never changed after."""
 
-from __future__ import annotations
+# Annotations are no text here, each of which pydantic would evaluate on the way to every answer.
 
 import hashlib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import (
     AfterValidator,
@@ -118,7 +118,7 @@ class Window(Rules):
     """End of the window; default the end of the log."""
 
     @model_validator(mode="after")
-    def _is_not_empty(self) -> Window:
+    def _is_not_empty(self) -> Self:
         if self.from_s is not None and self.to_s is not None and self.to_s <= self.from_s:
             raise ValueError(f"to_s must be after from_s ({self.from_s:g} s), got {self.to_s:g} s; give a later one")
         return self
@@ -226,7 +226,7 @@ class StartTime(Rules):
     """[low, high] of the oscillations; default 3 / window length to 0.2 x rate."""
 
     @model_validator(mode="after")
-    def _samples_are_looked_for(self) -> StartTime:
+    def _samples_are_looked_for(self) -> Self:
         if self.samples is None and "samples" in self.shapes:
             raise ValueError("the shape samples has no file; give samples a CSV of time, value")
         if self.samples is not None and "samples" not in self.shapes:
@@ -234,7 +234,7 @@ class StartTime(Rules):
         return self
 
     @model_validator(mode="after")
-    def _frequencies_increase(self) -> StartTime:
+    def _frequencies_increase(self) -> Self:
         if self.frequency_hz is not None and self.frequency_hz[1] <= self.frequency_hz[0]:
             low, high = self.frequency_hz
             raise ValueError(f"frequency_hz must be [low, high], got [{low:g}, {high:g}]")
@@ -420,7 +420,7 @@ class Config(Rules):
         return {**{key: value for key, value in data.items() if key != "units"}, "shown_units": word}
 
     @model_validator(mode="after")
-    def _inputs_are_not_outputs(self) -> Config:
+    def _inputs_are_not_outputs(self) -> Self:
         for name in self.inputs:
             if name in self.outputs:
                 raise ValueError(f"'{name}' is both an input and an output; keep one")

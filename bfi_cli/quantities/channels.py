@@ -165,8 +165,10 @@ _WHICH = {
 for _name in REPEATED:
     _one = STANDARD[_name]
     for _number in range(1, 10):
-        _sensor = f"{_name}_{_number}"
-        STANDARD[_sensor] = replace(_one, name=_sensor, description=f"{_one.description}, sensor {_number}", aliases=())
+        _sensor, _words = f"{_name}_{_number}", f"{_one.description}, sensor {_number}"
+        STANDARD[_sensor] = StandardChannel(
+            name=_sensor, quantity=_name, unit=_one.unit, description=_words, aliases=()
+        )
         if _name in LARGEST_ERROR:
             LARGEST_ERROR[_sensor] = LARGEST_ERROR[_name]
     for _alias in (_name, *_one.aliases):

@@ -2,7 +2,7 @@
 
 Two flights of the Citation, three of light aircraft and tours of three aircraft of JSBSim; faults are made from first
 principles, pass the air-data chain and, where the rate has room for it, a recorder's low-pass. A fault counts where it
-makes an error of `cut_faults.LEAST`. One trial of four kinds runs, whose answers are known; BFI_FULL=1 takes three
+makes an error of `cut_faults.LEAST`. One trial of three kinds runs, whose answers are known; BFI_FULL=1 takes three
 seeds of every kind and aircraft, on which the bars stand:
 `BFI_FULL=1 pytest -s -m slow -o faulthandler_timeout=14400 tests/measurements/test_cut_faults.py`.
 """
@@ -24,7 +24,6 @@ pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 SEEDS = 3
 SHORT = (
     Trial(aircraft="g1000_c172_110812.h5", kind="pitot_leak", seed=0),
-    Trial(aircraft="sr22t_220417_135002.h5", kind="tas step", seed=0),
     Trial(aircraft="citation_20180312_f1.h5", kind="pitot_blocked", seed=0),
     Trial(aircraft="citation_20180312_f1.h5", kind="cas step", seed=0),
 )

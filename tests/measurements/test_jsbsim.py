@@ -50,7 +50,7 @@ def test_minimal_detectable_magnitudes_in_gusts() -> None:
     assert not_below(shares[2.0], 0.95, len(answers))
 
 
-KNOWN_TOURS = [("c172p", 2, "pitot_blocked"), ("c172p", 0, "static_blocked")]
+KNOWN_TOURS = [("c172p", 2, shape) for shape in BLOCKED]  # of one tour, which is flown once
 
 
 def test_tours_with_a_blocked_line_and_without() -> None:

@@ -35,6 +35,8 @@ NOISE = FT * np.sqrt(1e-3)
 SEEDS = range(sized(20, 0.3))
 ALIKE = 1e-4  # tolerance of SCS by default
 SOLVED = range(3 if FULL else 1)  # by general solvers too, which take ten times as long
+# The settings of general solvers by their name, that which the others are compared with last.
+GENERAL = {"SCS": {}, "CLARABEL": {}} if FULL else {"SCS": {"eps_abs": 1e-8, "eps_rel": 1e-8}}
 MF2D = merge(
     Config(),
     {"method": "mf2d", "outputs": OUTPUTS, "inputs": ("elevator",), "conditioning.rate_hz": "none", "model.order": 4},
@@ -97,7 +99,7 @@ def test_longer_lags_bring_the_error_below_two_percent() -> None:
 def test_the_objective_is_that_of_general_solvers_in_less_time() -> None:
     """The example's weights are of data scaled otherwise; here the l1 weight is a tenth of what leaves no magnitude."""
     cp = pytest.importorskip("cvxpy")
-    ratios = {"SCS": [], "CLARABEL": []}
+    ratios: dict[str, list[float]] = {solver: [] for solver in GENERAL}
     for seed in SOLVED:
         given = problem(seed)
         sparse = 0.1 * largest_weight(given)
@@ -120,14 +122,14 @@ def test_the_objective_is_that_of_general_solvers_in_less_time() -> None:
             values = {}
             for solver, made in ratios.items():
                 begun = process_time()
-                values[solver] = cp.Problem(cp.Minimize(cost), rules).solve(solver=solver)
+                values[solver] = cp.Problem(cp.Minimize(cost), rules).solve(solver=solver, **GENERAL[solver])
                 made.append((process_time() - begun) / own)
         gap = {solver: found.objective / value - 1.0 for solver, value in values.items()}
         print(f"own {own:.2f} s, {found.iterations} iterations, converged {found.converged}; relative gap {gap}")
-        assert gap["CLARABEL"] < 1e-4
+        assert gap[solver] < 1e-4
         with threadpool_limits(1):
             exactly = solve_mf2d(given, nuclear=nuclear, sparse=sparse, tolerance=1e-6)
-        assert abs(exactly.objective / values["CLARABEL"] - 1.0) < 1e-6
+        assert abs(exactly.objective / values[solver] - 1.0) < 1e-6
     print({solver: np.round(made, 1).tolist() for solver, made in ratios.items()})
-    assert np.median(ratios["CLARABEL"]) > 10.0
-    assert np.median(ratios["SCS"]) > (10.0 if FULL else 5.0)  # of one problem a busy machine may measure less
+    for made in ratios.values():
+        assert np.median(made) > (10.0 if FULL else 5.0)  # of one problem a busy machine may measure less

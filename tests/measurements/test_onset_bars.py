@@ -110,7 +110,7 @@ def test_the_shipped_table_beside_it(flown: FlightLog) -> None:
 @pytest.fixture(scope="module")
 def manoeuvred(flights: Path) -> FlightLog:
     """Return the 3-2-1-1 of the nonlinear simulation, without noise."""
-    return read_log(flights / "sim_ae4320_de3211_1.h5").window(19.0, 50.7)
+    return read_log(flights / "sim_ae4320_de3211_1.h5").window(19.0, 50.7 if FULL else 40.0)
 
 
 def oscillation(seed: int, log: FlightLog) -> Fault:

@@ -37,7 +37,6 @@ SEEDS = 20
 NAMED, DECLARED, EXPLAINED_AWAY = 0.9, 0.02, 0.02
 SHORT_CAUSES = (
     CauseTrial(aircraft="c172p", cause="flaps", seed=0),
-    CauseTrial(aircraft="f16", cause="altimeter_set", seed=0),
     CauseTrial(aircraft="c172p", cause="wake", seed=0),
 )
 SHORT_FAULTS = (

@@ -13,7 +13,7 @@ pytestmark = [pytest.mark.slow]
 
 # Those that ended with a defect once: an oscillation that begins with the last sample.
 ONCE_WRONG = (359, 812)
-NUMBERS = range(1000) if FULL else (*range(16), *ONCE_WRONG)
+NUMBERS = range(1000) if FULL else (*range(10), *ONCE_WRONG)
 
 
 def test_random_faults_are_answered_or_refused() -> None:

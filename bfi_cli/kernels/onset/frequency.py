@@ -81,20 +81,23 @@ class Sines:
         self.scan = scan
         turning = np.exp(1j * np.outer(angles, np.arange(n)))
         self.bound = largest_magnitude(scan, np.abs(turning.imag).max(axis=1))
-        sums = np.cumsum((scan.Q[:, None] * turning)[..., ::-1], axis=-1)[..., ::-1]
-        self.tables = [sums.imag * turning.real - sums.real * turning.imag]
+        sums = scan.Q[:, None] * turning
+        np.cumsum(sums[..., ::-1], axis=-1, out=sums[..., ::-1])
+        tables = [sums.imag * turning.real]
+        tables[0] -= sums.real * turning.imag
         for _ in range(scan.degree):
             # A shape less the same one sample later.
-            self.tables.append(self.tables[-1].copy())
-            self.tables[-1][..., :-1] -= self.tables[-2][..., 1:]
-        self.tables = [table.reshape(len(scan.Q), -1) for table in self.tables]
+            tables.append(tables[-1].copy())
+            tables[-1][..., :-1] -= tables[-2][..., 1:]
+        self.tables = [table.reshape(len(scan.Q), -1) for table in tables]
         squares = np.ones(n) if scan.weights is None else scan.weights**2
         self.squares, self.remaining = squares, np.cumsum(squares[::-1])[::-1]
         self.doubled = np.cumsum((squares * turning**2)[:, ::-1], axis=1)[:, ::-1]
         self.turning = turning
-        self.borders = _borders(n)
-        at = self.doubled[:, self.borders]
-        self.steady_share = _explained_by_both(scan, sums[..., self.borders], self.remaining[self.borders], at)
+        borders = _borders(n)
+        self.border = np.searchsorted(borders, np.arange(n), side="right") - 1
+        at = self.doubled[:, borders]
+        self.steady_share = _explained_by_both(scan, sums[..., borders], self.remaining[borders], at)
         # Copies at lags s .. 0, differenced: the difference of exp(i w k) is exp(i w k) (1 - exp(-i w)).
         lags, degrees = np.arange(s, -1, -1), np.array(scan.degrees)
         turned, half = angles[:, None], 0.5 * angles[:, None]
@@ -108,8 +111,7 @@ class Sines:
         """Return `MOST_ONSETS` of the onsets of a sine, or as many as there are."""
         if len(onsets) <= MOST_ONSETS:
             return onsets
-        border = np.searchsorted(self.borders, onsets, side="right") - 1
-        share = self.scan.impulses()[onsets] + self.steady_share[k, border]
+        share = self.scan.impulses()[onsets] + self.steady_share[k, self.border[onsets]]
         return onsets[np.sort(np.argpartition(-share, MOST_ONSETS)[:MOST_ONSETS])]
 
     def inner_products(self, k: IntArray, onset: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -426,7 +426,7 @@ def shown(value: object) -> str:
     return shortened(_ABRIDGED.repr(value), SHOWN_LETTERS)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Comparison:
     """What was declared against what was injected.
 

@@ -18,7 +18,7 @@ from ..kernels import ONE_SIDED_90, FloatArray
 from ..kernels.progress import Report, silent
 from ..model.onset.detection import search_onsets
 from ..model.onset.glance import Glance, glance
-from ..model.onset.result import OnsetSearch
+from ..model.onset.search import OnsetSearch
 from ..model.preprocessing.window import TRUSTED, with_inputs_of
 from ..threads import one_thread
 from .flight import INPUTS, Flight

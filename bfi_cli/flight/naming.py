@@ -10,7 +10,7 @@ import numpy as np
 from ..airdata import DEPENDS_ON, IMPACT_SOURCES
 from ..faults.shapes import SHAPES
 from ..model.onset.glance import Glance
-from ..model.onset.result import OnsetSearch
+from ..model.onset.search import OnsetSearch
 from ..quantities.channels import channel_in_words, quantity_of
 from .parity import FaultByOnset, Finding, Record, Threshold, WindowScan, effects
 from .parity.record import STATIC_LEAK, hypotheses

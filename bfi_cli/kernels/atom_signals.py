@@ -18,7 +18,7 @@ SQUARED = 100_000
 MEAN_OF = 65_536
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Tail:
     """What a signal is from some time on: ``level + rate t + Re(amplitude exp(exponent t))``.
 

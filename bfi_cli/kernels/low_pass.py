@@ -268,7 +268,7 @@ COMPLETE = 0.6
 FINE = 20
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RecorderEstimate:
     """The low-pass that jumps went through.
 
@@ -449,7 +449,7 @@ FEWEST_CHANNELS, COMMON = 3, 0.5
 BLACKMAN_HARRIS = (0.35875, 0.48829, 0.14128, 0.01168)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SpectralEstimate:
     """The low-pass that explains the spectra best.
 

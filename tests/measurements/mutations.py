@@ -315,8 +315,8 @@ LINES = (
     ),
     Line(
         "kernels/onset/frequency.py",
-        "share = self.scan.impulses()[onsets] + self.steady_share[k, border]",
-        ("share = self.scan.impulses()[onsets]", "share = self.steady_share[k, border]"),
+        "share = self.scan.impulses()[onsets] + self.steady_share[k, self.border[onsets]]",
+        ("share = self.scan.impulses()[onsets]", "share = self.steady_share[k, self.border[onsets]]"),
         SINES,
     ),
     Line(

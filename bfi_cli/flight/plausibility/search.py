@@ -21,7 +21,6 @@ from ...flightlog import FlightLog
 from ...flightlog.record import LARGEST_VALUE
 from ...flightlog.signs import BORNE, FASTEST, METRES_PER_SECOND, MOVING, WALK
 from ...kernels import BoolArray, FloatArray, IntArray
-from ...kernels.change_scan import steps_and_ramps, whitened
 from ...kernels.runs import block_means, runs
 from ...quantities.channels import STANDARD
 from .changes import Change, named_changes
@@ -38,7 +37,7 @@ LEAST_LEFT = 1e-6
 THROUGHOUT, MOSTLY = 0.9, 0.5
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ConstantPart:
     """What of an error is there from the first sample on, as a share of the whole, and the standard deviation of it."""
 
@@ -64,11 +63,16 @@ def constant_part(
     """
     if not np.isfinite(tolerance):
         return ConstantPart(1.0, np.inf)
+    from ...kernels.change_scan import steps_and_ramps, whitened
+
     known = np.flatnonzero(np.isfinite(difference) & np.isfinite(constant))
     known = known[:: max(1, -(-known.size // MOST_COMPARED))]
     n, time_s = known.size, time_s[known]
     onsets_s = np.linspace(time_s[0], time_s[-1], ONSETS + 2)[1:-1]
-    columns = (difference[known], constant[known], _courses(time_s, onsets_s))
+    # Steps, drifts and ramps that end, each of the size of 1 where it is largest.
+    steps, since_s = steps_and_ramps(time_s, onsets_s)
+    ramps = [np.minimum(since_s / (share * float(time_s[-1] - time_s[0])), 1.0) for share in DURATIONS]
+    columns = (difference[known], constant[known], steps, since_s / (time_s[-1] - onsets_s), *ramps)
     white, log_det = whitened(np.column_stack(columns), time_s)
     y, whole, courses = white[:, :, 0], white[:, :, 1], white[:, :, 2:]
 
@@ -105,15 +109,6 @@ def constant_part(
     if size <= tolerance or not (is_throughout or size > MOSTLY * abs(whole_size)):
         return None
     return ConstantPart(1.0 if abs(size - abs(whole_size)) <= tolerance else min(size / abs(whole_size), 1.0), sd)
-
-
-def _courses(time_s: FloatArray, onsets_s: FloatArray) -> FloatArray:
-    """Return (n, n_courses) steps, drifts and ramps that end, each of the size of 1 where it is largest."""
-    steps, since = steps_and_ramps(time_s, onsets_s)
-    length_s = float(time_s[-1] - time_s[0])
-    ramps = [np.minimum(since / (share * length_s), 1.0) for share in DURATIONS]
-    drifts = since / (time_s[-1] - onsets_s)
-    return np.concatenate([steps, drifts, *ramps], axis=1)
 
 
 # Pieces of a flight in each of which a relation fails that fails throughout; what begins during a flight is a fault

@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from .decision import CalibrationUse, calibration_windows, table_of_windows, windows_of
     from .detection import find_onset, search_onsets
     from .report import onset_content, onset_document
-    from .result import OnsetResult, OnsetSearch, OnsetSeries, ShapeProfile
+    from .result import OnsetResult, OnsetSeries, ShapeProfile
+    from .search import OnsetSearch
 
 __all__ = ["CalibrationUse", "OnsetResult", "OnsetSearch", "OnsetSeries", "ShapeProfile"]
 __all__ += ["calibration_windows", "find_onset", "onset_content", "onset_document"]
@@ -22,6 +23,7 @@ __getattr__ = import_on_first_use(
         "decision": ("CalibrationUse", "calibration_windows", "table_of_windows", "windows_of"),
         "detection": ("find_onset", "search_onsets"),
         "report": ("onset_content", "onset_document"),
-        "result": ("OnsetResult", "OnsetSearch", "OnsetSeries", "ShapeProfile"),
+        "result": ("OnsetResult", "OnsetSeries", "ShapeProfile"),
+        "search": ("OnsetSearch",),
     },
 )

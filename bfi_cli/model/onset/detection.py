@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,10 +26,13 @@ from ..preprocessing.window import with_inputs_of
 from .claims import claims_near_onsets, claims_of, covered_s
 from .decision import Rule, Verdict, rule_for
 from .estimate import Estimate, declared_faults, estimate, measure, subtract_faults, unit_signals
-from .result import OnsetResult, OnsetSearch, onset_result
 from .rivals import known_faults, rivals_of, scans_beside, unconfirmed, with_rivals
 from .scan import HypothesisScan, Peak, bic_change, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
 from .scan_record import ScanRecord, prepare_record
+from .search import OnsetSearch
+
+if TYPE_CHECKING:
+    from .result import OnsetResult
 
 # A bound on the time rather than on what a log may hold (docs/theory.md, 9.4).
 MOST_FAULTS = 5
@@ -89,6 +93,8 @@ def find_onset(
     helps = None if published else what_would_help(log, config, conclusion.verdicts)
     source_notes = [note for source in (searched.evidence, *beside) for note in source.notes]
     notes = [*conclusion.notes, *source_notes, *filter(None, [helps])]
+    from .result import onset_result
+
     return onset_result(searched, conclusion, false_alarm or config.start_time.false_alarm, notes)
 
 

@@ -27,9 +27,9 @@ from ...notes import Note
 from ..preprocessing.defaults import tolerances_of
 from ..preprocessing.regression import decides_by_rule, solve, stage_of
 from .estimate import as_scanned, declared_faults
-from .result import OnsetSearch
 from .scan import HypothesisScan, Peak, fault_free_bic, scan_of
 from .scan_record import ScanRecord, prepare_record
+from .search import OnsetSearch
 from .shapes import ShapeHypothesis, fault_of, signal
 
 # The shapes of known form of the published figures.

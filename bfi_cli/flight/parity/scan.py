@@ -104,14 +104,15 @@ def rounding_of(kind: ResidualKind, slopes: Slopes, roundings: Sequence[Rounding
     slopes : of the residual.
     roundings : of the channel of each fault, None where it has no steps.
     """
-    counts = (LOST * kind.levels[0]) ** 2
-    stepped = [(slopes.of(k), x) for k, i in enumerate(slopes.acting.tolist()) if (x := roundings[i]) is not None]
-    most = sum((slope.largest(rounding.sd) ** 2 for slope, rounding in stepped), np.zeros(len(slopes.values)))
-    if np.median(most) <= counts:
+    counts, sds = (LOST * kind.levels[0]) ** 2, np.zeros(slopes.values.shape)
+    stepped = [(k, x) for k, i in enumerate(slopes.acting.tolist()) if (x := roundings[i]) is not None]
+    for k, rounding in stepped:
+        sds[:, k] = rounding.sd
+    if np.median(np.sum(slopes.largest(sds) ** 2, axis=1)) <= counts:
         return None
-    covariance = np.zeros((most.size, most.size))
-    for slope, rounding in stepped:
-        made = slope.signatures(rounding.factor())[:, 0]
+    covariance = np.zeros((len(sds), len(sds)))
+    for k, rounding in stepped:
+        made = slopes.of(k).signatures(rounding.factor())[:, 0]
         covariance += made @ made.T
     return covariance if np.median(covariance.diagonal()) > counts else None
 
@@ -267,6 +268,11 @@ def _integral(rates: FloatArray) -> FloatArray:
     return np.asarray(STEP_S * (np.cumsum(known, axis=0) - 0.5 * known))
 
 
+def _each_bridged(rates: FloatArray) -> FloatArray:
+    """Return (n, n_acting) rates with what is not known of each bridged, 0 where nothing is."""
+    return np.stack([np.nan_to_num(bridged(rate)) for rate in rates.T], axis=1) if rates.size else rates
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Slopes:
     """What small constant faults make of a residual, over their sizes.
@@ -294,20 +300,17 @@ class Slopes:
         rate, climb = (None if x is None else x[:, [k]] for x in (self.rate, self.climb))
         return Slopes(acting=self.acting[[k]], values=self.values[:, [k]], rate=rate, climb=climb)
 
-    def largest(self, sd: FloatArray) -> FloatArray:
-        """Return (n,) the largest standard deviation that errors of a channel, of `sd`, make of it but by climb."""
-        rate = None if self.rate is None else -np.abs(self.rate)
-        return replace(self, values=np.abs(self.values), rate=rate, climb=None).signatures(sd[:, None])[:, 0, 0]
+    def largest(self, sds: FloatArray) -> FloatArray:
+        """Return (n, n_acting) the largest standard deviations that errors, of `sds` alike, make of it but by climb."""
+        largest: FloatArray = np.where(np.isfinite(self.values), np.abs(self.values), 0.0) * sds
+        return largest if self.rate is None else largest + _integral(_each_bridged(np.abs(self.rate)) * sds)
 
     def signatures(self, courses: FloatArray) -> FloatArray:
         """Return (n, n_acting, n_courses) what faults of these courses, (n, n_courses), make of it, 0 if unknown."""
         is_known = np.isfinite(self.values if self.climb is None else self.values + self.climb)
         signatures: FloatArray = np.where(is_known, self.values, 0.0)[:, :, None] * courses[:, None]
         if self.rate is not None:
-            rates = np.empty(self.rate.shape)
-            for i, rate in enumerate(self.rate.T):
-                rates[:, i] = np.nan_to_num(bridged(rate))
-            signatures -= _integral(rates[:, :, None] * courses[:, None])
+            signatures -= _integral(_each_bridged(self.rate)[:, :, None] * courses[:, None])
         if self.climb is not None:
             climb, changes = np.where(is_known, self.climb, 0.0), np.gradient(courses, STEP_S, axis=0)
             for i in np.flatnonzero(climb.any(axis=0)).tolist():

@@ -172,23 +172,24 @@ def filter_stack(
     innovation, sd = np.empty((2, n_samples, n_h, n_rows))
     means = np.empty((n_samples, n_h, n_x))
     gains = Gains.empty(innovation.shape, n_x) if with_gains else None
-    for k in range(n_samples):
+    measured = _diagonal(S := np.empty((n_h, n_rows, n_rows)))
+    for k, Zk in enumerate(Z):
         # 1. Innovations and their covariance.
-        Zk = Z[k]
         loaded = _loaded(state[..., :n_shared], Zk)
         if extra is not None:
             loaded += np.matmul(state[..., n_shared:], extra[k].swapaxes(-1, -2))
         PZ, v = loaded[:, :n_x], y[k] - loaded[:, n_x]
-        S = np.matmul(Zk, PZ[:, :n_shared])
+        np.matmul(Zk, PZ[:, :n_shared], out=S)
         if extra is not None:
             S += np.matmul(extra[k], PZ[:, n_shared:])
-        _diagonal(S)[:] += R[k]
+        measured += R[k]
         # 2. Each row given those before it.
         inverse, e, sd[k] = _white(S, v)
         innovation[k] = e
-        if (np.abs(e) > bound).any():
-            beyond = np.flatnonzero((np.abs(e) > bound).any(axis=1))
-            inverse[beyond], e[beyond], innovation[k, beyond], sd[k, beyond] = _bounded(S[beyond], v[beyond], bound)
+        if (is_beyond := np.abs(e) > bound).any():
+            some = np.flatnonzero(is_beyond.any(axis=1))
+            white = inverse[some], e[some], sd[k, some]
+            inverse[some], e[some], innovation[k, some], sd[k, some] = _bounded(S[some], v[some], white, bound)
         # 3. The state from them, and at the next sample.
         W = np.matmul(inverse, PZ.swapaxes(-1, -2))
         x += np.matmul(e[:, None, :], W)[:, 0]
@@ -222,34 +223,40 @@ def _diagonal(matrices: FloatArray) -> FloatArray:
 
 def _loaded(P: FloatArray, Z: FloatArray) -> FloatArray:
     """Return P Z' of (n_h, n, n_x) and (n_h or 1, n_rows, n_x)."""
-    if len(Z) > 1:
+    if len(Z) == len(P):
         return np.asarray(np.matmul(P, Z.swapaxes(-1, -2)))
     return np.asarray((P.reshape(-1, P.shape[-1]) @ Z[0].T).reshape(*P.shape[:-1], -1))
 
 
 def _white(S: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the inverses of the Cholesky factors of covariances, and innovations over their sds, with these."""
-    inverse, sd = np.empty_like(S), np.empty_like(v)
+    inverse, sd = np.empty(S.shape), np.empty(v.shape)
     for h, covariance in enumerate(S):
         factor, failed = lapack.dpotrf(covariance, lower=True)
         if failed:
             raise np.linalg.LinAlgError("a covariance of innovations is not positive definite")
-        inverse[h], sd[h] = lapack.dtrtri(factor, lower=True)[0], factor.diagonal()
+        sd[h] = factor.diagonal()
+        inverse[h] = lapack.dtrtri(factor, lower=True, overwrite_c=True)[0]
     return inverse, np.matmul(inverse, v[..., None])[..., 0], sd
 
 
-def _bounded(S: FloatArray, v: FloatArray, bound: float) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+def _bounded(
+    S: FloatArray, v: FloatArray, white: tuple[FloatArray, FloatArray, FloatArray], bound: float
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return what `_white` does with the variances of innovations beyond the bound enlarged, row after row.
+
+    Parameters
+    ----------
+    S : overwritten; white : of `_white` as they are.
 
     Returns
     -------
     inverse, e : (n, n_rows, n_rows) and (n, n_rows), so that the state is moved by no more than the bound.
     innovation, sd : (n, n_rows), as they were before their variances were enlarged.
     """
-    S, innovation, sd = S.copy(), np.empty_like(v), np.empty_like(v)
-    enlarged = np.zeros(v.shape, dtype=bool)
+    inverse, e, deviation = white
+    innovation, sd, enlarged = np.empty_like(v), np.empty_like(v), np.zeros(v.shape, dtype=bool)
     while True:
-        inverse, e, deviation = _white(S, v)
         innovation, sd = np.where(enlarged, innovation, e), np.where(enlarged, sd, deviation)
         beyond = (np.abs(e) > bound) & ~enlarged
         (which,) = np.nonzero(beyond.any(axis=1))
@@ -258,6 +265,7 @@ def _bounded(S: FloatArray, v: FloatArray, bound: float) -> tuple[FloatArray, Fl
         row = beyond[which].argmax(axis=1)  # those before it stay as they are
         enlarged[which, row] = True
         S[which, row, row] += sd[which, row] ** 2 * ((innovation[which, row] / bound) ** 2 - 1.0)
+        inverse, e, deviation = _white(S, v)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

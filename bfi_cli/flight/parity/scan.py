@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 
@@ -265,12 +266,19 @@ def _integral(rates: FloatArray) -> FloatArray:
     What is not known of rates, (n,), is bridged; those of several courses, (n, ..., n_courses), are all known.
     """
     known = np.nan_to_num(bridged(rates)) if rates.ndim == 1 else rates
-    return np.asarray(STEP_S * (np.cumsum(known, axis=0) - 0.5 * known))
+    if rates.ndim < 3:
+        return np.asarray(STEP_S * (np.cumsum(known, axis=0) - 0.5 * known))
+    sums = known.copy()
+    for before, row in pairwise(sums):  # `cumsum` goes through the memory of many courses column by column
+        row += before
+    return np.asarray(STEP_S * (sums - 0.5 * known))
 
 
 def _each_bridged(rates: FloatArray) -> FloatArray:
     """Return (n, n_acting) rates with what is not known of each bridged, 0 where nothing is."""
-    return np.stack([np.nan_to_num(bridged(rate)) for rate in rates.T], axis=1) if rates.size else rates
+    if np.isfinite(rates).all():
+        return rates
+    return np.stack([np.nan_to_num(bridged(rate)) for rate in rates.T], axis=1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -116,6 +116,10 @@ class Fit:
     termination: Termination
     criterion: float = math.nan
 
+    def is_as(self, other: Fit) -> bool:
+        """Say whether it is the other fit, the criterion apart."""
+        return self.z is other.z and self.K is other.K
+
     @property
     def covariance(self) -> FloatArray:
         """(n_active, n_active) of the magnitudes, the covariance of the prediction error being `sigma`."""

@@ -98,9 +98,6 @@ def identify_by_likelihood(
     if any(now.window.faults[now.window.live[n]].shape in LINE_SHAPES for n in now.best.atoms):
         refit = partial(_by_threshold, selection=now, threshold=threshold)
         now, about_signals = _with_secants(now, config, refit if is_stated else choose)
-    # The errors, 70 MB for a day at 100 Hz, are made again for the answer.
-    bare = replace(now.unfolded, error=np.zeros((0, 0)), weighted_error=np.zeros((0, 0)))
-    now = replace(now, unfolded=bare)
     # 3. Magnitudes, and the tests that an atom must pass.
     estimated = _estimated(now, config, progress)
     if not is_stated:
@@ -336,7 +333,7 @@ def select(window: PreparedWindow, regression: RegressionData, rules: Rules, rep
         return selection
     penalty = replace(penalty, n_effective=effective)
     searches, _ = refine_supports(problems, atoms, penalty, known=searches, max_active=max_active, dropping_only=True)
-    return best_of(window, regression, searches, penalty)
+    return best_of(window, regression, searches, penalty, known=selection)
 
 
 def _by_threshold(
@@ -368,9 +365,19 @@ def _by_threshold(
 
 
 def best_of(
-    window: PreparedWindow, regression: RegressionData, searches: Sequence[Visited], penalty: Penalty
+    window: PreparedWindow,
+    regression: RegressionData,
+    searches: Sequence[Visited],
+    penalty: Penalty,
+    *,
+    known: Selection | None = None,
 ) -> Selection:
-    """Return the best of what was visited at the orders of a regression, its support fitted at every order."""
+    """Return the best of what was visited at the orders of a regression, its support fitted at every order.
+
+    Parameters
+    ----------
+    known : by another criterion, whose best fit, if it is the same, is not unfolded again.
+    """
     best = least_criterion(scored for visited in searches for scored in visited.values())
     by_order = zip(regression.orders, searches, strict=True)
     return Selection(
@@ -380,7 +387,7 @@ def best_of(
         fits=tuple(_refit(regression, order, visited, best, penalty) for order, visited in by_order),
         searches=tuple(searches),
         penalty=penalty,
-        unfolded=regression.unfold(best),
+        unfolded=known.unfolded if known is not None and best.is_as(known.best) else regression.unfold(best),
     )
 
 

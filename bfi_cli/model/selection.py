@@ -198,12 +198,12 @@ def result_of_selection(
     regression, fit, searches = selection.regression, selection.best, selection.searches
     plain = [visited.get(()) for visited in searches]
     lowest = least_criterion(scored for scored in plain if scored is not None)
-    several = len(searches) > 1
+    several, error = len(searches) > 1, selection.unfolded.error * regression.unit
     return MethodResult(
         atoms=fit.atoms,
         magnitudes=magnitudes,
-        error=regression.unfold(fit).error * regression.unit,
-        plain_error=regression.unfold(lowest).error * regression.unit,
+        error=error,
+        plain_error=error if lowest.is_as(fit) else regression.unfold(lowest).error * regression.unit,
         order=fit.order,
         feedthrough=regression.layout.feedthrough,
         condition_number=selection.unfolded.condition_number,

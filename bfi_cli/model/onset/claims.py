@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -91,7 +92,7 @@ PER_DECADE = 6
 ERRORS = np.geomspace(0.001, 100.0, 5 * PER_DECADE + 1)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)  # without slots, so that it keeps its times
 class Limits:
     """The sizes of a hypothesis that the scan would declare, and excludes, by onset: scaled.
 
@@ -119,10 +120,15 @@ class Limits:
     ratios: FloatArray | None = None
     tolerance: float = np.nan
 
-    @property
+    @cached_property
     def onset_s(self) -> FloatArray:
         """(n_onsets,) the onsets that a claim covers, on the log's axis."""
         return self.record.onsets_s(self.profile.onsets + self.record.sampling.lead)
+
+    @cached_property
+    def sized_s(self) -> FloatArray:
+        """(n_sized,) those of `sized`."""
+        return self.record.onsets_s(self.sized.onsets + self.record.sampling.lead)
 
     def hidden(self, near: BoolArray | None = None) -> tuple[float, float]:
         """Return magnitude and error that are excluded at the worst of the onsets, those `near` (n_onsets,) or all.
@@ -141,11 +147,10 @@ class Limits:
 
         Infinite where there is none; None where no onset near it is covered.
         """
-        onsets_s, sized_s = self.onset_s, self.record.onsets_s(self.sized.onsets + self.record.sampling.lead)
-        near = np.abs(onsets_s - onset_s) <= near_s
+        near = np.abs(self.onset_s - onset_s) <= near_s
         if not near.any():
             return None
-        nearest = np.abs(onsets_s[near][:, None] - sized_s).argmin(axis=1)
+        nearest = np.abs(self.onset_s[near][:, None] - self.sized_s).argmin(axis=1)
         return *self.hidden(near), mostly(self.seen[nearest])
 
     @property

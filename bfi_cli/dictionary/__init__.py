@@ -29,7 +29,7 @@ from pydantic_core import InitErrorDetails, core_schema
 
 from ..errors import DictionaryError
 from ..faults import Fault, shown
-from ..faults.filters import recorded_signal
+from ..faults.filters import recorded_signals
 from ..faults.shapes import IN_DICTIONARY, PARAMETERS, SEARCHED, SHAPES
 from ..faults.validation import (
     SENTENCE_LETTERS,
@@ -484,12 +484,13 @@ def signals(
     DictionaryError : a fault acts on a channel that is no output, or a sample file cannot be used.
     """
     columns = np.zeros((np.size(time_s), len(outputs), len(faults)))
-    for j, fault in enumerate(faults):
+    for fault in faults:
         if fault.channel not in outputs:
             name = f"'{fault.called}'"
             raise DictionaryError(f"dictionary: {name} acts on {_not_an_output(fault.channel, outputs)}")
-        signal = recorded_signal(fault, time_s, response, window_start_s=window_start_s)
-        columns[:, outputs.index(fault.channel), j] = signal
+    made = recorded_signals(faults, np.asarray(time_s), response, window_start_s=window_start_s)
+    for j, fault in enumerate(faults):
+        columns[:, outputs.index(fault.channel), j] = made[:, j]
     return columns
 
 

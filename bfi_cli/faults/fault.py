@@ -189,10 +189,12 @@ def unit_signals(
     time_s = np.asarray(time_s, dtype=np.float64)
     tolerance_s = time_tolerance_s(time_s) if tolerance_s is None else tolerance_s
     signals, running = np.zeros((len(faults), len(time_s))), dict[tuple[Any, ...], FloatArray]()
-    for signal, fault in zip(signals, faults, strict=True):
-        end_s = math.inf if fault.offset_s is None else fault.offset_s
-        # What `active_samples` says, of times in order.
-        active = slice(*np.searchsorted(time_s, (fault.onset_s - tolerance_s, end_s - tolerance_s)).tolist())
+    # What `active_samples` says, of times in order.
+    ends_s = [math.inf if fault.offset_s is None else fault.offset_s for fault in faults]
+    edges_s = np.array([[fault.onset_s for fault in faults], ends_s]) - tolerance_s
+    edges = np.searchsorted(time_s, edges_s).T.tolist()
+    for signal, fault, edge in zip(signals, faults, edges, strict=True):
+        active = slice(*edge)
         for key in SHAPES[fault.shape].keys:
             if key.required and getattr(fault, key.name) in (None, ""):
                 raise DictionaryError(f"{fault.called}: {_missing(key.name, fault.shape)}")

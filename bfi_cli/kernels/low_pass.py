@@ -87,7 +87,7 @@ class Response:
         flat = x.reshape(len(x), -1)
         columns = [np.convolve(column, self.taps, mode="valid") for column in flat.T]
         out = np.stack(columns, axis=1) if columns else np.zeros((len(x) - len(self.taps) + 1, 0))
-        return np.asarray(out.reshape(-1, *x.shape[1:]), dtype=np.float64)
+        return np.asarray(out.reshape(len(out), *x.shape[1:]), dtype=np.float64)
 
 
 IDENTITY = Response(taps=np.ones(1), before=0)

@@ -69,7 +69,7 @@ def test_no_fault_is_never_said_of_an_error_beyond_the_tolerance(tables: Path) -
     made = {table_of(one) for one in map(draw, WRONG_ONCE)}
     numbers = [
         one.number
-        for one in map(draw, range(sized(TRIALS, 0.03)))
+        for one in map(draw, range(sized(TRIALS, 0.02)))
         if FULL or (one.share > 1.0 and (one.flight == DRONE or table_of(one) in made))
     ]
     rows = resumed(numbers, results, lambda number: run(draw(number), tables))

@@ -295,5 +295,5 @@ def thinned(x: FloatArray, *, max_points: int = MAX_POINTS) -> NDArray[np.intp]:
         table = np.concatenate([part, np.full(-part.size % stretch, np.nan)]).reshape(-1, stretch)
         unknown, first = np.isnan(table), start + np.arange(0, table.size, stretch)
         for extreme, other in ((np.argmin, np.inf), (np.argmax, -np.inf)):
-            kept.append(first + extreme(np.where(unknown, other, table), axis=1))
+            kept.append(first + extreme(np.where(unknown, other, table) if unknown.any() else table, axis=1))
     return np.unique(np.concatenate(kept))

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
 
 from ..errors import ConfigError, LogError
 from ..flightlog.axis import LATEST
@@ -95,6 +94,8 @@ def time_shift(first: FlightLog, second: FlightLog, names: Sequence[str]) -> flo
     # Two signals with their marks of what is known, their spectra, and the shares by lag of each channel.
     n_bytes = 8.0 * (n_first + n_second) * (8 + len(names))
     require_memory(second.path, n_bytes, f"shifts against {first.path}", "give --align S, seconds to add")
+    from scipy.fft import irfft, next_fast_len, rfft  # a quarter of a second of imports that a log alone does not need
+
     n = next_fast_len(n_first + n_second, real=True)
     lags = np.arange(-(n_second - 1), n_first)
 

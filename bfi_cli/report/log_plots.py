@@ -16,6 +16,7 @@ from ..flightlog.derived import DERIVED, with_derived
 from ..flightlog.phases import Phase, phases_of
 from ..flightlog.quality import ExcitedWindow, ranked_windows
 from ..flightlog.record import LARGEST_VALUE, Channel, FlightLog, FloatArray
+from ..kernels import IntArray
 from ..notes import Note
 from ..quantities.text import SI, Units, change, instant
 from ..serialization import (
@@ -260,6 +261,7 @@ def plot_logs(
     if shift_s:
         notes.append(Note.method(f"times of {logs[1].path} are moved by {shift_s:.4g} s, to those of {first.path}"))
     changes = [(name, *difference(parts[0], parts[1], name)) for name in chosen] if diff else []
+    gaps = [_gaps(part.time_s) for part in parts]
     units = {name: whole[0].channels[name].unit for name in chosen}
     return PlotResult(
         logs=tuple(
@@ -283,12 +285,15 @@ def plot_logs(
         differences=tuple(_difference(name, units[name], time_s, values) for name, time_s, values in changes),
         series=(
             *(
-                _series(i, part.channels[name], part.time_s, part.channels[name].values)
+                _series(i, part.channels[name], part.time_s, part.channels[name].values, gaps[i])
                 for name in chosen
                 for i, part in enumerate(parts)
                 if name in part.channels
             ),
-            *(_series(None, whole[0].channels[name], time_s, values) for name, time_s, values in changes),
+            *(
+                _series(None, whole[0].channels[name], time_s, values, _gaps(time_s))
+                for name, time_s, values in changes
+            ),
         ),
         notes=tuple(notes),
     )
@@ -351,11 +356,20 @@ def _difference(name: str, unit: str, time_s: FloatArray, values: FloatArray) ->
     )
 
 
-def _series(log: int | None, channel: Channel, time_s: FloatArray, values: FloatArray) -> Series:
-    """Return the curve of a channel; a long curve is the least and the greatest value of each stretch."""
+def _gaps(time_s: FloatArray) -> IntArray:
+    """Return the samples after which a line is broken."""
+    steps = np.diff(time_s)
+    return np.flatnonzero(steps > GAP * float(np.median(steps)))
+
+
+def _series(log: int | None, channel: Channel, time_s: FloatArray, values: FloatArray, before: IntArray) -> Series:
+    """Return the curve of a channel; a long curve is the least and the greatest value of each stretch.
+
+    Parameters
+    ----------
+    before : the last samples before gaps: a NaN in the middle of each breaks the line there.
+    """
     kept = thinned(values, max_points=ZOOM_POINTS)
-    # A NaN in the middle of each gap breaks the line there.
-    before = np.flatnonzero(np.diff(time_s) > GAP * float(np.median(np.diff(time_s))))
     at = np.searchsorted(kept, before, side="right")
     return Series(
         log=log,

@@ -111,9 +111,11 @@ def out_of_order(time_s: FloatArray) -> BoolArray:
     A time that repeats another, or is a step early, is none: it may be that of a regular clock.
     """
     single, step = np.zeros(time_s.size, dtype=bool), np.diff(time_s)
+    if time_s.size < FEWEST_TIMES or step.min() >= 0.0:
+        return single
     forward = step[step > 0.0]
     typical = float(median_of(forward)) if forward.size else 0.0
-    if time_s.size < FEWEST_TIMES or not np.any(step < -BACK * typical):
+    if not np.any(step < -BACK * typical):
         return single
     out = np.ones(time_s.size, dtype=bool)
     out[longest_in_order(time_s + BACK * typical * np.arange(time_s.size))] = False
@@ -164,8 +166,10 @@ def without_jumps(source: str, time_s: FloatArray, *, zones: bool = False) -> tu
     zones : the times are those of a day, so that whole quarters of an hour are another zone of time.
     """
     step = np.diff(time_s)
+    if time_s.size < FEWEST_TIMES or (not zones and step.min() >= 0.0 and step.max() <= DAY_S):
+        return time_s, []
     forward = step[step > 0.0]
-    if time_s.size < FEWEST_TIMES or not forward.size:
+    if not forward.size:
         return time_s, []
     typical = float(median_of(forward))
     jump, notes = step - typical, list[Note]()
@@ -203,6 +207,8 @@ def without_jumps(source: str, time_s: FloatArray, *, zones: bool = False) -> tu
 def boot_starts(time_s: FloatArray) -> list[int]:
     """Return the first sample of each part between restarts of the clock, 0 first."""
     step = np.diff(time_s)
+    if not (step < -RESTART_S).any():
+        return [0]
     forward = step[step > 0.0]
     least = max(RESTART_S, RESTART_STEPS * float(median_of(forward))) if forward.size else RESTART_S
     starts = [0]

@@ -508,14 +508,14 @@ def undeclared_magnitudes(
     plus, minus = deviances(scan, waveform, profile.onsets, m)
     reached = 0.5 * (plus + minus)
     against = np.minimum(plus, minus) + profile.statistic
-    return (
-        _from_there_on(m, reached, power),
-        _from_there_on(m, reached, suspicion),
-        _from_there_on(m, against, doubt),
+    needed = np.repeat([power, suspicion, doubt], m.shape[1])
+    declared, suspected, admitted = np.split(
+        _from_there_on(np.tile(m, 3), np.hstack([reached, reached, against]), needed), 3
     )
+    return declared, suspected, admitted
 
 
-def _from_there_on(m: FloatArray, deviance: FloatArray, needed: float) -> FloatArray:
+def _from_there_on(m: FloatArray, deviance: FloatArray, needed: FloatArray) -> FloatArray:
     """Return the first magnitude from which on the deviance is at least `needed`, interpolated in its root."""
     root, wanted = np.sqrt(np.maximum(deviance, 0.0)), np.sqrt(needed)
     below = root < wanted

@@ -240,7 +240,11 @@ class NativeSignals:
             group = together[start : start + size]
             group_faults = [self.faults[j] for j in group]
             made = recorded_signals(group_faults, self.time_s, self.response, window_start_s=self.window_start_s)
-            theta[:, [outputs[j] for j in group], group] = decimate(made, factor, lowpass)
+            acts_on, filtered = [outputs[j] for j in group], decimate(made, factor, lowpass)
+            if len(self.outputs) == 1 and len(group) == len(self.faults):
+                theta[:, 0, :] = filtered  # by lists, as below, it takes as long as the filter
+            else:
+                theta[:, acts_on, group] = filtered
             largest[group] = np.max(np.abs(made), axis=0, initial=0.0)
         return theta, largest
 

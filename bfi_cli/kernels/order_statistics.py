@@ -23,7 +23,7 @@ def median_of(x: ArrayLike, axis: int | None = None, *, overwrite: bool = False)
     values = _first(x, axis)
     n = len(values)
     if not n:
-        return np.nan
+        return np.full(values.shape[1:], np.nan)[()]
     kth = ((n - 1) // 2, n // 2, n - 1)  # NaN is last
     if overwrite:
         values.partition(kth, axis=0)
@@ -42,11 +42,13 @@ def quantile_of(x: ArrayLike, q: ArrayLike, axis: int | None = None, *, higher: 
     low = np.floor(place).astype(np.intp)
     high = np.ceil(place).astype(np.intp) if higher else np.minimum(low + 1, len(values) - 1)
     values = np.partition(values, sorted({*low.ravel().tolist(), *high.ravel().tolist(), len(values) - 1}), axis=0)
-    below, above = values[low], values[high]
-    part = (place - low).reshape(share.shape + (1,) * (values.ndim - 1))
-    # From the nearer of the two, as numpy does.
-    between = np.where(part >= 0.5, above - (above - below) * (1.0 - part), below + (above - below) * part)
-    return np.where(np.isnan(values[-1]), np.nan, above if higher else between)[()]
+    at = values[high]
+    if not higher:
+        part = (place - low).reshape(share.shape + (1,) * (values.ndim - 1))
+        between = at - values[low]
+        # From the nearer of the two, as numpy does.
+        at = np.where(part >= 0.5, at - between * (1.0 - part), values[low] + between * part)
+    return np.where(np.isnan(values[-1]), np.nan, at)[()]
 
 
 def _first(x: ArrayLike, axis: int | None) -> NDArray[np.float64]:

@@ -31,6 +31,10 @@ def test_quantiles(x: np.ndarray, share: float | list[float], axis: int | None, 
     np.testing.assert_array_equal(quantile_of(x, share, axis, higher=higher), expected, strict=True)
 
 
+def test_infinite_values_have_quantiles_that_are_not_interpolated():
+    assert quantile_of([1.0, np.inf, np.inf], 0.9, higher=True) == np.inf == median_of([1.0, np.inf, np.inf])
+
+
 @given(arrays(np.int64, array_shapes(max_dims=1, max_side=20), elements=st.integers(-5, 5)))
 def test_distinct_values(x: np.ndarray):
     np.testing.assert_array_equal(distinct(x), np.unique(x), strict=True)

@@ -27,6 +27,7 @@ NOISE, STEP_SD, FAR_SD, GAIN = 0.01, 5.0, 20.0, 0.9
 EARLIEST_S, LATEST_S, WITHIN_S = 10.0, 18.0, 1.0
 CHANNELS = ("tas", "aoa", "pitch", "pitch_rate", "altitude")
 INPUTS = (("elevator",), ())
+SEGMENTED = ("citation_20180312_f1", "citation_20190312_123416")[: 2 if FULL else 1]
 
 
 @pytest.fixture(scope="module")
@@ -150,7 +151,7 @@ def test_healthy_flights_raise_few_alarms_at_other_noises(clean: FlightLog, nois
 
 
 def segments(flights: Path) -> list[FlightLog]:
-    logs = [read_log(flights / f"{name}.h5") for name in ("citation_20180312_f1", "citation_20190312_123416")]
+    logs = [read_log(flights / f"{name}.h5") for name in SEGMENTED]
     return [
         log.window(one.start_s, one.stop_s)
         for log in logs

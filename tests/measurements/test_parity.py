@@ -1,7 +1,7 @@
 """Faults that grow slowly, through the recorder into recorded flights, and what the parity scan says of them.
 
 Thresholds and the angle of zero lift of a Citation flight are always the other flight's: the shipped tables, which hold
-both, are not used. Four seeded windows of a flight run for the harder cases; BFI_FULL=1 takes all. `pytest -s` prints
+both, are not used. Two seeded windows of a flight run for the harder cases; BFI_FULL=1 takes all. `pytest -s` prints
 what was counted.
 """
 
@@ -154,8 +154,8 @@ def both(flights: Path) -> Flights:
 
 
 def drawn(windows: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return four seeded windows, or all of them."""
-    n = len(windows) if FULL else min(4, len(windows))
+    """Return two seeded windows, or all of them."""
+    n = len(windows) if FULL else min(2, len(windows))
     chosen = np.random.default_rng(12).choice(len(windows), n, replace=False)
     return [windows[j] for j in sorted(chosen)]
 

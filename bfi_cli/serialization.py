@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import io
 import json
 import math
@@ -319,6 +318,7 @@ def to_csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> bytes:
 
 def csv_lines(rows: Iterable[Sequence[object]]) -> str:
     """Return rows of cells as CSV text; None and numbers that are not finite are empty, text is made printable."""
+    import csv
 
     def cell(value: object) -> object:
         if isinstance(value, bool):

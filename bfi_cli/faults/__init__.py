@@ -20,6 +20,7 @@ from .fault import (
     shown,
     tail_of,
     unit_signal,
+    unit_signals,
 )
 
 __all__ = [
@@ -42,4 +43,5 @@ __all__ = [
     "shown",
     "tail_of",
     "unit_signal",
+    "unit_signals",
 ]

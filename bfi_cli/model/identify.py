@@ -20,7 +20,7 @@ from ..config import Config, merge
 from ..decision import KINDS, Conclusion, Evidence, conclude, estimate_of
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
-from ..faults import Fault, FaultEstimate, active_samples, unit_signal
+from ..faults import Fault, FaultEstimate, active_samples, unit_signal, unit_signals
 from ..faults.fault import Comparison, compare_faults, is_same_fault, name_of, time_tolerance_s
 from ..faults.filters import BETWEEN_RECORDERS, Filter, alternatives, recorder_low_passes
 from ..faults.shapes import ADDITIVE
@@ -97,6 +97,8 @@ def with_likeliest_recorder(
 
 # An injected fault is an entry of the dictionary if it differs from a multiple of it by less than resampling does.
 SAME_SIGNAL = 1e-6
+# Of the cosine squared of the angle between a signal and an entry: 1 less the square of the above, and rounding.
+ALIKE = 1.0 - 1e-9
 AT_ONCE = 100_000  # samples of which the faults are made at once, for memory
 MAX_LAGS = 40  # of the autocorrelation: over more the Ljung-Box test loses power; chosen without tuning record
 UNANSWERABLE = (
@@ -525,16 +527,16 @@ def _begins_as(window: PreparedWindow, entry: int, channel: str, onset_s: float)
 
 def _entry_of(window: PreparedWindow, channel: str, signal: FloatArray) -> tuple[int | None, float]:
     """Return the live dictionary entry whose multiple a fault signal is, None where there is none, and the multiple."""
-    time_s, start_s = window.native.time_s, window.window_start_s
-    tolerance_s = time_tolerance_s(time_s)
-    for j in window.live:
-        fault = window.faults[j]
-        if fault.channel != channel:
-            continue
-        atom = unit_signal(fault, time_s, window_start_s=start_s, tolerance_s=tolerance_s)
-        if not np.any(atom):
-            continue
-        z = float(atom @ signal) / float(atom @ atom)
-        if np.linalg.norm(signal - z * atom) <= SAME_SIGNAL * np.linalg.norm(signal):
-            return j, z
+    time_s, entries = window.native.time_s, [j for j in window.live if window.faults[j].channel == channel]
+    tolerance_s, several = time_tolerance_s(time_s), max(1, AT_ONCE // len(time_s))
+    for start in range(0, len(entries), several):
+        group = entries[start : start + several]
+        faults = [window.faults[j] for j in group]
+        atoms = unit_signals(faults, time_s, window_start_s=window.window_start_s, tolerance_s=tolerance_s)
+        # Most are far from being a multiple of the signal; one that may be is looked at closely.
+        power, along = np.einsum("ij,ij->i", atoms, atoms), atoms @ signal
+        for k in np.flatnonzero((power > 0.0) & (along**2 >= ALIKE * power * (signal @ signal))).tolist():
+            z = float(atoms[k] @ signal) / float(atoms[k] @ atoms[k])
+            if np.linalg.norm(signal - z * atoms[k]) <= SAME_SIGNAL * np.linalg.norm(signal):
+                return group[k], z
     return None, 0.0

@@ -70,7 +70,7 @@ def test_a_leak_that_lands_no_aircraft_is_named_from_when_it_begins(flights: Pat
     assert {"altitude", "altitude_rate", "tas", "cas", "mach"} <= {*event.channels}
 
 
-@pytest.mark.first_rows(2)
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("name", STEPS)
 def test_a_flight_too_short_for_windows_is_searched_as_a_whole(name: str):
     result = diagnose(read_log(DATA / name))

@@ -108,6 +108,7 @@ def test_what_is_injected_is_the_best_explanation(
         assert weight.size == pytest.approx(size, abs=max(5.0 * weight.sd, 0.05 * size))
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize("is_made", [True, False])
 def test_a_static_temperature_follows_the_airspeed_that_it_is_made_of(journey: FlightLog, is_made: bool) -> None:
     """Made of a total one and the Mach number that a blocked tube shows, it speaks for the tube, and no other line."""

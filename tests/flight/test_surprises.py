@@ -126,6 +126,7 @@ def test_gusts_from_the_side_make_no_deviation_of_the_compass() -> None:
         assert abs(mean[k]) < 3.0 * np.sqrt(covariance[k, k]), name
 
 
+@pytest.mark.first_rows(1)
 @pytest.mark.parametrize(
     ("channels", "cause", "size"),
     [

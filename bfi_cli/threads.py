@@ -11,11 +11,12 @@ from threadpoolctl import ThreadpoolController
 
 def one_thread() -> AbstractContextManager[object]:
     """Give linear algebra one thread, from now on or, used as a context, until its end."""
-    limited: AbstractContextManager[object] = _libraries(len(sys.modules)).limit(limits=1)
+    others = sum(not name.startswith(__package__) for name in sys.modules)
+    limited: AbstractContextManager[object] = _libraries(others).limit(limits=1)
     return limited
 
 
 @lru_cache(maxsize=1)
-def _libraries(n_modules: int) -> ThreadpoolController:
-    """Return the libraries in memory: two milliseconds to look for, and none is added but by an import."""
+def _libraries(n_other_modules: int) -> ThreadpoolController:
+    """Return the libraries in memory: two milliseconds to look for, and none is added but by an import of others."""
     return ThreadpoolController()

@@ -26,7 +26,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
 RATE_HZ = 5.0
 INPUTS = ("elevator", "pitch", "longitudinal_acc")
-ONSETS_S = (610.0, 650.0, 690.0, 730.0, 770.0, 810.0)[:: 1 if FULL else 3]
+ONSETS_S = (610.0, 650.0, 690.0, 730.0, 770.0, 810.0)[:: 1 if FULL else 6]
 LONG = pytest.mark.skipif(not FULL, reason="minutes: only where BFI_FULL=1 is set")
 MAGNITUDE = -3.0
 GRAVITY = 9.80665

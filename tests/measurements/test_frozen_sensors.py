@@ -19,7 +19,7 @@ from bfi_cli.quantities.channels import quantity_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
-PLACEMENTS, LASTS_S, WINDOW_S = (24 if FULL else 4), 40.0, 120.0
+PLACEMENTS, LASTS_S, WINDOW_S = (24 if FULL else 2), 40.0, 120.0
 OTHERS = ("reader_samples/g1000_c172.csv", "px4_flight3", "sim_ae4320_de3211_1.h5", "de3211_1.mat")
 
 
@@ -40,6 +40,7 @@ def test_a_sensor_that_freezes_is_named_alone(flights: Path, name: str) -> None:
             fault = Fault(shape="frozen", channel=channel, onset_s=onset_s, offset_s=offset_s)
             named.append(frozen_in(inject(log, [fault])) == [channel])
     print(f"\n{name}: {sum(named)} of {len(named)} named alone")
+    assert FULL or sum(named) >= len(named) - 1  # of these every answer is known
     assert not_below(sum(named) / len(named), 0.93, len(named))
 
 

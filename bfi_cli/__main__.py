@@ -1,6 +1,11 @@
-"""`python -m bfi_cli` is `bfi`."""
+"""`bfi`, and `python -m bfi_cli`."""
 
-from .commands import main
+import gc
+
+# What the first imports make stays: circles of references are searched for once `main` says how often.
+gc.disable()
+
+from .commands import main  # noqa: E402
 
 if __name__ == "__main__":
     main()

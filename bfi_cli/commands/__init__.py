@@ -124,6 +124,7 @@ def main(argv: list[str] | None = None) -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     gc.set_threshold(*COLLECTED)
+    gc.enable()
     # pydantic would search every installed package for plugins, on which no check of an input may depend. Where it is
     # told not to, it still imports what would search, and with that all that reads packages and e-mail.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")

@@ -19,15 +19,13 @@ from .lines import line_weights
 from .model import FlightModel, second_airspeed
 from .result import Event
 from .tables import MANOEUVRE, ORDINARY, ROWS, Loads
-from .weight import Ordinary, Weight, against, beside, dispersion, floored_density
+from .weight import ALIKE, Ordinary, Weight, against, beside, dispersion, floored_density
 
 # What air data are held against. A receiver of satellites errs by itself so much more rarely than a tube or a port that
 # it is no rival of theirs; where a finder names it, it is.
 # A temperature drifts with the air that it is measured in: alone it is no rival either.
 REFERENCES = ("ground_speed", "gps_altitude", "sat", "tat")
 FROZEN = "frozen"
-# Ten to one: faults that explain a place as well as the best but for this are told with it.
-ALIKE = float(np.log(10.0))
 # Standard deviations of an error of a channel before anything is known of it.
 WIDE: Mapping[str, float] = {
     "altitude": 100.0,

@@ -11,7 +11,7 @@ filter's answer.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -24,7 +24,7 @@ from .model import FlightModel, second_airspeed
 from .parity.record import STATIC_LEAK, without_fault
 from .seconds import filled, rate_of, smoothed
 from .tables import AIRSPEED_ROWS
-from .weight import Ordinary, Weight, against, beside, dispersion, floored_density
+from .weight import ALIKE, Ordinary, Weight, against, beside, dispersion, floored_density
 
 OfCourse = Callable[[FloatArray], FloatArray]
 PITOT_LEAK, PITOT_ICING, PITOT_BLOCKED, STATIC_BLOCKED = "pitot_leak", "pitot_icing", "pitot_blocked", "static_blocked"
@@ -153,6 +153,13 @@ def has_lines(model: FlightModel) -> bool:
     return {"tas", "altitude"} <= {*model.rows}
 
 
+def _likeliest(weights: Sequence[Weight]) -> Weight:
+    """Return the best of a law's weights, which heats only where a temperature that is measured explains less."""
+    best = max(weights, key=_rank)
+    is_alike = any(weight.margin > best.margin - ALIKE for weight in weights if not weight.heats)
+    return replace(best, heats=False) if is_alike else best
+
+
 def _rank(weight: Weight) -> tuple[bool, float]:
     return not weight.refused, weight.margin
 
@@ -170,21 +177,23 @@ def weights_of_laws(
     model = first.bench.model
     # A static temperature is made of a total one and the Mach number that is read, or measured: the log need not say.
     has_temperature = "sat" in model.rows
-    made = (True, False) if has_temperature and "tat" not in model.seconds.recorded else (True,)
-    options = [(law, place, is_made) for is_made in made for law, place in hypotheses]
+    lags_s: tuple[float | None, ...] = (0.0, THERMOMETER_S) if has_temperature else (0.0,)
+    if has_temperature and "tat" not in model.seconds.recorded:
+        lags_s += (None,)
+    options = [(law, place, lag_s) for lag_s in lags_s for law, place in hypotheses]
     courses = [_first_course(place, law.fault) for law, place, _ in options]
     growths = [_growth(place, law) for law, place, _ in options]
     moves, starts = zip(*(_moves(place, law) for law, place, _ in options), strict=True)
-    best: list[Weight | None] = [None] * len(hypotheses)
+    best: list[Weight | None] = [None] * len(options)
     for k in range(PASSES):
         rows = [
-            _rows_of(place, law.fault, course, k, is_made=is_made)
-            for (law, place, is_made), course in zip(options, courses, strict=True)
+            _rows_of(place, law.fault, course, k, lag_s)
+            for (law, place, lag_s), course in zip(options, courses, strict=True)
         ]
         freedoms = 2 if shocks is not None and k == PASSES - 1 else 1
         freed = np.zeros((first.n, len(rows) * freedoms, len(model.states)))
         if shocks is not None and freedoms == 2:
-            freed[:, len(rows) :] = np.tile(shocks, (1, len(made), 1))
+            freed[:, len(rows) :] = np.tile(shocks, (1, len(lags_s), 1))
         run = run_place(
             first,
             shocks=freed,
@@ -200,9 +209,12 @@ def weights_of_laws(
             extra_start=np.stack(starts * freedoms),
         )
         likelihood = run.log_likelihood
-        for j, ((law, place, is_made), law_rows) in enumerate(zip(options, rows, strict=True)):
+        for j, ((law, place, lag_s), law_rows) in enumerate(zip(options, rows, strict=True)):
             fault = law.fault
             h = j + len(rows) * int(np.argmax(likelihood[j :: len(rows)]))
+            courses[j] = _next_course(place, fault, run.mean[:, h]) * growths[j]
+            if k == 0:
+                continue
             density = floored_density(
                 ordinary, run.log_density[:, h], run.innovation[:, h], run.sd[:, h], law_rows.floored
             )
@@ -218,14 +230,13 @@ def weights_of_laws(
                 sd=float(np.sqrt(max(run.final_covariance[h, -FAULT_STATES, -FAULT_STATES], 0.0))),
                 refused=_refused(fault, size),
                 dispersion=dispersion(place, run.innovation[:, h], shown_rows(model, fault)),
-                heats=is_made and has_temperature and "sat" in model.seconds.recorded,
+                heats=lag_s is not None and has_temperature and "sat" in model.seconds.recorded,
             )
-            unread = fault == STATIC_BLOCKED and k == 0  # it does not read the airspeeds yet
-            known = best[j % len(best)]
-            if not unread and (known is None or _rank(weight) > _rank(known)):
-                best[j % len(best)] = weight
-            courses[j] = _next_course(place, fault, run.mean[:, h]) * growths[j]
-    return tuple(weight for weight in best if weight is not None)
+            known = best[j]
+            if known is None or _rank(weight) > _rank(known):
+                best[j] = weight
+    n = len(hypotheses)
+    return tuple(_likeliest([weight for weight in best[k::n] if weight is not None]) for k in range(n))
 
 
 def shown_rows(model: FlightModel, fault: str) -> list[str]:
@@ -369,27 +380,50 @@ def _start_rows(place: Place, corrected: FlightModel) -> _Rows:
     )
 
 
-def _rows_of(place: Place, fault: str, course: FloatArray, k: int, *, is_made: bool) -> _Rows:
-    """Return the rows about a course in a pass, the static temperature by the airspeed that is flown.
+def _rows_of(place: Place, fault: str, course: FloatArray, k: int, lag_s: float | None) -> _Rows:
+    """Return the rows about a course in a pass, the static temperature by the height and the airspeed that are flown.
 
-    Of one that is made the total temperature is right, above it by `HEATED` times the square of the airspeed.
+    Parameters
+    ----------
+    lag_s : time constant of the thermometer in the air that is brought to rest, of whose temperature and of the Mach
+        number that is read the static one is made; None where it is measured.
     """
-    model, part, during = place.bench.model, place.part, place.during
     corrected = _corrected(place, fault, course)
     rows = _ROWS_OF[fault](place, corrected, course, k)
-    if "sat" not in model.rows:
-        return rows
-    j = model.row("sat")
-    read_height, height = (np.clip(each.coefficients.height[part], LOWEST, HIGHEST) for each in (model, corrected))
-    rows.y[:, j] = place.bench.y[part, j] + isa_temperature(read_height) - isa_temperature(height)
-    if is_made:
-        # By smoothed courses that differ by the fault alone: without it the row is that of a flight without one.
-        read, speed = (_speeds(each, place, model.row("tas")) for each in (model, corrected))
-        error = np.where(during, HEATED * (speed**2 - read**2), 0.0)
-        rows.y[:, j] -= error
-        answers = np.diff(-np.exp(-np.arange(place.n + 1) / THERMOMETER_S))  # to what it measured so long ago
-        rows.R[:, j] += (error - np.convolve(error, answers)[: place.n]) ** 2
+    if "sat" in place.bench.model.rows:
+        if k == 0:
+            rows.y[place.during, place.bench.model.row("sat")] = np.nan
+            return rows
+        _add_heat(place, corrected, rows, "altitude", isa_temperature, 0.0)
+        if lag_s is not None:
+            _add_heat(place, corrected, rows, "tas", lambda speed: HEATED * speed**2, lag_s)
     return rows
+
+
+def _add_heat(place: Place, corrected: FlightModel, rows: _Rows, name: str, kelvin: OfCourse, lag_s: float) -> None:
+    """Add to the row of the static temperature what it differs by where another height or airspeed is read than flown.
+
+    Both are smoothed courses that differ by the fault alone, so that without it the row is that of a flight without
+    one, and what the states differ from these by; it follows with a time constant.
+    """
+    model, part, i, j = place.bench.model, place.part, place.bench.model.row(name), place.bench.model.row("sat")
+    if name == "altitude":
+        read, flown = (np.clip(each.coefficients.height[part], LOWEST, HIGHEST) for each in (model, corrected))
+    else:
+        read, flown = (filled(each.y[:, i])[part] for each in (model, corrected))
+    by_read, by_flown = ((kelvin(course + 0.5) - kelvin(course - 0.5))[:, None] for course in (read, flown))
+    shift = filled(rows.y[:, i] - place.bench.y[part, i])
+    constant = kelvin(flown) - kelvin(read) - by_flown[:, 0] * flown + by_read[:, 0] * (read + shift)
+    makes = np.column_stack(
+        [constant, by_flown * model.Z[part, i] - by_read * rows.Z[:, i], -by_read * rows.extra[:, i]]
+    )
+    makes = np.where(place.during[:, None], makes, 0.0)
+    if lag_s > 0.0:
+        answers = np.diff(-np.exp(-np.arange(place.n + 1) / lag_s))  # to what was measured so long ago
+        makes = np.stack([np.convolve(made, answers)[: place.n] for made in makes.T], axis=1)
+    rows.y[:, j] -= makes[:, 0]
+    rows.Z[:, j] += makes[:, 1:-FAULT_STATES]
+    rows.extra[:, j] += makes[:, -FAULT_STATES:]
 
 
 def _speeds(model: FlightModel, place: Place, row: int) -> FloatArray:

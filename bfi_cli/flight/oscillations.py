@@ -21,12 +21,12 @@ from ..kernels.runs import runs
 from .bench import CHECK_S, FAULT_STATES, Bench, Place, place_of, run_place
 from .events import FREQUENCY_TOLERANCE
 from .flight import Flight
-from .judge import ALIKE, WIDE, channel_faults, ordinary_of, with_known
+from .judge import WIDE, channel_faults, ordinary_of, with_known
 from .naming import channels_of, repeat_advice
 from .result import Event
 from .tables import AIRSPEED_ROWS, Loads
 from .timing import likeliest
-from .weight import Ordinary, Weight, against, beside, dispersion
+from .weight import ALIKE, Ordinary, Weight, against, beside, dispersion
 
 PITOT_WATER, ALONE = "pitot_water", ("tas", "cas", "ias")
 # Windows of the spectrum, s, and from one to the next: the lowest frequency has six cycles in one, as wherever an

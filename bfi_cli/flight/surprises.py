@@ -18,10 +18,10 @@ from ..kernels import FloatArray
 from ..kernels.bounded_filter import Stack, change_scores, filter_stack
 from ..kernels.runs import within
 from .bench import CHECK_S, JUMP_S, Bench, Place, place_of, takeoffs_of
-from .judge import ALIKE, REFERENCES, causes_of, explains, judge_place, ordinary_of, rows_of
+from .judge import REFERENCES, causes_of, explains, judge_place, ordinary_of, rows_of
 from .result import Event, OrdinaryEvent
 from .tables import MANOEUVRE, ORDINARY, STATES
-from .weight import Ordinary
+from .weight import ALIKE, Ordinary
 
 # Log densities from which on a change is looked at more closely, and how many of these. Flaps and a front take some ten
 # seconds: a front of 8 m/s in 10 s, worth 71 so, is worth 9 as a jump.

@@ -18,7 +18,6 @@ from .bench import AFTER_S, Bench, bench_of
 from .flight import Flight
 from .gross import FEWEST_S, Gross, gross_errors, swings_of
 from .judge import (
-    ALIKE,
     BEFORE_NEXT_S,
     FROZEN,
     REFERENCES,
@@ -45,7 +44,7 @@ from .surprises import change_gains, sudden_winds, surprising_events
 from .tables import ALTIMETER_SET, ON_GROUND
 from .tables import ORDINARY as CAUSES
 from .timing import Timing, begun_before, timing_of
-from .weight import Weight
+from .weight import ALIKE, Weight
 
 # Log density over the best ordinary explanation above which a fault is declared: none of 14 healthy flights of seven
 # aircraft has one of its own proposals above it (tests/measurements/test_judge.py).

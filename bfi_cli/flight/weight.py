@@ -12,6 +12,9 @@ from ..kernels.bounded_filter import BOUND, bounded_log_density
 from .bench import Place, jump
 from .tables import MANOEUVRE
 
+# Ten to one: what explains a place as well as the best but for this is told with it.
+ALIKE = float(np.log(10.0))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Weight:

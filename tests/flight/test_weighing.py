@@ -64,7 +64,7 @@ def test_a_line_that_rests_is_told_from_its_onset_to_its_end_whatever_of_it_stan
     assert answer.state == "declared"
     assert answer.onset_ci95[0] <= ONSET_S <= answer.onset_ci95[1]
     assert answer.offset_s == pytest.approx(520.0, abs=3.0)
-    assert ("sat" in answer.channels) is (fault == "pitot_blocked")  # nothing tells of a port whose Mach number stays
+    assert "sat" in answer.channels  # beside a port that rests it errs by 0.26 K, of 0.03 K of noise
 
 
 def test_what_is_within_its_tolerance_is_told_where_the_record_confirms_it() -> None:

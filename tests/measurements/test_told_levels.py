@@ -16,12 +16,12 @@ from test_levels_without_aircraft import AIRCRAFT
 
 from bfi_cli.flight import noise, surprises
 from bfi_cli.flight.bench import bench_of
-from bfi_cli.flight.judge import ALIKE
 from bfi_cli.flight.model import flight_model
 from bfi_cli.flight.parity import sensors
 from bfi_cli.flight.parity.record import record_of
 from bfi_cli.flight.parity.windows import flight_stretches
 from bfi_cli.flight.seconds import seconds_of
+from bfi_cli.flight.weight import ALIKE
 from bfi_cli.flightlog import FlightLog, read_log
 from bfi_cli.flightlog.phases import phases_of
 

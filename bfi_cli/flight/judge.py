@@ -156,9 +156,8 @@ def ordinary_of(place: Place) -> Ordinary:
     )
 
 
-def channel_faults(place: Place) -> dict[str, Loads]:
+def channel_faults(model: FlightModel) -> dict[str, Loads]:
     """Return by fault of one channel what an error of 1 makes of each row, (n,) or a number."""
-    model = place.bench.model
     c = model.coefficients
     faults: dict[str, Loads] = {}
     for name in ("altitude", "altitude_rate", "gps_altitude", "normal_acc", "pitch", "aoa"):
@@ -183,9 +182,18 @@ def channel_faults(place: Place) -> dict[str, Loads]:
     return faults
 
 
+def width_of(name: str, loads: Loads) -> float:
+    """Return the standard deviation of an error of a channel before anything is known of it."""
+    return WIDE["ground_speed" if name == "ground_speed" else next(iter(loads))]
+
+
 def _channel_weights(place: Place, ordinary: Ordinary, named: Collection[str]) -> Iterator[Weight]:
     """Yield what an error of every channel is worth: a step, one that grows for a while, one that grows on."""
-    faults = {name: loads for name, loads in channel_faults(place).items() if name not in REFERENCES or name in named}
+    faults = {
+        name: loads
+        for name, loads in channel_faults(place.bench.model).items()
+        if name not in REFERENCES or name in named
+    }
     kinds = [
         (name, growth_s) for name in faults for growth_s in GROWTHS_S if name in named or growth_s in (0.0, np.inf)
     ]
@@ -213,14 +221,14 @@ def _run_of_channels(
     place: Place, hypotheses: Sequence[tuple[str, float, Place]], shocks: FloatArray | None = None
 ) -> StackRun:
     """Return the filter of errors of channels: name, seconds of growth, and place of each."""
-    faults = channel_faults(place)
     model = place.bench.model
+    faults = channel_faults(model)
     extra = np.zeros((place.n, len(hypotheses), len(model.rows), FAULT_STATES))
     moves = np.zeros((place.n, len(hypotheses), FAULT_STATES))
     start = np.zeros((len(hypotheses), FAULT_STATES))
     seconds = np.arange(place.n)
     for h, (name, growth_s, at_place) in enumerate(hypotheses):
-        width = WIDE["ground_speed" if name == "ground_speed" else next(iter(faults[name]))]
+        width = width_of(name, faults[name])
         onset, offset = at_place.onset, at_place.offset
         after_s = AT_END_S if max(at_place.jumps) > 0 else 0  # what ends at once is over at once
         lasts = np.ones(place.n) if offset is None else (seconds < offset + after_s).astype(np.float64)
@@ -244,7 +252,7 @@ def _run_of_channels(
 
 def _weight_of_channel(place: Place, ordinary: Ordinary, run: StackRun, h: int, kind: tuple[str, float]) -> Weight:
     name, growth_s = kind
-    loads = channel_faults(place)[name]
+    loads = channel_faults(place.bench.model)[name]
     margin, shares = against(place, ordinary, run.log_density[:, h])
     end = min(place.n, place.n if place.offset is None else place.offset) - 1
     # What grows on is beyond any instrument in the end: it is asked what it is after a minute.

@@ -297,7 +297,11 @@ def _sines(place: Place, near_hz: float, rate_hz: float, response: Response) -> 
     ordinary = ordinary_of(place)
     frequency_hz = _frequency(place, airspeeds, near_hz)
     shares = {"cas": place.bench.model.coefficients.cas_share}
-    alone = {name: loads for name, loads in channel_faults(place).items() if name in ALONE and {*loads} <= {*airspeeds}}
+    alone = {
+        name: loads
+        for name, loads in channel_faults(place.bench.model).items()
+        if name in ALONE and {*loads} <= {*airspeeds}
+    }
     n = max(1.0, float(np.round(rate_hz)))
     mean = float(np.sin(np.pi * frequency_hz) / (n * np.sin(np.pi * frequency_hz / n)))
     return Sines(

@@ -1,8 +1,9 @@
-"""Where a flight surprises its model as an ordinary cause would: places that no finder of faults proposes.
+"""Where a flight surprises its model as an ordinary cause or a fault would: places that no other finder proposes.
 
 One backward pass over the flight says of every second what a jump of the states there would explain of all that
 follows. Where that is much, the judge weighs the place as it weighs a finder's: what is told is the ordinary cause that
-explains it clearly better than nothing, than a manoeuvre, and than every fault in its place.
+explains it clearly better than nothing, than a manoeuvre, and than every fault in its place. An error of a channel is
+a state that rests at nothing and may jump: where that explains more than any ordinary cause about, it is proposed.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from ..airdata import DEPENDS_ON
 from ..flightlog.phases import Phase, spans_of
@@ -18,7 +20,7 @@ from ..kernels import FloatArray
 from ..kernels.bounded_filter import Stack, change_scores, filter_stack
 from ..kernels.runs import within
 from .bench import CHECK_S, JUMP_S, Bench, Place, place_of, takeoffs_of
-from .judge import REFERENCES, causes_of, explains, judge_place, ordinary_of, rows_of
+from .judge import REFERENCES, causes_of, channel_faults, explains, judge_place, ordinary_of, rows_of, width_of
 from .result import Event, OrdinaryEvent
 from .tables import MANOEUVRE, ORDINARY, STATES
 from .weight import ALIKE, Ordinary
@@ -42,6 +44,8 @@ BESIDE_S = 30  # of a jump, when its size is read
 LARGEST = 3.0  # standard deviations of a jump that a cause still makes
 SAME_S = 60.0  # from an event of a finder, when both are of the same place
 UNLIKE_FLIGHT = ("stall", "parabola")  # phases in which the rows are no linear functions of the states
+# SURELY [1]: log density of an error that is proposed there all the same: of 14 healthy flights none has more than 100.
+SURELY = 300.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,8 +66,24 @@ class Surprise:
     size: float
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChangeGains:
+    """What a change from a second on is worth, (2, n) log densities of what follows up to the next take-off.
+
+    The first of the two is that of a jump, the second that of a gradual change.
+
+    Attributes
+    ----------
+    causes : by sought ordinary cause, and "" for a manoeuvre.
+    faults : by channel that may err.
+    """
+
+    causes: Mapping[str, FloatArray]
+    faults: Mapping[str, FloatArray]
+
+
 def surprising_events(
-    bench: Bench, phases: Sequence[Phase], events: Sequence[Event], gains: Mapping[str, FloatArray]
+    bench: Bench, phases: Sequence[Phase], events: Sequence[Event], gains: ChangeGains
 ) -> Iterator[OrdinaryEvent]:
     """Yield the ordinary causes that act where no finder proposes a fault, or where what it suspects may be one.
 
@@ -92,23 +112,38 @@ def surprising_events(
         )
 
 
-def sudden_winds(
-    bench: Bench, phases: Sequence[Phase], gains: Mapping[str, FloatArray]
-) -> Iterator[tuple[float, float]]:
+def sudden_winds(bench: Bench, phases: Sequence[Phase], gains: ChangeGains) -> Iterator[tuple[float, float]]:
     """Yield when the wind would change at once, and the log density that it is worth: a pressure line does as well.
 
     Parameters
     ----------
     gains : of `change_gains`.
     """
-    if "wind" not in gains:
+    if "wind" not in gains.causes:
         return
-    at_once, gradual = gains["wind"]
-    for begins, _ in _largest(gains["wind"] - _manoeuvre_gain(gains)):
+    at_once, gradual = gains.causes["wind"]
+    for begins, _ in _largest(gains.causes["wind"] - _manoeuvre_gain(gains)):
         about = slice(max(begins - APART_S, 0), begins + APART_S)
         at_s, gain = float(bench.model.time_s[about][np.argmax(at_once[about])]), float(at_once[about].max())
         if gain > gradual[about].max() and not within(np.array([at_s]), spans_of(phases, UNLIKE_FLIGHT)).any():
             yield at_s, gain
+
+
+def sudden_errors(bench: Bench, phases: Sequence[Phase], gains: ChangeGains) -> Iterator[tuple[str, float, float]]:
+    """Yield the channels that seem to err from a time on, with the log density over any ordinary change about it.
+
+    Parameters
+    ----------
+    gains : of `change_gains`.
+    """
+    ordinary = np.maximum(np.max([gain.max(axis=0) for gain in gains.causes.values()], axis=0), 0.0)
+    about = sliding_window_view(np.pad(ordinary, GRADUAL_S, mode="edge"), 2 * GRADUAL_S + 1).max(axis=-1)
+    names = [name for name in gains.faults if name not in REFERENCES]
+    net = np.array([gains.faults[name].max(axis=0) - about for name in names])
+    unlike = within(bench.model.time_s, spans_of(phases, UNLIKE_FLIGHT))
+    net = np.where((net > PROPOSED) & ~(unlike & (net < SURELY)), net, 0.0)
+    for at, _ in _largest(np.stack(2 * [net.max(axis=0, initial=0.0)])):
+        yield names[int(np.argmax(net[:, at]))], float(bench.model.time_s[at]), float(net[:, at].max())
 
 
 def _wrong_for(event: Event) -> tuple[float, float] | None:
@@ -124,9 +159,7 @@ def _is_of(bench: Bench, event: Event, surprise: Surprise) -> bool:
     return near and explains(bench, surprise.cause, rows_of(bench, event.channels))
 
 
-def _surprises(
-    bench: Bench, without: Sequence[tuple[float, float]], gains: Mapping[str, FloatArray]
-) -> Iterator[Surprise]:
+def _surprises(bench: Bench, without: Sequence[tuple[float, float]], gains: ChangeGains) -> Iterator[Surprise]:
     """Yield what explains a flight's surprises, in their order, a cause once within a minute: the jump that is most."""
     seconds = _proposed(gains, bench.model.n)
     times_s = bench.model.time_s[seconds]
@@ -174,15 +207,16 @@ def _margin_of_faults(place: Place, ordinary: Ordinary, state: str) -> float:
     return judge_place(place, without, named=moved).weights[0].margin
 
 
-def _proposed(gains: Mapping[str, FloatArray], n: int) -> list[int]:
+def _proposed(gains: ChangeGains, n: int) -> list[int]:
     """Return the seconds about which a change of an ordinary cause is worth most, the best first."""
-    net = np.max([gain for name, gain in gains.items() if name], axis=0, initial=0.0) - _manoeuvre_gain(gains)
+    causes = [gain for name, gain in gains.causes.items() if name]
+    net = np.max(causes, axis=0, initial=0.0) - _manoeuvre_gain(gains)
     return [min(begins + is_gradual * GRADUAL_S, n - 1) for begins, is_gradual in _largest(net)]
 
 
-def _manoeuvre_gain(gains: Mapping[str, FloatArray]) -> FloatArray:
+def _manoeuvre_gain(gains: ChangeGains) -> FloatArray:
     """Return (n,) what a manoeuvre is worth, at once or gradual."""
-    return np.asarray(np.maximum(np.max(gains[""], axis=0), 0.0))
+    return np.asarray(np.maximum(np.max(gains.causes[""], axis=0), 0.0))
 
 
 def _largest(net: FloatArray) -> list[tuple[int, bool]]:
@@ -196,36 +230,45 @@ def _largest(net: FloatArray) -> list[tuple[int, bool]]:
     return largest
 
 
-def change_gains(bench: Bench) -> dict[str, FloatArray]:
-    """Return by sought ordinary cause, and "" for a manoeuvre, what a change from a second on is worth.
-
-    They are (2, n) log densities of all of the flight that follows up to the next take-off, the first of a jump, the
-    second of a gradual change.
-    """
-    model = bench.model
+def change_gains(bench: Bench) -> ChangeGains:
+    """Return what changes of ordinary causes, of a manoeuvre and of errors of channels are worth at every second."""
+    model, faults = bench.model, channel_faults(bench.model)
+    errors = np.zeros((model.n, len(model.rows), len(faults)))
+    for k, loads in enumerate(faults.values()):
+        for row, load in loads.items():
+            errors[:, model.row(row), k] = load
     causes = {name: jumps for name, jumps in causes_of(model).items() if ORDINARY[name].is_sought}
-    sds = {name: _deviations(bench, jumps) for name, jumps in {"": MANOEUVRE, **causes}.items()}
+    sds = {
+        name: np.pad(_deviations(bench, jumps), (0, len(faults))) for name, jumps in {"": MANOEUVRE, **causes}.items()
+    }
+    wide = np.diag([width_of(name, loads) for name, loads in faults.items()])
+    sds |= {name: np.append(np.zeros(len(model.states)), sd) for name, sd in zip(faults, wide, strict=True)}
     gains = {name: np.zeros((2, model.n)) for name in sds}
     # The stretches between checks run side by side, what follows a jump in one after the other.
     starts = np.array(list(bench.checks))
     ends = np.append(starts[1:], int(np.flatnonzero(model.frame.airborne)[-1]) + 1)
     seconds = starts + np.arange(CHECK_S)[:, None]
     known = (seconds < ends)[..., None] & np.isfinite(bench.y[np.minimum(seconds, model.n - 1)])
-    y, Z, R, Q = (values[np.minimum(seconds, model.n - 1)] for values in (bench.y, model.Z, bench.R, bench.Q))
+    y, Z, R, Q, extra = (
+        values[np.minimum(seconds, model.n - 1)] for values in (bench.y, model.Z, bench.R, bench.Q, errors)
+    )
     stack = Stack(y=np.where(known, y, np.nan), Z=Z, R=R, Q=Q)
     mean, covariance = (np.stack(parts) for parts in zip(*bench.checks.values(), strict=True))
     run = filter_stack(stack, bench.transition, mean=mean, covariance=covariance, with_gains=True)
     assert run.gains is not None
-    loaded = np.where(known[..., None], Z, 0.0)
+    # Errors that are known to be none move no filter: of their own they have nothing but loadings.
+    transition = bench.transition.with_constants(len(faults))
+    loaded = np.where(known[..., None], np.concatenate([Z, extra], axis=-1), 0.0)
     takeoffs, after = takeoffs_of(model), None
     for h in range(starts.size - 1, -1, -1):
         n = int(ends[h] - starts[h])
-        part = run.gains.between(0, n, h)
-        scores = change_scores(loaded[:n, h], part, bench.transition, after, time_constant=GRADUAL_S)
+        part = run.gains.between(0, n, h).with_constants(len(faults))
+        scores = change_scores(loaded[:n, h], part, transition, after, time_constant=GRADUAL_S)
         for name, sd in sds.items():
             gains[name][:, starts[h] : ends[h]] = scores.jump.gain(sd), scores.gradual.gain(sd)
         after = None if starts[h] in takeoffs else scores
-    return gains
+    by_fault = {name: gains.pop(name) for name in faults}
+    return ChangeGains(causes=gains, faults=by_fault)
 
 
 def _deviations(bench: Bench, jumps: Mapping[str, float]) -> FloatArray:

@@ -142,7 +142,7 @@ def begun_before(bench: Bench, fault: str, end_s: float, *, sure: float, until_s
     end = place.onset
     place = place.until(end + SHOWN_S)
     ordinary = ordinary_of(place)
-    is_channel = fault in channel_faults(place)
+    is_channel = fault in channel_faults(place.bench.model)
     first_courses = GROWTHS_S if is_channel else [law for law in LAWS if law.fault == fault]
 
     def best(places: Sequence[Place]) -> tuple[Place, Weight]:
@@ -185,7 +185,7 @@ def _law(place: Place, fault: str, laws: Sequence[Law], onset: int, offset: int 
 def _is_weighed(place: Place, fault: str) -> bool:
     """Return whether the model knows a fault, as one of a line or of a channel."""
     lines = has_lines(place.bench.model) and any(law.fault == fault for law in LAWS)
-    return lines or fault in channel_faults(place)
+    return lines or fault in channel_faults(place.bench.model)
 
 
 def _rank(weight: Weight) -> tuple[bool, float]:

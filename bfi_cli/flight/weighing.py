@@ -10,7 +10,7 @@ import numpy as np
 from ..airdata import DEPENDS_ON
 from ..config import Diagnose, KnownCause
 from ..flightlog.phases import NO_AIRSPEED
-from ..kernels import TWO_SIDED_95, FloatArray
+from ..kernels import TWO_SIDED_95
 from ..kernels.runs import within
 from ..notes import Note
 from ..quantities.channels import STANDARD, per_second
@@ -40,7 +40,7 @@ from .parity.sensors import AT_ONCE_EVIDENCE, PITCH_EVIDENCE
 from .parity.windows import flight_stretches, overlaps
 from .result import Event, OrdinaryEvent
 from .seconds import seconds_of
-from .surprises import change_gains, sudden_winds, surprising_events
+from .surprises import ChangeGains, change_gains, sudden_errors, sudden_winds, surprising_events
 from .tables import ALTIMETER_SET, ON_GROUND
 from .tables import ORDINARY as CAUSES
 from .timing import Timing, begun_before, timing_of
@@ -112,7 +112,8 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     # What is only suspected, or within its tolerance, hides no other.
     hiding = [event for event in swinging if event.state == "declared" and event.beyond_tolerance is not False]
     gains, unweighed = change_gains(bench), bench
-    events = [*events, *_sudden_losses(flight, bench, (*swinging, *events), gains)]
+    for sudden in (_sudden_errors, _sudden_losses):
+        events = [*events, *sudden(flight, bench, (*swinging, *events), gains)]
     known = [*hiding]
     for event in known:
         bench = with_known(bench, event)
@@ -164,7 +165,7 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
 
 
 def _weighing(
-    flight: Flight, bench: Bench, answers: Sequence[Event | OrdinaryEvent | Note], gains: Mapping[str, FloatArray]
+    flight: Flight, bench: Bench, answers: Sequence[Event | OrdinaryEvent | Note], gains: ChangeGains
 ) -> Weighing:
     """Return the answers by what they are, with what is ordinary where no finder looked.
 
@@ -195,39 +196,65 @@ def _swinging_events(flight: Flight, bench: Bench, events: Sequence[Event]) -> I
     yield from oscillating_events(flight, bench, DECLARED)
 
 
-def _sudden_losses(
-    flight: Flight, bench: Bench, events: Sequence[Event], gains: Mapping[str, FloatArray]
-) -> Iterator[Event]:
+def _sudden_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[Event]:
     """Yield a suspected pitot line where the wind would change at once and no event is: fronts take some seconds."""
     for at_s, gain in sudden_winds(bench, flight.phases, gains):
-        if any(
-            abs(at_s - limit_s) < APART_S for event in events for limit_s in (event.onset_s, event.offset_s or np.inf)
-        ):
+        loss = _proposed(flight, "q_impact", at_s, {"ground_speed": gain})
+        if not _is_about(at_s, events) and _judgement(bench, loss, flight.to_s) is not None:
+            speed = bench.model.coefficients.airspeed
+            at = int(np.searchsorted(bench.model.time_s, at_s))
+            before, after = speed[max(at - SIZED_S, 0)], speed[min(at + SIZED_S, bench.model.n - 1)]
+            yield replace(loss, magnitude=float((after / before) ** 2 - 1.0), unit="1")
+
+
+def _sudden_errors(flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[Event]:
+    """Yield the suspected steps beyond a tolerance that the judge confirms where no event is, from when they begin."""
+    events = list(events)
+    for fault, at_s, gain in sudden_errors(bench, flight.phases, gains):
+        event = _proposed(flight, fault, at_s, {fault: gain})
+        judgement = None if _is_about(at_s, events) else _judgement(bench, event, flight.to_s)
+        weight = None if judgement is None else judgement.weight(fault)
+        if judgement is None or weight is None or weight.margin < DECLARED or weight.growth_s != 0.0:
             continue
-        speed = bench.model.coefficients.airspeed
-        at = int(np.searchsorted(bench.model.time_s, at_s))
-        before, after = speed[max(at - SIZED_S, 0)], speed[min(at + SIZED_S, bench.model.n - 1)]
-        yield Event(
-            fault="q_impact",
-            among=("q_impact",),
-            channels=channels_of("q_impact", flight.recorded),
-            state="suspected",
-            kind="abrupt",
-            stages=(MODEL,),
-            shape="bias",
-            effect={},
-            beyond_tolerance=None,
-            onset_s=at_s,
-            onset_ci95=(at_s - 1.0, at_s + 1.0),
-            offset_s=None,
-            seen_until_s=at_s,
-            window_s=flight.around(at_s, at_s, AROUND_S),
-            magnitude=float((after / before) ** 2 - 1.0),
-            unit="1",
-            statistic=0.0,
-            threshold=0.0,
-            evidence={"ground_speed": gain},
-        )
+        timing = timing_of(bench, weight, at_s, None, until_s=flight.to_s)
+        small = abs(weight.size) < (flight.tolerance(fault, event.window_s) or np.inf)
+        if small or timing is None or _is_about(timing.onset_s, events):
+            continue
+        clearly = judgement.weights[0].margin - DECLARED * judgement.weights[0].dispersion
+        among = (each.fault for each in judgement.weights if not each.refused and each.margin >= clearly)
+        events.append(replace(_timed(bench, event, timing), among=tuple(dict.fromkeys((fault, *among)))))
+        yield events[-1]
+
+
+def _is_about(at_s: float, events: Iterable[Event]) -> bool:
+    """Return whether an event begins or ends about a time."""
+    limits_s = (limit_s for event in events for limit_s in (event.onset_s, event.offset_s) if limit_s is not None)
+    return any(abs(at_s - limit_s) < APART_S for limit_s in limits_s)
+
+
+def _proposed(flight: Flight, fault: str, at_s: float, evidence: Mapping[str, float]) -> Event:
+    """Return a suspected step that the flight model proposes."""
+    return Event(
+        fault=fault,
+        among=(fault,),
+        channels=channels_of(fault, flight.recorded),
+        state="suspected",
+        kind="abrupt",
+        stages=(MODEL,),
+        shape="bias",
+        effect={},
+        beyond_tolerance=None,
+        onset_s=at_s,
+        onset_ci95=(at_s - 1.0, at_s + 1.0),
+        offset_s=None,
+        seen_until_s=at_s,
+        window_s=flight.around(at_s, at_s, AROUND_S),
+        magnitude=None,
+        unit="",
+        statistic=0.0,
+        threshold=0.0,
+        evidence=evidence,
+    )
 
 
 def _is_told(event: OrdinaryEvent, others: Iterable[OrdinaryEvent], stand: Iterable[Event]) -> bool:

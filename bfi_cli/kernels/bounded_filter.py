@@ -14,7 +14,7 @@ The score is that of Koopman and Shephard (1992): of every variance, from one ba
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -48,6 +48,10 @@ class Transition:
         for coupling in self.couplings:
             F[coupling.to, coupling.source] += coupling.value
         return F
+
+    def with_constants(self, n: int) -> Transition:
+        """Return the transition of a state with n more parts that stay as they are."""
+        return replace(self, decay=np.append(self.decay, np.ones(n)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -101,6 +105,10 @@ class Gains:
         """Return those of some samples of one hypothesis."""
         part = slice(first, end), slice(hypothesis, hypothesis + 1)
         return Gains(inverse=self.inverse[part], e=self.e[part], W=self.W[part])
+
+    def with_constants(self, n: int) -> Gains:
+        """Return those of a state with n more parts, which are known and so are never moved."""
+        return replace(self, W=np.pad(self.W, [*3 * [(0, 0)], (0, n)]))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -91,7 +91,7 @@ def test_flaps_are_told_with_time_and_size(with_flaps: Bench) -> None:
 
 
 def test_a_jump_is_worth_most_where_it_is(with_flaps: Bench) -> None:
-    gains = change_gains(with_flaps)["flaps"].max(axis=0)
+    gains = change_gains(with_flaps).causes["flaps"].max(axis=0)
     assert with_flaps.model.time_s[np.argmax(gains)] == pytest.approx(AT_S, abs=2.0)
 
 

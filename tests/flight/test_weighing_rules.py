@@ -89,10 +89,17 @@ def weighed(monkeypatch: pytest.MonkeyPatch) -> Callable[[Model, Sequence[Event]
             "timing_of": timing_of,
         }
         replaced |= dict.fromkeys(("is_on_ground", "is_set"), lambda *args: False)
-        nothing = ("gross_errors", "oscillating_events", "sudden_winds", "surprising_events", "rests_about")
+        nothing = (
+            "gross_errors",
+            "oscillating_events",
+            "sudden_errors",
+            "sudden_winds",
+            "surprising_events",
+            "rests_about",
+        )
         replaced |= dict.fromkeys(nothing, lambda *args: ())
         replaced |= {
-            "change_gains": lambda bench: {},
+            "change_gains": lambda bench: None,
             "noisy_events": lambda *args: (),
             "begun_before": lambda *args, **sure: None,
         }

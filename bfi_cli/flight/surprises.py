@@ -137,13 +137,18 @@ def sudden_errors(bench: Bench, phases: Sequence[Phase], gains: ChangeGains) -> 
     gains : of `change_gains`.
     """
     ordinary = np.maximum(np.max([gain.max(axis=0) for gain in gains.causes.values()], axis=0), 0.0)
-    about = sliding_window_view(np.pad(ordinary, GRADUAL_S, mode="edge"), 2 * GRADUAL_S + 1).max(axis=-1)
     names = [name for name in gains.faults if name not in REFERENCES]
-    net = np.array([gains.faults[name].max(axis=0) - about for name in names])
+    net = np.array([gains.faults[name].max(axis=0) for name in names]) - _most_about(ordinary, GRADUAL_S)
+    most = net.max(axis=0, initial=0.0)
     unlike = within(bench.model.time_s, spans_of(phases, UNLIKE_FLIGHT))
-    net = np.where((net > PROPOSED) & ~(unlike & (net < SURELY)), net, 0.0)
-    for at, _ in _largest(np.stack(2 * [net.max(axis=0, initial=0.0)])):
-        yield names[int(np.argmax(net[:, at]))], float(bench.model.time_s[at]), float(net[:, at].max())
+    peaks = np.flatnonzero((most > np.where(unlike, SURELY, PROPOSED)) & (most == _most_about(most, APART_S)))
+    for at in peaks[np.argsort(-most[peaks])][:MOST_PLACES]:
+        yield names[int(np.argmax(net[:, at]))], float(bench.model.time_s[at]), float(most[at])
+
+
+def _most_about(values: FloatArray, reach_s: int) -> FloatArray:
+    """Return (n,) the largest of values within some seconds of each."""
+    return np.asarray(sliding_window_view(np.pad(values, reach_s, mode="edge"), 2 * reach_s + 1).max(axis=-1))
 
 
 def _wrong_for(event: Event) -> tuple[float, float] | None:

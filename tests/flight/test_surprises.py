@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +17,15 @@ from bfi_cli.flight.judge import ordinary_of
 from bfi_cli.flight.model import flight_model
 from bfi_cli.flight.result import Event, OrdinaryEvent
 from bfi_cli.flight.seconds import seconds_of
-from bfi_cli.flight.surprises import TOLD, change_gains, sudden_winds, surprising_events
+from bfi_cli.flight.surprises import (
+    PROPOSED,
+    TOLD,
+    ChangeGains,
+    change_gains,
+    sudden_errors,
+    sudden_winds,
+    surprising_events,
+)
 from bfi_cli.flight.weight import Ordinary
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.flightlog.record import frozen_array
@@ -173,3 +183,31 @@ def test_a_wind_that_changes_at_once_is_no_front(course: Callable[[FloatArray], 
     bench = bench_with({"velocity_north": course, "yaw": np.zeros_like})
     sudden = list(sudden_winds(bench, (), change_gains(bench)))
     assert [at_s for at_s, _ in sudden] == ([pytest.approx(AT_S, abs=1.0)] if is_sudden else [])
+
+
+STEPS = {"tas": 4.0, "mach": 0.02, "pitch": 0.1, "aoa": 0.03, "normal_acc": 1.5, "altitude_rate": 6.0}
+
+
+@pytest.mark.parametrize(("channel", "size"), STEPS.items())
+def test_a_channel_that_errs_from_one_second_on_is_proposed_there(channel: str, size: float) -> None:
+    bench = bench_with({channel: size})
+    ((name, at_s, gain),) = sudden_errors(bench, (), change_gains(bench))
+    assert (name, at_s) == (channel, pytest.approx(AT_S, abs=2.0))
+    assert gain > PROPOSED
+
+
+@pytest.mark.parametrize(
+    "steps", [{}, FLAPS, {"velocity_north": front}, {"pitch": lambda since: erection(since, 0.02)}]
+)
+def test_what_is_ordinary_is_no_error_of_a_channel(steps: Mapping[str, Any]) -> None:
+    bench = bench_with(steps)
+    assert list(sudden_errors(bench, (), change_gains(bench))) == []
+
+
+def test_where_rows_are_no_functions_of_the_states_only_sure_errors_are_proposed() -> None:
+    gains = {"tas": np.zeros((2, 580))}
+    gains["tas"][0, [100, 300]] = 100.0, 1000.0
+    bench: Any = SimpleNamespace(model=SimpleNamespace(time_s=np.arange(580.0)))
+    phases = (Phase(phase="parabola", from_s=0.0, to_s=580.0),)
+    proposed = sudden_errors(bench, phases, ChangeGains(causes={"": np.zeros((2, 580))}, faults=gains))
+    assert list(proposed) == [("tas", 300.0, 1000.0)]

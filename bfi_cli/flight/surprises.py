@@ -44,8 +44,8 @@ BESIDE_S = 30  # of a jump, when its size is read
 LARGEST = 3.0  # standard deviations of a jump that a cause still makes
 SAME_S = 60.0  # from an event of a finder, when both are of the same place
 UNLIKE_FLIGHT = ("stall", "parabola")  # phases in which the rows are no linear functions of the states
-# SURELY [1]: log density of an error that is proposed there all the same: of 14 healthy flights none has more than 100.
-SURELY = 300.0
+# SURELY [1]: log density of an error that is proposed there all the same: twice the most of 14 healthy flights.
+SURELY = 150.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -87,10 +87,11 @@ def timing_of(
     ordinary = ordinary_of(part.at(proposed, part.offset, jumps=JUMP_S))
     onsets = range(proposed - earlier_s, last + 1)
     places = [part.at(second, part.offset) for second in onsets]
-    courses: Sequence[Course] = (course,)
-    if isinstance(course, Law) and course.time_constant_s is not None:
-        courses = [replace(course, time_constant_s=share * course.time_constant_s) for share in OCTAVE]
-    begins = _peak(fault, courses, places, ordinary)
+    begins = _peak(fault, (course,), places, ordinary)
+    if begins is not None and isinstance(course, Law) and course.time_constant_s is not None:
+        between = [replace(course, time_constant_s=share * course.time_constant_s) for share in OCTAVE]
+        near = range(begins.first.onset - COARSE_S, begins.last.onset + COARSE_S + 1)
+        begins = _peak(fault, between, [place for place in places if place.onset in near], ordinary)
     if begins is None:
         return None
     ends = None

@@ -212,13 +212,14 @@ def _sudden_errors(flight: Flight, bench: Bench, events: Sequence[Event], gains:
     events = list(events)
     for fault, at_s, gain in sudden_errors(bench, flight.phases, gains):
         event = _proposed(flight, fault, at_s, {fault: gain})
-        judgement = None if _is_about(at_s, events) else _judgement(bench, event, flight.to_s)
+        is_known = _is_about(at_s, events) or any(_follows(bench, event, other) for other in events)
+        judgement = None if is_known else _judgement(bench, event, flight.to_s)
         weight = None if judgement is None else judgement.weight(fault)
         if judgement is None or weight is None or weight.margin < DECLARED or weight.growth_s != 0.0:
             continue
         timing = timing_of(bench, weight, at_s, None, until_s=flight.to_s)
-        small = abs(weight.size) < (flight.tolerance(fault, event.window_s) or np.inf)
-        if small or timing is None or _is_about(timing.onset_s, events):
+        tolerance = flight.tolerance(fault, event.window_s) or np.inf
+        if timing is None or abs(timing.weight.size) < tolerance or _is_about(timing.onset_s, events):
             continue
         clearly = judgement.weights[0].margin - DECLARED * judgement.weights[0].dispersion
         among = (each.fault for each in judgement.weights if not each.refused and each.margin >= clearly)

@@ -95,3 +95,27 @@ def test_an_error_of_one_channel_is_none_of_several_that_leave_together(
     lasting = replace(event_of(fault, FROM_S - 5.0, "declared"), channels=("tas", "altitude_rate"))
     given: Any = None
     assert len([*weighing._swinging_events(given, given, [lasting])]) == n
+
+
+@pytest.mark.parametrize(("size", "proposed"), [(6.0, True), (0.5, False)])
+def test_a_step_beyond_its_tolerance_that_no_finder_proposes_is_found_by_the_model(size: float, proposed: bool) -> None:
+    healthy = made_journey(rate_hz=1.0).window(None, 560.0)
+    faulty = inject(healthy, [parse_spec(f"bias,channel=tas,magnitude={size},onset_s={ONSET_S}")])
+    events = weigh_events(flight_of(faulty, Config()), [], Config().diagnose).events
+    assert [event.fault for event in events] == (["tas"] if proposed else [])
+    for event in events:
+        assert event.state == "declared"
+        assert event.stages == ("flight model",)
+        assert event.onset_ci95[0] <= ONSET_S <= event.onset_ci95[1]
+        assert event.magnitude == pytest.approx(size, abs=0.3)
+
+
+def test_the_model_proposes_no_step_of_what_an_event_has_wrong_already() -> None:
+    healthy = made_journey(rate_hz=1.0).window(None, 560.0)
+    faulty = inject(healthy, [parse_spec(f"drift,channel=tas,magnitude=0.1,onset_s={ONSET_S}")])
+    drift = replace(event_of("tas", ONSET_S, "declared"), shape="drift", stages=("static relations",))
+    (answer,) = weigh_events(flight_of(faulty, Config()), [drift], Config().diagnose).events
+    assert answer.fault == "tas"
+    assert answer.shape == "drift"
+    assert answer.margin is not None
+    assert answer.margin > 10.0 * DECLARED  # of all that follows

@@ -18,6 +18,7 @@ import numpy as np
 
 from ..airdata import HIGHEST, LOWEST, G, channels_of, isa_temperature, pressure_at, speed_of_sound, total_temperature
 from ..kernels import BoolArray, FloatArray
+from ..kernels.bounded_filter import StackRun
 from ..kernels.runs import noise_of_second_differences, runs
 from .bench import FAULT_STATES, SHOWN_S, ZERO, Bench, Place, jump_seconds, run_place
 from .model import FlightModel, second_airspeed
@@ -153,6 +154,23 @@ def has_lines(model: FlightModel) -> bool:
     return {"tas", "altitude"} <= {*model.rows}
 
 
+def _weight_of_law(place: Place, fault: str, ordinary: Ordinary, run: StackRun, h: int, rows: _Rows) -> Weight:
+    """Return what a hypothesis of a run is worth."""
+    density = floored_density(ordinary, run.log_density[:, h], run.innovation[:, h], run.sd[:, h], rows.floored)
+    anything = -np.log(UNREADABLE * place.bench.model.frame.middle_speed)
+    margin, shares = against(place, ordinary, np.where(rows.unread, np.fmax(density, anything), density))
+    size = float(run.mean[(place.n if place.offset is None else place.offset) - 1, h, -FAULT_STATES])
+    return Weight(
+        fault=fault,
+        margin=margin,
+        shares=shares,
+        size=size,
+        sd=float(np.sqrt(max(run.final_covariance[h, -FAULT_STATES, -FAULT_STATES], 0.0))),
+        refused=_refused(fault, size),
+        dispersion=dispersion(place, run.innovation[:, h], shown_rows(place.bench.model, fault)),
+    )
+
+
 def _likeliest(weights: Sequence[Weight]) -> Weight:
     """Return the best of a law's weights, which heats only where a temperature that is measured explains less."""
     best = max(weights, key=_rank)
@@ -215,23 +233,8 @@ def weights_of_laws(
             courses[j] = _next_course(place, fault, run.mean[:, h]) * growths[j]
             if k == 0:
                 continue
-            density = floored_density(
-                ordinary, run.log_density[:, h], run.innovation[:, h], run.sd[:, h], law_rows.floored
-            )
-            anything = -np.log(UNREADABLE * model.frame.middle_speed)
-            density = np.where(law_rows.unread, np.fmax(density, anything), density)
-            margin, shares = against(place, ordinary, density)
-            size = float(run.mean[(place.n if place.offset is None else place.offset) - 1, h, -FAULT_STATES])
-            weight = Weight(
-                fault=fault,
-                margin=margin,
-                shares=shares,
-                size=size,
-                sd=float(np.sqrt(max(run.final_covariance[h, -FAULT_STATES, -FAULT_STATES], 0.0))),
-                refused=_refused(fault, size),
-                dispersion=dispersion(place, run.innovation[:, h], shown_rows(model, fault)),
-                heats=lag_s is not None and has_temperature and "sat" in model.seconds.recorded,
-            )
+            heats = lag_s is not None and has_temperature and "sat" in model.seconds.recorded
+            weight = replace(_weight_of_law(place, fault, ordinary, run, h, law_rows), heats=heats)
             known = best[j]
             if known is None or _rank(weight) > _rank(known):
                 best[j] = weight

@@ -1,11 +1,6 @@
-"""`bfi`, and `python -m bfi_cli`."""
+"""`python -m bfi_cli` is `bfi`."""
 
-import gc
-
-# What the first imports make stays: circles of references are searched for once `main` says how often.
-gc.disable()
-
-from .commands import main  # noqa: E402
+from .commands import main
 
 if __name__ == "__main__":
     main()

@@ -13,8 +13,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
-from types import ModuleType, SimpleNamespace
-from typing import TextIO, cast
+from typing import TextIO
 
 import click
 
@@ -124,11 +123,8 @@ def main(argv: list[str] | None = None) -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     gc.set_threshold(*COLLECTED)
-    gc.enable()
-    # pydantic would search every installed package for plugins, on which no check of an input may depend. Where it is
-    # told not to, it still imports what would search, and with that all that reads packages and e-mail.
+    # pydantic would search every installed package for plugins, on which no check of an input may depend.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    sys.modules.setdefault("pydantic.plugin._loader", cast("ModuleType", SimpleNamespace(get_plugins=tuple)))
     _open_streams()
     code = run_command(argv)
     if code == INTERRUPTED:

@@ -19,7 +19,6 @@ import numpy as np
 
 from ..errors import ConfigError
 from ..kernels import FloatArray
-from ..kernels.order_statistics import median_of, quantile_of
 from ..kernels.whiteness import ExcessTail
 from ..notes import Note, unique
 from ..serialization import SCHEMA, Provenance, check_schema, from_plain, mapping, member, to_json
@@ -154,7 +153,7 @@ class Null:
         if false_alarm < self.tail.share:
             level = self.tail.level(false_alarm)
         else:
-            level = float(quantile_of(self.maxima, 1.0 - false_alarm))
+            level = float(np.quantile(self.maxima, 1.0 - false_alarm))
         return self.scale[shape] * level
 
 
@@ -180,11 +179,11 @@ def null_of(table: CalibrationTable, shapes: Sequence[str]) -> Null:
 def null_from(statistics: Mapping[str, FloatArray]) -> Null:
     """Return the distribution of statistics, (n_windows,) by shape, of windows without a fault."""
     shapes, values = tuple(statistics), np.stack(list(statistics.values()))
-    median, high = quantile_of(values, [0.5, TAIL], axis=1)
+    median, high = np.quantile(values, [0.5, TAIL], axis=1)
     scale = np.array([np.mean(sample[sample >= start]) for sample, start in zip(values, high, strict=True)])
     scale = np.maximum(scale, np.finfo(float).eps)
     maxima = np.sort((values / scale[:, None]).max(axis=0))
-    start = float(quantile_of(maxima, TAIL))
+    start = float(np.quantile(maxima, TAIL))
     above = maxima[maxima > start] - start
     excess = float(np.mean(above)) if above.size else np.finfo(float).eps
     medians, scales = (dict(zip(shapes, values.tolist(), strict=True)) for values in (median, scale))
@@ -322,8 +321,8 @@ def wrong_statistics(values: FloatArray) -> str | None:
         return f"{float(values.min()):.4g} is negative, which no likelihood ratio is"
     if values.size >= FEWEST_WINDOWS and float(np.ptp(values)) <= SAME * float(values.max(initial=0.0)):
         return f"all of them are {float(values[0]):.4g}"
-    if values.size and float(median_of(values)) < LEAST_STATISTIC:
-        return f"their median is {float(median_of(values)):.4g}, less than white noise alone gives"
+    if values.size and float(np.median(values)) < LEAST_STATISTIC:
+        return f"their median is {float(np.median(values)):.4g}, less than white noise alone gives"
     return None
 
 

@@ -33,7 +33,6 @@ from ..airdata import (
 )
 from ..errors import LogError
 from ..kernels import MAD, BoolArray
-from ..kernels.order_statistics import median_of, quantile_of
 from ..kernels.quantisation import find_quantum
 from ..kernels.runs import runs
 from ..notes import Note
@@ -97,7 +96,7 @@ def follows_setting(time_s: FloatArray, altitude: FloatArray, setting: FloatArra
     clicks = np.flatnonzero(np.diff(shown))
     if not clicks.size:
         return False
-    step_s = float(median_of(np.diff(time_s)))
+    step_s = float(np.median(np.diff(time_s)))
     beside = max(FEWEST_BESIDE, round(CLIMB_S / step_s))
     evidence = 0.0
     for group in np.split(clicks, np.flatnonzero(np.diff(time_s[clicks]) > TOGETHER_S) + 1):
@@ -114,7 +113,7 @@ def follows_setting(time_s: FloatArray, altitude: FloatArray, setting: FloatArra
         quiet = places[np.ptp(settings, axis=1) == 0.0]
         if len(quiet) < FEWEST_PLACES:
             continue
-        sd = float(np.hypot(MAD * median_of(np.abs(quiet @ weights)), APART))
+        sd = float(np.hypot(MAD * np.median(np.abs(quiet @ weights)), APART))
         behind = max(1, round(BEHIND_S / step_s))
         near = altitude[max(0, first - behind) : last + behind]
         part = float(np.max(np.lib.stride_tricks.sliding_window_view(near, last - first) @ weights))
@@ -473,7 +472,7 @@ def _parts(log: FlightLog, from_s: float | None, to_s: float | None) -> tuple[Bo
     flying = np.ones(log.n_samples, dtype=bool)
     airspeed = next((log.channels[name].values for name in ("tas", "cas", "ias") if name in log.channels), None)
     if airspeed is not None and np.isfinite(airspeed).any():
-        flying = airspeed >= SLOWEST_FLIGHT * quantile_of(airspeed[np.isfinite(airspeed)], 0.95)
+        flying = airspeed >= SLOWEST_FLIGHT * np.quantile(airspeed[np.isfinite(airspeed)], 0.95)
     reference = inside & flying & (log.time_s <= first + FIRST_PART * (last - first))
     before = flying & (log.time_s < first)
     return inside, reference, before if np.count_nonzero(before) >= ENOUGH_S * log.rate_hz else reference

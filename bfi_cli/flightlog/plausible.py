@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..airdata import G
-from ..kernels.order_statistics import median_of, quantile_of
 from ..notes import Note
 from ..quantities.channels import STANDARD
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, StoredChannel, frozen_array
@@ -72,7 +71,7 @@ def convention_of(channels: Mapping[str, Channel]) -> Convention | None:
         level = known
     if not level.any():
         return None
-    median = float(median_of(load[level]))
+    median = float(np.median(load[level]))
     in_g = channel.unit == "1" or (channel.source_unit is None and ONE[0] <= abs(median) <= ONE[1])
     scale = G if in_g else 1.0
     weights = float(np.sign(median)) if abs(scale * median) > 0.5 * G else 0.0
@@ -217,7 +216,7 @@ def impossible_median(name: str, flown: FloatArray) -> float | None:
     if name not in IN_FLIGHT or known.size < PARTS:
         return None
     low, high = IN_FLIGHT[name]
-    middle, first = (float(median_of(part)) for part in (known, known[: known.size // PARTS]))
+    middle, first = (float(np.median(part)) for part in (known, known[: known.size // PARTS]))
     return None if low <= middle <= high or low <= first <= high else middle
 
 
@@ -248,7 +247,7 @@ def doubt_about(channel: Channel) -> Note | None:
     if not finite.size:
         return None
     limit, rather = LIMITS[name]
-    reached = float(quantile_of(np.abs(finite), USUAL))
+    reached = float(np.quantile(np.abs(finite), USUAL, overwrite_input=True))
     unit, ask = STANDARD[name].unit, f"--unit {channel.source}=UNIT states another"
     if reached > limit:
         return Note.advice(f"'{name}' reaches {reached:.3g} {unit}, which no aircraft does: is it in {rather}? {ask}")

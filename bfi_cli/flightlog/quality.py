@@ -14,7 +14,6 @@ from ..errors import LogError
 from ..faults.filters import Filter
 from ..kernels import BoolArray
 from ..kernels.low_pass import Kind, recorder_from_jumps, recorder_from_spectra
-from ..kernels.order_statistics import median_of, quantile_of
 from ..kernels.quantisation import Hold, find_hold, may_be_held, repeat_fraction
 from ..kernels.runs import repeats, shared, within
 from ..notes import Note
@@ -153,7 +152,7 @@ class LogReport:
 
 def median_step(time_s: FloatArray) -> float:
     """Return the median time step, s, in the memory of one array of the steps."""
-    return float(median_of(np.diff(time_s), overwrite=True))
+    return float(np.median(np.diff(time_s), overwrite_input=True))
 
 
 def gap_starts(time_s: FloatArray) -> NDArray[np.intp]:
@@ -253,8 +252,8 @@ def _sensors_of_one_quantity(log: FlightLog) -> Iterator[Note]:
             apart = other.values - first.values
             known = apart[np.isfinite(apart)]
             if known.size:
-                median, unit = float(median_of(known)), "" if first.unit == "1" else first.unit
-                most = float(quantile_of(np.abs(known - median), 0.95))
+                median, unit = float(np.median(known)), "" if first.unit == "1" else first.unit
+                most = float(np.quantile(np.abs(known - median), 0.95))
                 yield Note.method(
                     f"{first.name} and {other.name} are two sensors of one quantity: the second reads "
                     f"{quantity(abs(median), unit)} {'less' if median < 0.0 else 'more'} in the median, "
@@ -266,7 +265,7 @@ def _sensors_of_one_quantity(log: FlightLog) -> Iterator[Note]:
         between = {}
         for pair in combinations(several, 2):
             size = np.abs(pair[0].values - pair[1].values)
-            between[pair] = float(quantile_of(size[np.isfinite(size)], 0.95)) if np.isfinite(size).any() else np.nan
+            between[pair] = float(np.quantile(size[np.isfinite(size)], 0.95)) if np.isfinite(size).any() else np.nan
         for odd in several:
             nearest = min(size for pair, size in between.items() if odd in pair)
             rest = max(size for pair, size in between.items() if odd not in pair)
@@ -401,7 +400,7 @@ def _excitation(log: FlightLog, name: str, flying: BoolArray) -> Excitation:
 
 
 def _extent(x: FloatArray) -> float:
-    return float(np.ptp(quantile_of(x, [0.005, 0.995]))) if x.size else 0.0
+    return float(np.ptp(np.quantile(x, [0.005, 0.995]))) if x.size else 0.0
 
 
 def _move_times(log: FlightLog, name: str, flying: BoolArray) -> FloatArray:

@@ -19,7 +19,6 @@ import numpy as np
 
 from ..errors import LogError
 from ..kernels.low_pass import WHITE, lowpass_taps
-from ..kernels.order_statistics import median_of, quantile_of
 from ..kernels.quantisation import find_quantum
 from ..kernels.regular_clock import regular_times
 from ..notes import Note
@@ -119,7 +118,7 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
 def mean_rate(time_s: FloatArray) -> float:
     """Return samples per second, gaps left out, and of a regular clock all odd steps too."""
     step = np.diff(time_s)
-    median = float(median_of(step))
+    median = float(np.median(step))
     alike = step[np.abs(step - median) <= ALIKE * median]
     if alike.size >= NEARLY_ALL * step.size:
         return 1.0 / float(np.mean(alike))
@@ -157,7 +156,7 @@ def in_order(track: Track) -> tuple[Track | None, str | None]:
 
 def _patience(track: Track) -> float:
     """Return the longest step, s, that is not yet a gap of a signal."""
-    return GAP * max(1.0 / mean_rate(track.time_s), float(quantile_of(np.diff(track.time_s), TYPICAL)))
+    return GAP * max(1.0 / mean_rate(track.time_s), float(np.quantile(np.diff(track.time_s), TYPICAL)))
 
 
 def _grid(path: str, base: Track, rate_hz: float) -> FloatArray:
@@ -171,7 +170,7 @@ def _grid(path: str, base: Track, rate_hz: float) -> FloatArray:
     # The grid's phase is that of most samples: their median distance from it vanishes.
     period = 1.0 / rate_hz
     beside = (piece - piece[0]) / period
-    start = piece[0] + period * float(median_of((beside + 0.5) % 1.0 - 0.5))
+    start = piece[0] + period * float(np.median((beside + 0.5) % 1.0 - 0.5))
     rows = []
     for begin, end in zip(time_s[starts], time_s[stops], strict=True):
         k = np.arange(np.ceil((begin - start) / period - BESIDE), np.floor((end - start) / period + BESIDE) + 1)
@@ -312,7 +311,7 @@ def _is_clock(times: FloatArray, main: FloatArray) -> bool:
     known = times[np.isfinite(times)]
     if known.size < 2 or np.any(np.diff(known) <= 0.0):
         return False
-    if times.size == main.size and np.nanmax(np.abs(times - main)) <= SAME_NUMBER * median_of(np.diff(known)):
+    if times.size == main.size and np.nanmax(np.abs(times - main)) <= SAME_NUMBER * np.median(np.diff(known)):
         return False
     shared = min(known[-1], np.nanmax(main)) - max(known[0], np.nanmin(main))
     return bool(shared > SHARED * min(known[-1] - known[0], np.nanmax(main) - np.nanmin(main)))

@@ -15,17 +15,15 @@ right kind and wrong by up to 100 % with another.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from . import EPS, TINY, FloatArray
-from .order_statistics import median_of
 from .runs import mean_of_stretches, travel
 
 Kind = Literal["gaussian", "fir", "butterworth", "causal", "sinc"]
@@ -259,8 +257,6 @@ NEAR, FAR = 0.003, 0.1
 # Edges tried first, as a share of the sampling rate, 10 % apart; the best of them is then refined to a part in 1000.
 EDGES = np.geomspace(0.03, HIGHEST_EDGE, 30)
 REFINED, COARSE = 1e-3, 3
-# Share of a stretch that a golden section takes, and the least relative change of its place that is told from none.
-GOLDEN, ROOT_EPS = 0.5 * (3.0 - math.sqrt(5.0)), math.sqrt(2.2e-16)
 # Larger values are no measurements, and their differences no numbers.
 LARGEST = 1e100
 # A jump between two samples is complete this many samples after its half crossing where there is no filter.
@@ -317,7 +313,7 @@ def _jumps(values: FloatArray, rate_hz: float, width_s: float) -> tuple[FloatArr
     at = np.flatnonzero(isolated & ((last - middle) * (first - middle) <= 0.0) & (last != first))
     if at.size < FEWEST_JUMPS:
         return None
-    alike = np.abs(np.abs(jump[at]) / median_of(np.abs(jump[at])) - 1.0) < ALIKE
+    alike = np.abs(np.abs(jump[at]) / np.median(np.abs(jump[at])) - 1.0) < ALIKE
     at, share = at[alike], float(alike.mean())
     if at.size < FEWEST_JUMPS or share < MOST_ALIKE_SHARE:
         return None
@@ -329,60 +325,27 @@ def _jumps(values: FloatArray, rate_hz: float, width_s: float) -> tuple[FloatArr
 
 def _nearest_kind(delay: FloatArray, level: FloatArray, n_jumps: int, rate_hz: float) -> RecorderEstimate:
     """Return the kind of filter whose step response is nearest to the averaged one."""
+    from scipy.optimize import minimize_scalar
+
     grid, response = _averaged(delay, level)
     if np.interp(COMPLETE, grid, response) > 1.0 - FLAT and np.interp(-COMPLETE, grid, response) < FLAT:
         return RecorderEstimate(kind=None, edge_hz=None, misfit=0.0, n_jumps=n_jumps)
     nearest = RecorderEstimate(kind=None, edge_hz=None, misfit=np.inf, n_jumps=n_jumps)
     for kind in RECORDERS:
         around = EDGES[np.clip(_nearest_edge(kind, grid, response) + np.array([-1, 1]), 0, len(EDGES) - 1)]
-        low, high = around.tolist()
-        edge, misfit = least_between(
-            partial(_misfit, kind=kind, grid=grid, response=response), low, high, REFINED * low
+        refined = minimize_scalar(
+            _misfit,
+            bounds=around,
+            args=(kind, grid, response),
+            method="bounded",
+            options={"xatol": REFINED * around[0]},
         )
-        if misfit < nearest.misfit:
-            nearest = RecorderEstimate(kind=kind, edge_hz=edge * rate_hz, misfit=misfit, n_jumps=n_jumps)
+        if refined.fun < nearest.misfit:
+            edge_hz, misfit = float(refined.x * rate_hz), float(refined.fun)
+            nearest = RecorderEstimate(kind=kind, edge_hz=edge_hz, misfit=misfit, n_jumps=n_jumps)
         if not NEAR <= nearest.misfit <= FAR:
             break
     return nearest
-
-
-def least_between(function: Callable[[float], float], low: float, high: float, tolerance: float) -> tuple[float, float]:
-    """Return where a function with one minimum between two bounds is least, and how large it is there.
-
-    R. P. Brent, Algorithms for Minimization without Derivatives (1973), chapter 5: steps to the vertex of the parabola
-    through the three least values, and golden sections where that lies outside or the steps do not shrink. The values
-    are those of `scipy.optimize.minimize_scalar`, whose package takes a quarter of a second to import.
-    """
-    x = second = third = low + GOLDEN * (high - low)
-    least = second_value = third_value = function(x)
-    step = before = 0.0
-    while True:
-        middle = 0.5 * (low + high)
-        smallest = ROOT_EPS * abs(x) + tolerance / 3.0
-        if abs(x - middle) <= 2.0 * smallest - 0.5 * (high - low):
-            return x, least
-        r, q = (x - second) * (least - third_value), (x - third) * (least - second_value)
-        p, q = (x - third) * q - (x - second) * r, 2.0 * (q - r)
-        p, q = (-p if q > 0.0 else p), abs(q)
-        may_fit, last, before = abs(before) > smallest, before, step
-        if may_fit and abs(p) < abs(0.5 * q * last) and q * (low - x) < p < q * (high - x):
-            step = (p + 0.0) / q  # no negative zero: a step of none goes upwards
-            if min(x + step - low, high - x - step) < 2.0 * smallest:
-                step = math.copysign(smallest, middle - x)
-        else:
-            before = (low if x >= middle else high) - x
-            step = GOLDEN * before
-        tried = x + math.copysign(max(abs(step), smallest), step)
-        value = function(tried)
-        if value <= least:
-            low, high = (x, high) if tried >= x else (low, x)
-            third, third_value, second, second_value, x, least = second, second_value, x, least, tried, value
-            continue
-        low, high = (tried, high) if tried < x else (low, tried)
-        if value <= second_value or second == x:
-            third, third_value, second, second_value = second, second_value, tried, value
-        elif value <= third_value or third in (x, second):
-            third, third_value = tried, value
 
 
 def _nearest_edge(kind: Kind, grid: FloatArray, response: FloatArray) -> int:
@@ -400,7 +363,7 @@ def _averaged(delay: FloatArray, level: FloatArray) -> tuple[FloatArray, FloatAr
     order = np.argsort(bins, kind="stable")
     starts = np.flatnonzero(np.diff(bins[order], prepend=bins[order[0]] - 1))
     groups = [group for group in np.split(order, starts[1:]) if len(group) >= 0.2 * len(order) / len(starts)]
-    return np.array([delay[group].mean() for group in groups]), np.array([median_of(level[group]) for group in groups])
+    return np.array([delay[group].mean() for group in groups]), np.array([np.median(level[group]) for group in groups])
 
 
 def _misfit(edge: float, kind: Kind, grid: FloatArray, response: FloatArray) -> float:

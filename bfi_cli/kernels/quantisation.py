@@ -13,7 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import FloatArray
-from .order_statistics import median_of, quantile_of
 from .runs import runs, travel
 
 # s; a signal that rests this long has left a recorder's low-pass of 0.4 Hz and more behind it.
@@ -58,7 +57,7 @@ def quantum_of_plateaus(x: FloatArray, rate_hz: float) -> float | None:
     moves = moves[moves > 0.0]
     if x.size < 4 * size or not moves.size:
         return None
-    rest = max(REST * float(median_of(moves)), ROUNDING * float(np.abs(x).max()))
+    rest = max(REST * float(np.median(moves)), ROUNDING * float(np.abs(x).max()))
     # About every sample, the record mirrored at its ends.
     rests = travel(np.pad(x, (size // 2, (size - 1) // 2), mode="symmetric"), size) <= rest
     levels = x[[(first + end) // 2 for first, end in runs(rests)]]
@@ -66,9 +65,9 @@ def quantum_of_plateaus(x: FloatArray, rate_hz: float) -> float | None:
     jumps = jumps[jumps > 4.0 * rest]
     if jumps.size < FEWEST_JUMPS:
         return None
-    middle = float(median_of(jumps))
+    middle = float(np.median(jumps))
     jumps = jumps[jumps <= LARGEST_JUMP * middle]
-    low = max(5.0 * rest, 0.3 * float(quantile_of(jumps, 0.02)))
+    low = max(5.0 * rest, 0.3 * float(np.quantile(jumps, 0.02)))
     if low >= middle:
         return None
     steps = np.geomspace(low, 1.05 * middle, GRID_POINTS)
@@ -120,12 +119,12 @@ def find_hold(x: FloatArray, position: FloatArray) -> Hold | None:
     change = np.flatnonzero(x[1:] != x[:-1]) + 1
     # Values and steps must differ as a sensor's do, unlike the strokes of a control or single quanta.
     at, values, size = position[change], x[change], np.abs(np.diff(x)[change - 1])
-    smallest = float(quantile_of(size, 0.05))
+    smallest = float(np.quantile(size, 0.05))
     single = np.mean(np.abs(size - smallest) <= 0.01 * smallest + ROUNDING * float(np.max(np.abs(values))))
     if np.unique(values).size < FEWEST_VALUES or not single < MOST_UNIT_STEPS:
         return None
     interval = np.diff(at)
-    rough = float(quantile_of(interval, 0.1))
+    rough = float(np.quantile(interval, 0.1))
     if rough < 1.5:
         return None
     # The short intervals refined to the period at which the phases of the changes are most coherent. Ticks of a period
@@ -166,13 +165,13 @@ def find_quantum(x: FloatArray) -> float | None:
         return None
     # Euclid's algorithm on noisy numbers: the smallest remainder replaces the divisor until hardly one is left.
     steps = np.diff(levels)
-    step = float(quantile_of(steps, 0.01))
+    step = float(np.quantile(steps, 0.01))
     while step > 8.0 * tolerance:
         remainder = np.abs(steps - step * np.round(steps / step))
         left = remainder > np.maximum(2.0 * tolerance, 0.02 * step)
         if np.mean(left) <= 0.01:
             break
-        step = float(quantile_of(remainder[left], 0.01))
+        step = float(np.quantile(remainder[left], 0.01))
     else:
         return None
     # The step fitted over all levels, which must lie on its grid.

@@ -12,7 +12,6 @@ from typing import TypeVar
 import numpy as np
 
 from . import MAD, BoolArray, FloatArray, IntArray
-from .order_statistics import median_of, quantile_of
 
 Run = tuple[int, int]
 Number = TypeVar("Number", int, float)
@@ -166,7 +165,7 @@ def noise_of_second_differences(x: FloatArray, size: int, share: float, *, rests
     n = len(second) // size * size
     sds = np.sqrt(np.mean(second[:n].reshape(-1, size) ** 2, axis=1))
     sds = sds[np.isfinite(sds) & (np.ptp(x[1 : n + 1].reshape(-1, size), axis=1) > rests)]
-    return float(quantile_of(sds, share)) if sds.size else 0.0
+    return float(np.quantile(sds, share)) if sds.size else 0.0
 
 
 def interpolation_error(x: FloatArray, half: int) -> FloatArray:
@@ -304,14 +303,14 @@ def running_weights(error: FloatArray, half_width: int) -> FloatArray:
     """
     n = len(error)
     half = min(half_width, (n - 1) // 2)
-    typical = median_of(np.abs(error), axis=0)
+    typical = np.median(np.abs(error), axis=0)
     if half < 1 or not np.all(typical > 0.0):
         return np.ones(n)
     size = np.sqrt(np.mean((error / typical) ** 2, axis=1)) if error.shape[1] > 1 else np.abs(error[:, 0])
     size = _median_around(size, half)
     size *= MAD
     size = _mean_around(size, half)
-    np.maximum(size, LEAST * median_of(size), out=size)
+    np.maximum(size, LEAST * np.median(size), out=size)
     np.divide(1.0, size, out=size)
     size /= np.sqrt(np.mean(size**2))
     return size
@@ -341,7 +340,7 @@ def _median_around(x: FloatArray, half: int) -> FloatArray:
         median = np.asarray(median_filter(x, width), dtype=np.float64)
         head, tail = x[: 2 * half], x[n - 2 * half :]
         for k in range(half):
-            median[k], median[n - 1 - k] = median_of(head[: half + 1 + k]), median_of(tail[half - 1 - k :])
+            median[k], median[n - 1 - k] = np.median(head[: half + 1 + k]), np.median(tail[half - 1 - k :])
         return median
     at = np.arange(n)
     count = np.minimum(at, half) + np.minimum(n - 1 - at, half) + 1

@@ -138,7 +138,7 @@ def _excluded_above(regression: RegressionData, outcome: MethodResult, method: s
     limits = np.maximum(magnitudes.minimal_detectable, np.where(np.isnan(reach), 0.0, reach))
     problem, rows = regression.problem(outcome.order), regression.n_rows
     fit = fit_magnitudes(problem, atoms, magnitudes.value[atoms] / unit[atoms])
-    left = np.flatnonzero(np.isfinite(limits) & ~np.isin(np.arange(len(limits)), atoms))
+    left = np.setdiff1d(np.flatnonzero(np.isfinite(limits)), atoms)
     for multiple in MULTIPLES:
         sizes = multiple * limits[left]
         falls = rows * (log_dets_beside(problem, left.tolist(), sizes / unit[left], fit) - fit.log_det)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from scipy import signal
-from scipy.optimize import minimize_scalar
 
-from bfi_cli.kernels.low_pass import least_between, recorder_from_jumps
+from bfi_cli.kernels.low_pass import recorder_from_jumps
 
 QUANTUM, FACTOR = 0.25, 10
 
@@ -67,17 +66,3 @@ def test_channels_without_jumps_say_nothing():
 
 def test_the_steps_of_a_manoeuvre_are_too_few():
     assert recorder_from_jumps([gaussian(np.repeat([0.0, 1.0, -1.0, 1.0, 0.0], 1000), 0.75)[::FACTOR]], 10.0) is None
-
-
-@pytest.mark.parametrize("centre", [-1.3, 0.0, 0.4, 2.2])
-@pytest.mark.parametrize("tolerance", [1e-1, 1e-4, 1e-8])
-@pytest.mark.parametrize(
-    "function",
-    [np.square, np.abs, lambda x: abs(x) ** 1.3 + 0.1 * x, lambda x: np.cosh(x) + x**4, lambda x: np.round(x**2, 2)],
-)
-def test_the_least_value_is_the_one_that_scipy_finds(function, centre, tolerance):
-    def shifted(x):
-        return float(function(x - centre))
-
-    expected = minimize_scalar(shifted, bounds=(-1.0, 2.0), method="bounded", options={"xatol": tolerance})
-    assert least_between(shifted, -1.0, 2.0, tolerance) == (expected.x, expected.fun)

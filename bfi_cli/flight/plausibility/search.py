@@ -21,7 +21,6 @@ from ...flightlog import FlightLog
 from ...flightlog.record import LARGEST_VALUE
 from ...flightlog.signs import BORNE, FASTEST, METRES_PER_SECOND, MOVING, WALK
 from ...kernels import BoolArray, FloatArray, IntArray
-from ...kernels.order_statistics import median_of, quantile_of
 from ...kernels.runs import block_means, runs
 from ...quantities.channels import STANDARD
 from .changes import Change, named_changes
@@ -103,10 +102,10 @@ def constant_part(
         return ConstantPart(1.0, sd)
     # 3. What it is before it changes.
     onset_s = onsets_s[int(changing.max(axis=0).argmax()) % ONSETS]
-    whole_size = float(median_of(columns[1]))
+    whole_size = float(np.median(columns[1]))
     before = columns[0][time_s < onset_s] * np.sign(whole_size)
-    size = float(median_of(before))
-    is_throughout = float(quantile_of(before, 1.0 - THROUGHOUT)) > tolerance
+    size = float(np.median(before))
+    is_throughout = float(np.quantile(before, 1.0 - THROUGHOUT)) > tolerance
     if size <= tolerance or not (is_throughout or size > MOSTLY * abs(whole_size)):
         return None
     return ConstantPart(1.0 if abs(size - abs(whole_size)) <= tolerance else min(size / abs(whole_size), 1.0), sd)
@@ -206,11 +205,11 @@ class KnownRelation:
             difference = reading - expected
         known = np.isfinite(difference)
         difference[~known] = np.inf
-        size = median_of(np.abs(np.where(known, expected, 0.0)), axis=1)
+        size = np.median(np.abs(np.where(known, expected, 0.0)), axis=1)
         levels, tolerance = np.zeros(PIECES), np.full(PIECES, np.inf)
         if relation.tolerance is not None:
             tolerance = relation.tolerance + relation.share * size
-            levels = median_of(difference, axis=1) / tolerance
+            levels = np.median(difference, axis=1) / tolerance
         moments = (np.zeros(LONG_PIECES), np.ones(LONG_PIECES), *np.zeros((2, LONG_PIECES), dtype=bool))
         if relation.least is not None:
             moments = self._motion(reading, expected, known)
@@ -220,9 +219,9 @@ class KnownRelation:
             slope=moments[1],
             is_informative=moments[2],
             follows=moments[3],
-            difference=float(median_of(difference)),
-            size=float(median_of(size)),
-            tolerance=float(median_of(tolerance)),
+            difference=float(np.median(difference)),
+            size=float(np.median(size)),
+            tolerance=float(np.median(tolerance)),
         )
 
     def _sides(self, state: State) -> tuple[FloatArray, FloatArray]:
@@ -386,7 +385,7 @@ def _sized(suspects: Sequence[str], failing: Sequence[KnownRelation], state: Sta
         misfit = relation.misfit(state)
         alike = misfit.is_informative & (np.abs(misfit.correlation) >= ALIKE) & (misfit.slope > 0.0)
         if misfit.is_wrong and relation.relation.has_scale and alike.any():
-            slope = float(median_of((np.sign(misfit.correlation) * misfit.slope)[alike]))
+            slope = float(np.median((np.sign(misfit.correlation) * misfit.slope)[alike]))
             yield Change(what="scale", channels=(relation.relation.needs[0],), factor=1.0 / slope)
             if relation.relation.timed:
                 yield Change(what="clock", channels=(), factor=1.0 / slope)
@@ -493,12 +492,12 @@ def _flown(values: Mapping[str, FloatArray]) -> BoolArray | None:
             continue
         speed = np.abs(values_of)
         known = speed[np.isfinite(speed)]
-        cruise = float(median_of(known[known >= MOVING * quantile_of(known, FASTEST)]))
+        cruise = float(np.median(known[known >= MOVING * np.quantile(known, FASTEST)]))
         flies = cruise * METRES_PER_SECOND.get(name, 1.0) > WALK
         shares.append(np.nan_to_num(speed) / cruise if flies else np.zeros(speed.size))
     if not shares:
         return None
-    flown: BoolArray = median_of(shares, axis=0) >= BORNE
+    flown: BoolArray = np.median(shares, axis=0) >= BORNE
     for low, high in runs(~flown):
         flown[max(0, low - SETTLING) : high + SETTLING] = False
     return flown

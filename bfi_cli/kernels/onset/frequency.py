@@ -24,7 +24,6 @@ import numpy as np
 
 from .. import TINY, ComplexArray, FloatArray, IntArray
 from ..compiled import einsum
-from ..order_statistics import distinct
 from ..progress import Report, parts, shares, silent
 from .profile import CACHE_DOUBLES, peaks, profile_polynomial, screen
 from .scan import ENDING, STARTING, Scan, default_onsets, difference, largest_magnitude, scan_shape
@@ -172,7 +171,7 @@ def _turning(n: int, frequencies: bytes) -> tuple[FloatArray, FloatArray]:
 def _borders(n: int) -> IntArray:
     """Return the samples of a record of n from which on sines and cosines are compared with it."""
     left = n * np.exp(-CLOSER * np.arange(1 + int(np.log(n) / CLOSER)))
-    return distinct((n - left).astype(np.intp))
+    return np.unique((n - left).astype(np.intp))
 
 
 def _explained_by_both(scan: Scan, sums: ComplexArray, total: FloatArray, doubled: ComplexArray) -> FloatArray:

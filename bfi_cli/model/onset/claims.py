@@ -51,7 +51,6 @@ from ...kernels.onset.scan import (
     undeclared_magnitudes,
 )
 from ...kernels.onset.waveform import Waveform
-from ...kernels.order_statistics import median_of, quantile_of
 from ...kernels.progress import Report, parts, shares, silent
 from ...quantities.text import instant
 from ..preprocessing.defaults import is_any
@@ -166,7 +165,7 @@ class Limits:
 
 def mostly(errors: FloatArray) -> float:
     """Return the error that is no less than most of some."""
-    return float(quantile_of(errors, MOSTLY, higher=True))
+    return float(np.quantile(errors, MOSTLY, method="higher"))
 
 
 def claims_of(
@@ -321,7 +320,7 @@ def _bounded(
     # What is scanned as another shape is seen by the likelihood of faults beyond the tolerance.
     scale, least = float(record.unit[form.output]), 0.0 if peak is not None else tolerance
     if not least:
-        median = float(median_of([median_of(limits.declared) for limits in glances.values()]))
+        median = float(np.median([np.median(limits.declared) for limits in glances.values()]))
         candidate = replace(candidate, minimal_detectable_scan=finite(scale * median))
     excluded, effect = max((limits.hidden() for limits in looks), key=lambda hidden: hidden[1])
     if is_any(scale * effect, record.window.log, candidate.channel):

@@ -27,7 +27,6 @@ from ...flightlog import FlightLog
 from ...flightlog.phases import airborne_stretches
 from ...flightlog.record import frozen_array
 from ...kernels.lagged import lagged
-from ...kernels.order_statistics import distinct
 from ...kernels.progress import Progress, Report, parts, silent, unseen
 from ...notes import Note
 from ...quantities.text import instant
@@ -371,7 +370,7 @@ def own_windows(log: FlightLog, config: Config, lengths_s: Iterable[float]) -> I
             before += _tiles(start_s, min(stop_s, from_s), length_s, length_s / OVERLAPPING["auto"])
             after += _tiles(max(start_s, to_s), stop_s, length_s, length_s / OVERLAPPING["auto"])
         windows = before if len(before) >= FEWEST_WINDOWS else before + after
-        spread = distinct(np.linspace(0, len(windows) - 1, min(len(windows), MOST_WINDOWS)).round().astype(int))
+        spread = np.unique(np.linspace(0, len(windows) - 1, min(len(windows), MOST_WINDOWS)).round().astype(int))
         yield [windows[i] for i in spread]
 
 

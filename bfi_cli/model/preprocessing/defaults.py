@@ -36,7 +36,6 @@ from ...flightlog.phases import (
 from ...flightlog.quality import advice_on_windows, gap_starts, held_hz
 from ...flightlog.signs import HEIGHTS, cruise_of
 from ...kernels import FloatArray
-from ...kernels.order_statistics import median_of, quantile_of
 from ...kernels.runs import left_of, runs, within
 from ...methods import METHODS
 from ...notes import Note
@@ -232,8 +231,8 @@ def _is_low(log: FlightLog, first: int, stop: int, part: slice) -> bool:
     outer = outer[np.isfinite(outer)]
     if not flown.size or not outer.size:
         return False
-    low, high = quantile_of(flown, [0.01, 0.99])
-    return bool(median_of(outer) <= low + LOW * (high - low))
+    low, high = np.quantile(flown, [0.01, 0.99])
+    return bool(np.median(outer) <= low + LOW * (high - low))
 
 
 def _whole_pieces(log: FlightLog, names: Sequence[str], first: int, stop: int) -> list[tuple[int, int]]:

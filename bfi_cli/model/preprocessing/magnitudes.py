@@ -234,7 +234,7 @@ def profiled_limits(
     fit = fit_magnitudes(problem, fit.atoms, fit.z)
     correlated = np.sqrt(penalty.n_rows / penalty.n_effective)
     roots = np.sqrt(statistic_needed(penalty, overdispersion)) + ONE_SIDED_90 * correlated * np.sqrt(overdispersion)
-    left = np.flatnonzero(np.isfinite(limits) & ~np.isin(np.arange(len(limits)), fit.atoms))
+    left = np.setdiff1d(np.flatnonzero(np.isfinite(limits)), fit.atoms).astype(np.intp)
     below = np.zeros((2, len(limits)))  # multiple and root of the statistic: nearly a line between two of them
     for multiple in MULTIPLES:
         z = multiple * limits[left] / regression.magnitude_unit[left]

@@ -221,6 +221,9 @@ def _sudden_errors(flight: Flight, bench: Bench, events: Sequence[Event], gains:
         tolerance = flight.tolerance(fault, event.window_s) or np.inf
         if timing is None or abs(timing.weight.size) < tolerance or _is_about(timing.onset_s, events):
             continue
+        returns = (_begun_before(bench, other, flight.to_s) for other in events if other.fault == fault)
+        if any(begun is not None and abs(begun.onset_s - timing.onset_s) < APART_S for begun in returns):
+            continue
         clearly = judgement.weights[0].margin - DECLARED * judgement.weights[0].dispersion
         among = (each.fault for each in judgement.weights if not each.refused and each.margin >= clearly)
         events.append(replace(_timed(bench, event, timing), among=tuple(dict.fromkeys((fault, *among)))))

@@ -21,7 +21,7 @@ from bfi_cli.flightlog.record import frozen_array
 
 CHANNELS = ("cas", "altitude", "pitch")
 FROM_S, TO_S, STEP_M = 200.0, 230.0, 10.0
-ONSET_S = 420.0
+ONSET_S, END_S = 420.0, 540.0
 
 
 def test_a_line_that_seems_to_rest_between_coarse_steps_is_not_declared_against_the_record() -> None:
@@ -119,3 +119,13 @@ def test_the_model_proposes_no_step_of_what_an_event_has_wrong_already() -> None
     assert answer.shape == "drift"
     assert answer.margin is not None
     assert answer.margin > 10.0 * DECLARED  # of all that follows
+
+
+def test_the_model_proposes_no_step_whose_return_a_finder_proposes() -> None:
+    healthy = made_journey(rate_hz=1.0).window(None, 640.0)
+    faulty = inject(healthy, [parse_spec(f"bias,channel=aoa,magnitude=0.05,onset_s={ONSET_S},offset_s={END_S}")])
+    back = replace(event_of("aoa", END_S, "suspected"), stages=("parity",), shape="bias", magnitude=-0.05)
+    (answer,) = weigh_events(flight_of(faulty, Config()), [back], Config().diagnose).events
+    assert answer.onset_s == pytest.approx(ONSET_S, abs=2.0)
+    assert answer.offset_s == pytest.approx(END_S, abs=2.0)
+    assert answer.state == "declared"

@@ -406,8 +406,8 @@ def _rows_of(place: Place, fault: str, course: FloatArray, k: int, lag_s: float 
 def _add_heat(place: Place, corrected: FlightModel, rows: _Rows, name: str, kelvin: OfCourse, lag_s: float) -> None:
     """Add to the row of the static temperature what it differs by where another height or airspeed is read than flown.
 
-    Both are smoothed courses that differ by the fault alone, so that without it the row is that of a flight without
-    one, and what the states differ from these by; it follows with a time constant.
+    Courses of both differ by the fault alone, so that without it the row is that of a flight without one. By what the
+    states differ from these the row is linear; it follows with a time constant.
     """
     model, part, i, j = place.bench.model, place.part, place.bench.model.row(name), place.bench.model.row("sat")
     if name == "altitude":

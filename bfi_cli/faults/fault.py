@@ -428,7 +428,7 @@ def shown(value: object) -> str:
     return shortened(_ABRIDGED.repr(value), SHOWN_LETTERS)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
     """What was declared against what was injected.
 

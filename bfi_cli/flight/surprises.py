@@ -129,16 +129,19 @@ def sudden_winds(bench: Bench, phases: Sequence[Phase], gains: ChangeGains) -> I
             yield at_s, gain
 
 
-def sudden_errors(bench: Bench, phases: Sequence[Phase], gains: ChangeGains) -> Iterator[tuple[str, float, float]]:
+def sudden_errors(
+    bench: Bench, phases: Sequence[Phase], events: Sequence[Event], gains: ChangeGains
+) -> Iterator[tuple[str, float, float]]:
     """Yield the channels that seem to err from a time on, with the log density over any ordinary change about it.
 
     Parameters
     ----------
-    gains : of `change_gains`.
+    events, gains : as of `surprising_events`.
     """
     ordinary = np.maximum(np.max([gain.max(axis=0) for gain in gains.causes.values()], axis=0), 0.0)
     names = [name for name in gains.faults if name not in REFERENCES]
     net = np.array([gains.faults[name].max(axis=0) for name in names]) - _most_about(ordinary, GRADUAL_S)
+    net[:, within(bench.model.time_s, [*filter(None, map(_wrong_for, events))])] = 0.0
     most = net.max(axis=0, initial=0.0)
     unlike = within(bench.model.time_s, spans_of(phases, UNLIKE_FLIGHT))
     peaks = np.flatnonzero((most > np.where(unlike, SURELY, PROPOSED)) & (most == _most_about(most, APART_S)))

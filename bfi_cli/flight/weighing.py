@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 
 import numpy as np
 
@@ -103,8 +104,7 @@ def weigh_events(flight: Flight, events: Sequence[Event], config: Diagnose) -> W
 
 
 def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[KnownCause]) -> Weighing:
-    weighed = [event for event in events if _can_be_weighed(event)]
-    bench = _bench(flight, weighed, causes)
+    bench = _bench(flight, [event for event in events if _can_be_weighed(event)], causes)
     if bench is None:
         return Weighing(events=tuple(events))
     swinging = tuple(_swinging_events(flight, bench, events))
@@ -112,13 +112,11 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     # What is only suspected, or within its tolerance, hides no other.
     hiding = [event for event in swinging if event.state == "declared" and event.beyond_tolerance is not False]
     gains, unweighed = change_gains(bench), bench
-    for sudden in (_sudden_errors, _sudden_losses):
-        events = [*events, *sudden(flight, bench, (*swinging, *events), gains)]
+    events = [*events, *_sudden_losses(flight, bench, (*swinging, *events), gains)]
     known = [*hiding]
-    for event in known:
-        bench = with_known(bench, event)
+    bench = reduce(with_known, known, bench)
     events = [_as_trapped(bench, event, flight.to_s) if _can_be_weighed(event) else event for event in events]
-    answers: list[Event | OrdinaryEvent | Note] = list(events)
+    answers: list[Event | OrdinaryEvent | Note] = [*events]
     # What is certain is in the model before the rest is weighed, in the order of time; a line is before a channel about
     # its onset, which may be its own.
     order = [k for k, event in enumerate(events) if _can_be_weighed(event)]
@@ -141,11 +139,10 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
                 answers[k] = _after(event, cause)
                 continue
             event = _from_its_onset(bench, event, begun)
-        others = [other.onset_s for other in rest if not line or _line(other) != line]
-        others += [other.onset_s for other in hiding]
+        others = [other.onset_s for other in (*hiding, *(each for each in rest if not line or _line(each) != line))]
         beside = [other.onset_s for other in (*known, *(events[j] for j in order if j != k))]
         later_s = min((at_s for at_s in beside if at_s > event.onset_s + APART_S), default=np.inf)
-        alone = all(not event.onset_s - APART_S < at_s < event.onset_s + AFTER_S for at_s in others)
+        alone = not any(event.onset_s - APART_S < at_s < event.onset_s + AFTER_S for at_s in others)
         answer = answers[k] = _weighed(
             flight, bench, event, min(later_s - BEFORE_NEXT_S, flight.to_s), causes, known, may_be_sure=alone
         )
@@ -161,7 +158,12 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     for k, event in enumerate(events):
         if event.beyond_tolerance is False and _is_course(event):
             answers[k] = _weighed_deviation(bench, event, known, flight.to_s)
-    return _weighing(flight, bench, (*swinging, *answers), gains if bench is unweighed else change_gains(bench))
+    gains, answers = gains if bench is unweighed else change_gains(bench), [*swinging, *answers]
+    stand = [answer for answer in answers if isinstance(answer, Event)]
+    for event, until_s in _sudden_errors(flight, bench, stand, gains):
+        alone = not any(event.onset_s - APART_S < each.onset_s < event.onset_s + AFTER_S for each in stand)
+        answers.append(_weighed(flight, bench, event, until_s, causes, known, may_be_sure=alone))
+    return _weighing(flight, bench, answers, gains)
 
 
 def _weighing(
@@ -207,27 +209,34 @@ def _sudden_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains:
             yield replace(loss, magnitude=float((after / before) ** 2 - 1.0), unit="1")
 
 
-def _sudden_errors(flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[Event]:
-    """Yield the suspected steps beyond a tolerance that the judge confirms where no event is, from when they begin."""
+def _sudden_errors(
+    flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains
+) -> Iterator[tuple[Event, float]]:
+    """Yield the suspected steps beyond a tolerance that the judge confirms where no event is, from when they begin.
+
+    Each comes with the time up to which it is weighed: before the next event. The judge has to be surer of it by the
+    logarithm of how many steps were tried, one of every channel at every second.
+    """
     events = list(events)
-    for fault, at_s, gain in sudden_errors(bench, flight.phases, gains):
+    for fault, at_s, gain in sudden_errors(bench, flight.phases, events, gains):
         event = _proposed(flight, fault, at_s, {fault: gain})
-        is_known = _is_about(at_s, events) or any(_follows(bench, event, other) for other in events)
-        judgement = None if is_known else _judgement(bench, event, flight.to_s)
-        weight = None if judgement is None else judgement.weight(fault)
-        if judgement is None or weight is None or weight.margin < DECLARED or weight.growth_s != 0.0:
+        if _is_about(at_s, events) or any(_follows(bench, event, other) for other in events):
             continue
-        timing = timing_of(bench, weight, at_s, None, until_s=flight.to_s)
+        later_s = min((other.onset_s for other in events if other.onset_s > at_s), default=np.inf)
+        until_s = min(later_s - BEFORE_NEXT_S, flight.to_s)
+        judgement = _judgement(bench, event, until_s)
+        weight = None if judgement is None else judgement.weight(fault)
+        surer = DECLARED + float(np.log(len(gains.faults) * bench.model.n))
+        if judgement is None or weight is None or weight.margin < surer or weight.growth_s != 0.0:
+            continue
+        timing = timing_of(bench, weight, at_s, None, until_s=until_s)
         tolerance = flight.tolerance(fault, event.window_s) or np.inf
         if timing is None or abs(timing.weight.size) < tolerance or _is_about(timing.onset_s, events):
-            continue
-        returns = (_begun_before(bench, other, flight.to_s) for other in events if other.fault == fault)
-        if any(begun is not None and abs(begun.onset_s - timing.onset_s) < APART_S for begun in returns):
             continue
         clearly = judgement.weights[0].margin - DECLARED * judgement.weights[0].dispersion
         among = (each.fault for each in judgement.weights if not each.refused and each.margin >= clearly)
         events.append(replace(_timed(bench, event, timing), among=tuple(dict.fromkeys((fault, *among)))))
-        yield events[-1]
+        yield events[-1], until_s
 
 
 def _is_about(at_s: float, events: Iterable[Event]) -> bool:

@@ -51,7 +51,7 @@ UNKNOWN = "it is unknown whether the recorder low-passed the log; no low-pass is
 FEWEST_REPEATS = 20
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ChannelReport:
     """One channel.
 
@@ -79,7 +79,7 @@ class ChannelReport:
     pressures: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class DerivableChannel:
     """A channel that follows from others; `lacks` are those of them that the log lacks, alternatives joined by "or"."""
 
@@ -89,7 +89,7 @@ class DerivableChannel:
     lacks: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Excitation:
     """How an input moves.
 
@@ -118,7 +118,7 @@ class ExcitedWindow:
     rank: int = 1
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LogReport:
     """A log as `bfi info` shows it.
 

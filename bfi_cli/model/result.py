@@ -28,7 +28,7 @@ from ..report.presented import Presented
 from ..serialization import Provenance, document_of, document_of_kind, from_plain, mapping, member, to_plain
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class LogSummary:
     """The analysed window: `rate_hz` and `n_samples` are those of the analysis, times are on the log's own axis.
 
@@ -44,7 +44,7 @@ class LogSummary:
     clock: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ModelSummary:
     """The model behind a result; `orders` and `criterion_...` are the order selection curve, empty for one order."""
 
@@ -59,7 +59,7 @@ class ModelSummary:
     criterion_best: tuple[float, ...] = ()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ScanSummary:
     """What the scan over all onsets says of the same window.
 
@@ -76,7 +76,7 @@ class ScanSummary:
     note: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SparsityRun:
     """The sparsity stage from one start: its steps, whether they settled, and the supports that it visited in turn."""
 
@@ -87,7 +87,7 @@ class SparsityRun:
     supports: tuple[tuple[str, ...], ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SparsitySummary:
     """The sparsity stage of an answer.
 
@@ -107,7 +107,7 @@ class SparsitySummary:
     set_to_zero: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SolverSummary:
     """How the result was computed: `method` is its name in the registry, `termination` a sentence."""
 

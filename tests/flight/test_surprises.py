@@ -191,7 +191,7 @@ STEPS = {"tas": 4.0, "mach": 0.02, "pitch": 0.1, "aoa": 0.03, "normal_acc": 1.5,
 @pytest.mark.parametrize(("channel", "size"), STEPS.items())
 def test_a_channel_that_errs_from_one_second_on_is_proposed_there(channel: str, size: float) -> None:
     bench = bench_with({channel: size})
-    ((name, at_s, gain),) = sudden_errors(bench, (), change_gains(bench))
+    ((name, at_s, gain),) = sudden_errors(bench, (), (), change_gains(bench))
     assert (name, at_s) == (channel, pytest.approx(AT_S, abs=2.0))
     assert gain > PROPOSED
 
@@ -201,7 +201,7 @@ def test_a_channel_that_errs_from_one_second_on_is_proposed_there(channel: str, 
 )
 def test_what_is_ordinary_is_no_error_of_a_channel(steps: Mapping[str, Any]) -> None:
     bench = bench_with(steps)
-    assert list(sudden_errors(bench, (), change_gains(bench))) == []
+    assert list(sudden_errors(bench, (), (), change_gains(bench))) == []
 
 
 def test_where_rows_are_no_functions_of_the_states_only_sure_errors_are_proposed() -> None:
@@ -209,5 +209,5 @@ def test_where_rows_are_no_functions_of_the_states_only_sure_errors_are_proposed
     gains["tas"][0, [100, 300]] = 100.0, 200.0
     bench: Any = SimpleNamespace(model=SimpleNamespace(time_s=np.arange(580.0)))
     phases = (Phase(phase="parabola", from_s=0.0, to_s=580.0),)
-    proposed = sudden_errors(bench, phases, ChangeGains(causes={"": np.zeros((2, 580))}, faults=gains))
+    proposed = sudden_errors(bench, phases, (), ChangeGains(causes={"": np.zeros((2, 580))}, faults=gains))
     assert list(proposed) == [("tas", 300.0, 200.0)]

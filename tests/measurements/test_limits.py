@@ -58,7 +58,7 @@ def excluded(record: ScanRecord, y: np.ndarray, form: ShapeHypothesis, unit: flo
         # What a threshold asks for is not counted: it makes limits larger still.
         wave = waveform(form, record.sampling)
         profile = claims.scan_shape(scan, wave, claims._covered(record, scan, form))
-        return float(claims._sizes(record, scan, wave, profile, 1e-6, 1e-6, profile.dispersion)["effect"].max())
+        return float(claims._sizes(scan, wave, profile, 1e-6, 1e-6, profile.dispersion)["effect"].max())
     limits = claims._limits(record, scan, form, unit, (1e-6, 1e-6))
     assert limits is not None
     return limits.hidden()[1]

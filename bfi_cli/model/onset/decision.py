@@ -56,7 +56,7 @@ SHORTER = tuple(float(share) for share in np.arange(0.95, 0.24, -0.05))
 FEWEST_SAMPLES = 60
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationUse:
     """Which null distribution the decision rests on.
 

@@ -15,7 +15,7 @@ from ..kernels import TWO_SIDED_95
 from ..kernels.runs import within
 from ..notes import Note
 from ..quantities.channels import STANDARD, per_second
-from .bench import AFTER_S, Bench, bench_of
+from .bench import AFTER_S, Bench, bench_of, place_of
 from .flight import Flight
 from .gross import FEWEST_S, Gross, gross_errors, swings_of
 from .judge import (
@@ -28,7 +28,9 @@ from .judge import (
     is_on_ground,
     is_set,
     judge,
+    ordinary_of,
     rows_of,
+    weights_of_channel,
     with_known,
 )
 from .lines import rests_about
@@ -212,10 +214,10 @@ def _sudden_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains:
 def _sudden_errors(
     flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains
 ) -> Iterator[tuple[Event, float]]:
-    """Yield the suspected steps beyond a tolerance that the judge confirms where no event is, from when they begin.
+    """Yield the suspected steps surely beyond a tolerance where no event is, from when they begin.
 
-    Each comes with the time up to which it is weighed: before the next event. The judge has to be surer of it by the
-    logarithm of how many steps were tried, one of every channel at every second.
+    Each comes with the time up to which it is weighed: before the next event. The flight has to show it surer by
+    the logarithm of how many steps were tried, one of every channel at every second.
     """
     events = list(events)
     for fault, at_s, gain in sudden_errors(bench, flight.phases, events, gains):
@@ -224,14 +226,16 @@ def _sudden_errors(
             continue
         later_s = min((other.onset_s for other in events if other.onset_s > at_s), default=np.inf)
         until_s = min(later_s - BEFORE_NEXT_S, flight.to_s)
-        judgement = _judgement(bench, event, until_s)
-        weight = None if judgement is None else judgement.weight(fault)
-        surer = DECLARED + float(np.log(len(gains.faults) * bench.model.n))
-        if judgement is None or weight is None or weight.margin < surer or weight.growth_s != 0.0:
+        place = place_of(bench, at_s, None, until_s)
+        if place is None:
             continue
-        timing = timing_of(bench, weight, at_s, None, until_s=until_s)
-        tolerance = flight.tolerance(fault, event.window_s) or np.inf
-        if timing is None or abs(timing.weight.size) < tolerance or _is_about(timing.onset_s, events):
+        (step,) = weights_of_channel(fault, 0.0, [place], ordinary_of(place))
+        least = abs(step.size) - TWO_SIDED_95 * (step.sd or 0.0)
+        surer = DECLARED + float(np.log(len(gains.faults) * bench.model.n))
+        if step.margin < surer or least < (flight.tolerance(fault, event.window_s) or np.inf):
+            continue
+        judgement, timing = _judgement(bench, event, until_s), timing_of(bench, step, at_s, None, until_s=until_s)
+        if judgement is None or timing is None or _is_about(timing.onset_s, events):
             continue
         clearly = judgement.weights[0].margin - DECLARED * judgement.weights[0].dispersion
         among = (each.fault for each in judgement.weights if not each.refused and each.margin >= clearly)

@@ -113,7 +113,7 @@ class State:
         return self.rates.get(name, self.zeros)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Following:
     """What is concluded from how a reading moves through a flight, beside what is expected, each in parts of it.
 

@@ -320,7 +320,7 @@ series  --series  -  -  series
 """
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Option:
     """A row of the table; `key` is None without a key in the configuration, `settings` are those of `click.option`."""
 

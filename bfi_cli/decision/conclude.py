@@ -103,7 +103,7 @@ TOGETHER_S = 0.5
 WITHHELD = "withheld while channels contradict each other"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Conclusion:
     """What all sources together say of a window.
 

@@ -91,7 +91,7 @@ def _unreadable(path: str, reason: str) -> DictionaryError:
     return DictionaryError(f"{path}: cannot read the samples, {reason}; give a CSV file of time, value")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Key:
     """A key of a shape, beside the keys of every fault.
 
@@ -107,7 +107,7 @@ class Key:
     description: str | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FaultShape:
     """The definition of a shape.
 

@@ -118,7 +118,7 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     known = [*hiding]
     bench = reduce(with_known, known, bench)
     events = [_as_trapped(bench, event, flight.to_s) if _can_be_weighed(event) else event for event in events]
-    answers: list[Event | OrdinaryEvent | Note] = [*events]
+    answers: list[Event | OrdinaryEvent | Note] = list(events)
     # What is certain is in the model before the rest is weighed, in the order of time; a line is before a channel about
     # its onset, which may be its own.
     order = [k for k, event in enumerate(events) if _can_be_weighed(event)]
@@ -160,12 +160,24 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     for k, event in enumerate(events):
         if event.beyond_tolerance is False and _is_course(event):
             answers[k] = _weighed_deviation(bench, event, known, flight.to_s)
-    gains, answers = gains if bench is unweighed else change_gains(bench), [*swinging, *answers]
-    stand = [answer for answer in answers if isinstance(answer, Event)]
+    gains = gains if bench is unweighed else change_gains(bench)
+    stand = [*swinging, *(answer for answer in answers if isinstance(answer, Event))]
+    steps = _weighed_errors(flight, bench, stand, causes, known, gains)
+    return _weighing(flight, bench, (*swinging, *answers, *steps), gains)
+
+
+def _weighed_errors(
+    flight: Flight,
+    bench: Bench,
+    stand: Sequence[Event],
+    causes: Sequence[KnownCause],
+    known: Sequence[Event],
+    gains: ChangeGains,
+) -> Iterator[Event | OrdinaryEvent | Note]:
+    """Yield what the steps are that the model proposes beside the events that stand."""
     for event, until_s in _sudden_errors(flight, bench, stand, gains):
-        alone = not any(event.onset_s - APART_S < each.onset_s < event.onset_s + AFTER_S for each in stand)
-        answers.append(_weighed(flight, bench, event, until_s, causes, known, may_be_sure=alone))
-    return _weighing(flight, bench, answers, gains)
+        alone = not any(event.onset_s - APART_S < other.onset_s < event.onset_s + AFTER_S for other in stand)
+        yield _weighed(flight, bench, event, until_s, causes, known, may_be_sure=alone)
 
 
 def _weighing(
@@ -203,9 +215,8 @@ def _swinging_events(flight: Flight, bench: Bench, events: Sequence[Event]) -> I
 def _sudden_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[Event]:
     """Yield a suspected pitot line where the wind would change at once and no event is: fronts take some seconds."""
     for at_s, gain in sudden_winds(bench, flight.phases, gains):
-        loss = _proposed(flight, "q_impact", at_s, {"ground_speed": gain})
-        if not _is_about(at_s, events) and _judgement(bench, loss, flight.to_s) is not None:
-            speed = bench.model.coefficients.airspeed
+        if not _is_about(at_s, events) and place_of(bench, at_s, None, flight.to_s) is not None:
+            loss, speed = _proposed(flight, "q_impact", at_s, {"ground_speed": gain}), bench.model.coefficients.airspeed
             at = int(np.searchsorted(bench.model.time_s, at_s))
             before, after = speed[max(at - SIZED_S, 0)], speed[min(at + SIZED_S, bench.model.n - 1)]
             yield replace(loss, magnitude=float((after / before) ** 2 - 1.0), unit="1")
@@ -276,9 +287,8 @@ def _proposed(flight: Flight, fault: str, at_s: float, evidence: Mapping[str, fl
 
 def _is_told(event: OrdinaryEvent, others: Iterable[OrdinaryEvent], stand: Iterable[Event]) -> bool:
     """Return whether an ordinary event is told: by its cause, or as the fault that the model proposed in its place."""
-    proposed = [limit_s for other in stand if other.stages[0] == MODEL for limit_s in (other.onset_s, other.offset_s)]
-    same = [other.from_s for other in others if other.cause == event.cause]
-    return any(abs(event.from_s - at_s) < APART_S for at_s in (*same, *proposed) if at_s is not None)
+    same = any(abs(event.from_s - other.from_s) < APART_S for other in others if other.cause == event.cause)
+    return same or _is_about(event.from_s, [other for other in stand if other.stages[0] == MODEL])
 
 
 def _after(event: Event, cause: Event) -> Note:

@@ -98,7 +98,7 @@ class Phase:
     to_s: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Disagreement:
     """A stretch in which an airspeed says "ground" or "flight" and the other signs of the log the contrary.
 

@@ -31,7 +31,7 @@ ONE = (0.8, 1.25)
 BLOCKS, BLOCK = 100, 1000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Convention:
     """How accelerations are recorded: factor * recorded + offset is m/s^2, of `normal_acc` upward without gravity.
 

@@ -43,7 +43,7 @@ FLAGS = frozenset({"valid_airspeed", "hover", "gear"})
 MOST_CHANNELS = 10_000
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ReadRequest:
     """What the user states about a file, see `read.read_log`."""
 

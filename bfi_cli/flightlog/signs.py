@@ -52,7 +52,7 @@ LOST = 0.25
 LEAST_IN_FLIGHT, MOST_ON_GROUND, FEWEST_PIECES = 0.2, 0.8, 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Overruled:
     """A run in which an airspeed is overruled; see `phases.Disagreement`."""
 

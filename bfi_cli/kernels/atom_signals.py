@@ -18,7 +18,7 @@ SQUARED = 100_000
 MEAN_OF = 65_536
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Tail:
     """What a signal is from some time on: ``level + rate t + Re(amplitude exp(exponent t))``.
 

@@ -265,7 +265,7 @@ COMPLETE = 0.6
 FINE = 20
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RecorderEstimate:
     """The low-pass that jumps went through.
 
@@ -413,7 +413,7 @@ FEWEST_CHANNELS, COMMON = 3, 0.5
 BLACKMAN_HARRIS = (0.35875, 0.48829, 0.14128, 0.01168)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SpectralEstimate:
     """The low-pass that explains the spectra best.
 

@@ -29,7 +29,7 @@ REMOVALS = 3
 MARGIN = 1e-9
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Penalty:
     """What a fit must pay.
 

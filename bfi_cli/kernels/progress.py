@@ -96,7 +96,7 @@ class Iterate(Protocol):
 S = TypeVar("S", bound=Iterate)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StoppingRule:
     """When to stop.
 

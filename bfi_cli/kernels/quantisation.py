@@ -87,7 +87,7 @@ def quantum_of_plateaus(x: FloatArray, rate_hz: float) -> float | None:
     return float(count[near] @ jumps[near] / (count[near] @ count[near]))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Hold:
     """A value is renewed at position `phase + m * period`, both in samples of the log's own rate."""
 

@@ -61,7 +61,7 @@ NOTHING, SETTLED = 0.1, 0.01
 SMALLEST, ROUND_OFF = 1e-30, 1e-14
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SparseStage:
     """Settings of the stage; None is the derived value, in the published stage the thesis's.
 

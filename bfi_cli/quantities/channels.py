@@ -18,7 +18,7 @@ from ..errors import LogError
 from ..printable import shortened
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StandardChannel:
     """A signal the program knows: its name, SI unit ("1" for a ratio) and description.
 
@@ -50,7 +50,7 @@ INDEPENDENT = frozenset(
 )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class NameMatch:
     """A recorder's name matched: `unit` is that in the name, `rank` is 0 for the standard name itself."""
 
@@ -280,7 +280,7 @@ def split_unit(header: str) -> tuple[str, str | None]:
 FloatArray = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class Conversion:
     """A unit in which values are written or shown: value in SI = factor * value + offset.
 

@@ -43,7 +43,7 @@ NOUNS: Mapping[Kind, tuple[str, str]] = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Headline:
     """The first line of an answer.
 
@@ -64,7 +64,7 @@ class Headline:
         return capital(self.state.replace("_", " "))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Screen:
     """The first screen of an answer.
 

@@ -162,6 +162,24 @@ def test_a_jump_is_worth_what_its_variance_gains() -> None:
         assert gains[k] == pytest.approx(jumped - run.log_likelihood[0], rel=1e-9, abs=1e-12)
 
 
+def test_a_part_that_is_known_not_to_move_is_scored_without_a_filter_of_its_own() -> None:
+    """What a jump of it is worth is that of a filter that holds it, with no variance but there."""
+    rng, stack = np.random.default_rng(2), _stack()
+    loads, sd = rng.normal(size=(N_SAMPLES, 1, N_ROWS, 1)), 1.7
+    run = _filtered(stack)
+    assert run.gains is not None
+    Z = np.where(np.isfinite(stack.y[:, 0])[..., None], np.concatenate([stack.Z, loads], axis=-1)[:, 0], 0.0)
+    gains, transition = run.gains.with_constants(1), TRANSITION.with_constants(1)
+    jump = change_scores(Z, gains, transition, time_constant=TIME_CONSTANT).jump.gain(np.append(np.zeros(N_X), sd))
+    held = replace(stack, Z=np.concatenate([stack.Z, loads], axis=-1), Q=np.pad(stack.Q, [*2 * [(0, 0)], (0, 1)]))
+    for k in range(1, N_SAMPLES):
+        Q = held.Q.copy()
+        Q[k - 1, 0, -1] = sd**2
+        start = {"mean": np.append(MEAN, 0.0), "covariance": np.pad(COVARIANCE, (0, 1))}
+        moved = filter_stack(replace(held, Q=Q), transition, bound=np.inf, **start)
+        assert jump[k] == pytest.approx(moved.log_likelihood[0] - run.log_likelihood[0], rel=1e-9, abs=1e-12)
+
+
 def test_scores_of_a_gradual_change_are_the_derivatives_of_the_likelihood_by_it() -> None:
     """The likelihood is quadratic in the change, so that its differences are exact."""
     stack, left = _stack(), np.exp(-1.0 / TIME_CONSTANT)

@@ -23,7 +23,8 @@ from bfi_cli.flight.parity.windows import flight_stretches
 from bfi_cli.flight.seconds import seconds_of
 from bfi_cli.flight.weight import ALIKE
 from bfi_cli.flightlog import FlightLog, read_log
-from bfi_cli.flightlog.phases import phases_of
+from bfi_cli.flightlog.phases import phases_of, spans_of
+from bfi_cli.kernels.runs import within
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
@@ -46,6 +47,16 @@ def largest_surprise(log: FlightLog) -> float:
     return max(gains, default=0.0)
 
 
+def largest_error(log: FlightLog) -> float:
+    """Return the log density of the surest error of a channel where the rows are no functions of the states."""
+    seconds, phases = seconds_of(log), phases_of(log)
+    model = None if seconds is None else flight_model(seconds)
+    assert model is not None
+    bench, unlike = bench_of(model), spans_of(phases, surprises.UNLIKE_FLIGHT)
+    errors = surprises.sudden_errors(bench, phases, (), surprises.change_gains(bench))
+    return max((gain for _, at_s, gain in errors if within(np.array([at_s]), unlike).any()), default=0.0)
+
+
 def largest_noise(log: FlightLog) -> float:
     """Return the log density of the stretch in which the airspeed alone is noisiest."""
     return max((event.evidence["gain"] for event in noise.noisy_events(log, phases_of(log), ())), default=0.0)
@@ -58,6 +69,7 @@ def largest_pitch_step(log: FlightLog) -> float:
 
 LEVELS: Mapping[str, tuple[Callable[[FlightLog], float], float, float]] = {
     "ordinary cause": (largest_surprise, surprises.TOLD, ALIKE),
+    "error where nothing is linear": (largest_error, surprises.SURELY, 0.0),
     "eddies": (largest_noise, noise.TOLD, ALIKE),
     "step of the pitch": (largest_pitch_step, sensors.UNUSUAL_PITCH, 0.0),
 }
@@ -66,7 +78,7 @@ LEVELS: Mapping[str, tuple[Callable[[FlightLog], float], float, float]] = {
 @pytest.mark.parametrize("what", LEVELS)
 def test_few_healthy_flights_reach_the_level(what: str, flights: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     largest, level, above = LEVELS[what]
-    for module, name in ((surprises, "TOLD"), (surprises, "PROPOSED"), (noise, "TOLD")):
+    for module, name in ((surprises, "TOLD"), (surprises, "PROPOSED"), (surprises, "SURELY"), (noise, "TOLD")):
         monkeypatch.setattr(module, name, LEAST)
     for name in ("UNUSUAL_PITCH", "UNUSUAL_JUMP"):
         monkeypatch.setattr(sensors, name, 1.0)

@@ -240,7 +240,7 @@ def _and(names: Collection[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Scale:
     """How a parameter enters an airspeed.
 

@@ -37,7 +37,7 @@ LEAST_LEFT = 1e-6
 THROUGHOUT, MOSTLY = 0.9, 0.5
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class ConstantPart:
     """What of an error is there from the first sample on, as a share of the whole, and the standard deviation of it."""
 

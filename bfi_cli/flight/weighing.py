@@ -10,7 +10,7 @@ import numpy as np
 
 from ..airdata import DEPENDS_ON
 from ..config import Diagnose, KnownCause
-from ..flightlog.phases import NO_AIRSPEED
+from ..flightlog.phases import NO_AIRSPEED, spans_of
 from ..kernels import TWO_SIDED_95
 from ..kernels.runs import within
 from ..notes import Note
@@ -43,7 +43,14 @@ from .parity.sensors import AT_ONCE_EVIDENCE, PITCH_EVIDENCE
 from .parity.windows import flight_stretches, overlaps
 from .result import Event, OrdinaryEvent
 from .seconds import seconds_of
-from .surprises import ChangeGains, change_gains, sudden_errors, sudden_winds, surprising_events
+from .surprises import (
+    UNLIKE_FLIGHT,
+    ChangeGains,
+    change_gains,
+    sudden_errors,
+    sudden_winds,
+    surprising_events,
+)
 from .tables import ALTIMETER_SET, ON_GROUND
 from .tables import ORDINARY as CAUSES
 from .timing import Timing, begun_before, timing_of
@@ -250,8 +257,12 @@ def _sudden_errors(
             continue
         clearly = judgement.weights[0].margin - DECLARED * judgement.weights[0].dispersion
         among = (each.fault for each in judgement.weights if not each.refused and each.margin >= clearly)
-        events.append(replace(_timed(bench, event, timing), among=tuple(dict.fromkeys((fault, *among)))))
-        yield events[-1], until_s
+        event = replace(_timed(bench, event, timing), among=tuple(dict.fromkeys((fault, *among))))
+        if overlaps((event.onset_s, until_s), spans_of(flight.phases, UNLIKE_FLIGHT)):
+            # The turns of a drone move sizes by several standard deviations: one digit is told, and no interval.
+            event = replace(event, magnitude=float(f"{event.magnitude:.1g}"), sd=None, ci95=None)
+        events.append(event)
+        yield event, until_s
 
 
 def _is_about(at_s: float, events: Iterable[Event]) -> bool:

@@ -15,7 +15,7 @@ from ..kernels import TWO_SIDED_95
 from ..kernels.runs import within
 from ..notes import Note
 from ..quantities.channels import STANDARD, per_second
-from .bench import AFTER_S, Bench, bench_of, place_of
+from .bench import AFTER_S, BEFORE_S, Bench, bench_of, place_of
 from .flight import Flight
 from .gross import FEWEST_S, Gross, gross_errors, swings_of
 from .judge import (
@@ -258,7 +258,7 @@ def _sudden_errors(
         clearly = judgement.weights[0].margin - DECLARED * judgement.weights[0].dispersion
         among = (each.fault for each in judgement.weights if not each.refused and each.margin >= clearly)
         event = replace(_timed(bench, event, timing), among=tuple(dict.fromkeys((fault, *among))))
-        if overlaps((event.onset_s, until_s), spans_of(flight.phases, UNLIKE_FLIGHT)):
+        if overlaps((event.onset_s - BEFORE_S, until_s), spans_of(flight.phases, UNLIKE_FLIGHT)):
             # The turns of a drone move sizes by several standard deviations: one digit is told, and no interval.
             event = replace(event, magnitude=float(f"{event.magnitude:.1g}"), sd=None, ci95=None)
         events.append(event)

@@ -1,7 +1,7 @@
-"""Steps of the indicated airspeed in two flights of a drone of 150 s, half of which no linear row describes.
+"""Steps of the indicated airspeed in two flights of a drone, half of which no linear row describes.
 
-No relation shows them: what is found the flight model proposes. Two steps run, whose answers are known; BFI_FULL=1 counts
-12 of each size, without a bar: `BFI_FULL=1 pytest -s -m slow tests/measurements/test_drone_steps.py`.
+No relation shows them: what is found the flight model proposes. Two steps run, whose answers are known; BFI_FULL=1
+counts 12 of each size, without a bar: `BFI_FULL=1 pytest -s -m slow tests/measurements/test_drone_steps.py`.
 """
 
 from __future__ import annotations
@@ -30,9 +30,7 @@ def said_of(path: Path, size: float, onset_s: float) -> str:
     for event in answer.events:
         first_s, last_s = event.onset_ci95
         if "ias" in (event.fault, *event.among) and first_s - NEAR_S <= onset_s <= last_s + NEAR_S:
-            print(
-                f"{path.stem} {size:+g} m/s from {onset_s:.1f} s: {event.fault} {event.magnitude} from {event.onset_s:g} s"
-            )
+            print(path.stem, size, round(onset_s, 1), event.fault, event.magnitude, event.onset_s, sep=" | ")
             assert event.ci95 is None  # of which none would cover
             return event.state
     return "missed"

@@ -36,7 +36,7 @@ def said_of(path: Path, size: float, onset_s: float) -> str:
     return "missed"
 
 
-@pytest.mark.parametrize(("size", "onset_s"), [(9.0, 88.1), (9.0, 93.2)])
+@pytest.mark.parametrize(("size", "onset_s"), [(9.0, 88.1), (9.0, 93.2), (-9.0, 76.7), (-9.0, 90.3)])
 def test_a_large_step_of_a_drone_is_declared(size: float, onset_s: float, flights: Path) -> None:
     assert said_of(flights / "px4_swiss1.h5", size, onset_s) == "declared"
 

@@ -80,6 +80,9 @@ class LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in COMMANDS:
             return None
+        # First, and from few calls: where many lead to numpy's import, a thousand of its calls cross the border between
+        # two pieces of the interpreter's stack, and each takes a piece from the system and gives it back.
+        importlib.import_module("numpy")
         module = importlib.import_module(f"{__name__}.{cmd_name.replace('-', '_')}")
         command: click.Command = module.command
         return command

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import errno
 import gc
@@ -58,7 +59,7 @@ MEANT = {
 }
 
 # New objects between searches for circles of references: imports make a hundred thousand that stay, and to search
-# them, again and again or once at the end, takes an eighth of a short command.
+# them again and again takes an eighth of a short command.
 COLLECTED = (200_000, 20, 100)
 
 # Patterns of click's messages about a value, and the messages of this program for them.
@@ -118,6 +119,19 @@ def main(argv: list[str] | None = None) -> None:
     """Run the command line and exit with a code of the contract (never 1, never a traceback)."""
     if "_BFI_COMPLETE" in os.environ:
         cli(prog_name="bfi")
+    code: int | None = None
+
+    def leave() -> None:
+        if code is not None:
+            with contextlib.suppress(OSError):
+                sys.stderr.flush()
+            os._exit(code)
+
+    # Registered first, and therefore called last. The system takes all memory back at once; the interpreter would free
+    # object by object, which takes a fortieth of a short command. And it would end by the signal, whatever sys.exit
+    # says, where an interruption passed through an exec of text, as the making of a dataclass is: scripts are promised
+    # 130.
+    atexit.register(leave)
     # SIGTERM, and SIGHUP of a terminal that is closed, exit with the shell's code for it, after open files are closed,
     # the workers have ended and the cursor is shown again. What nohup ignores stays ignored.
     for number in (signal.SIGTERM, signal.SIGHUP):
@@ -130,13 +144,6 @@ def main(argv: list[str] | None = None) -> None:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     _open_streams()
     code = run_command(argv)
-    if code == INTERRUPTED:
-        # Python ends by the signal, whatever sys.exit says, where the interruption passed through an exec of text, as
-        # the making of a dataclass during an import is; scripts are promised 130.
-        with contextlib.suppress(OSError):
-            sys.stdout.flush()
-        os._exit(code)
-    gc.freeze()  # the interpreter would search what ends with it anyway
     sys.exit(code)
 
 

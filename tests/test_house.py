@@ -75,6 +75,9 @@ def test_an_answer_imports_no_package_that_takes_as_long_as_its_analysis():
 
 
 def test_functions_imported_alone_are_those_of_their_packages():
-    program = "from bfi_cli.kernels.compiled import lapack, special; import scipy.linalg, scipy.special, scipy.stats\n"
-    program += "assert lapack.dtrtrs is scipy.linalg.lapack.dtrtrs and special.ndtri is scipy.special.ndtri"
+    program = "from bfi_cli.kernels.compiled import lapack, part_of_scipy, special\n"
+    program += "optimize = part_of_scipy('optimize', '_optimize', 'scipy.optimize')\n"
+    program += "import scipy.linalg, scipy.optimize, scipy.special, scipy.stats\n"
+    program += "assert lapack.dtrtrs is scipy.linalg.lapack.dtrtrs and special.ndtri is scipy.special.ndtri\n"
+    program += "assert optimize.fminbound is scipy.optimize.fminbound"
     subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=True)

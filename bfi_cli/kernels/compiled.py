@@ -1,8 +1,8 @@
 """Routines of LAPACK, special functions and `einsum` as they are compiled, without what is imported or done before.
 
 The packages `scipy.linalg` and `scipy.special` import numpy's compiler of Fortran, its tools for tests and all of their
-own modules, which takes as long as the analysis of a short log. What is called here are functions of one extension
-module of each. A scipy that lays these out otherwise is imported whole. What numpy does in Python in front of `einsum`
+own modules, which takes as long as the analysis of a short log. What is called here are functions of one module of
+each. A scipy that lays these out otherwise is imported whole. What numpy does in Python in front of `einsum`
 takes longer than most of the small contractions here.
 """
 
@@ -15,19 +15,19 @@ from typing import TYPE_CHECKING
 
 import scipy
 
-__all__ = ["einsum", "lapack", "special"]
+__all__ = ["einsum", "lapack", "part_of_scipy", "special"]
 
 
-def _extension(package: str, module: str, whole: str) -> ModuleType:
-    """Return an extension module of a package of scipy, imported without the package.
+def part_of_scipy(package: str, module: str, whole: str) -> ModuleType:
+    """Return a module of a package of scipy, imported without the package.
 
     Parameters
     ----------
-    package : of scipy; module : the extension; whole : that which offers the same functions where there is none.
+    package : of scipy; module : of it; whole : that which offers the same functions where there is none.
     """
     if f"scipy.{package}" in sys.modules:
         return import_module(whole)
-    # The extension looks up its neighbours in the package, which stands empty meanwhile.
+    # The module looks up its neighbours in the package, which stands empty meanwhile.
     empty = ModuleType(f"scipy.{package}")
     empty.__path__ = [f"{folder}/{package}" for folder in scipy.__path__]
     sys.modules[empty.__name__] = empty
@@ -50,5 +50,5 @@ else:
         from numpy._core.multiarray import c_einsum as einsum
     except ImportError:
         from numpy import einsum
-    lapack = _extension("linalg", "_flapack", "scipy.linalg.lapack")
-    special = _extension("special", "_ufuncs", "scipy.special")
+    lapack = part_of_scipy("linalg", "_flapack", "scipy.linalg.lapack")
+    special = part_of_scipy("special", "_ufuncs", "scipy.special")

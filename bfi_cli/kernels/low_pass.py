@@ -325,24 +325,21 @@ def _jumps(values: FloatArray, rate_hz: float, width_s: float) -> tuple[FloatArr
 
 def _nearest_kind(delay: FloatArray, level: FloatArray, n_jumps: int, rate_hz: float) -> RecorderEstimate:
     """Return the kind of filter whose step response is nearest to the averaged one."""
-    from scipy.optimize import minimize_scalar
+    from .compiled import part_of_scipy
 
+    optimize = part_of_scipy("optimize", "_optimize", "scipy.optimize")
     grid, response = _averaged(delay, level)
     if np.interp(COMPLETE, grid, response) > 1.0 - FLAT and np.interp(-COMPLETE, grid, response) < FLAT:
         return RecorderEstimate(kind=None, edge_hz=None, misfit=0.0, n_jumps=n_jumps)
     nearest = RecorderEstimate(kind=None, edge_hz=None, misfit=np.inf, n_jumps=n_jumps)
     for kind in RECORDERS:
         around = EDGES[np.clip(_nearest_edge(kind, grid, response) + np.array([-1, 1]), 0, len(EDGES) - 1)]
-        refined = minimize_scalar(
-            _misfit,
-            bounds=around,
-            args=(kind, grid, response),
-            method="bounded",
-            options={"xatol": REFINED * around[0]},
+        edge, misfit, *_ = optimize.fminbound(
+            _misfit, *around, args=(kind, grid, response), xtol=REFINED * around[0], full_output=True
         )
-        if refined.fun < nearest.misfit:
-            edge_hz, misfit = float(refined.x * rate_hz), float(refined.fun)
-            nearest = RecorderEstimate(kind=kind, edge_hz=edge_hz, misfit=misfit, n_jumps=n_jumps)
+        if misfit < nearest.misfit:
+            edge_hz = float(edge * rate_hz)
+            nearest = RecorderEstimate(kind=kind, edge_hz=edge_hz, misfit=float(misfit), n_jumps=n_jumps)
         if not NEAR <= nearest.misfit <= FAR:
             break
     return nearest

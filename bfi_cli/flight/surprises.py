@@ -197,12 +197,12 @@ def _weighed(bench: Bench, at_s: float) -> Surprise | None:
         cause=ordinary.cause,
         at_s=at_s,
         gain=ordinary.gain,
-        margin=_margin_of_faults(place, ordinary, state),
+        margin=_margin_errors_worth(place, ordinary, state),
         size=size,
     )
 
 
-def _margin_of_faults(place: Place, ordinary: Ordinary, state: str) -> float:
+def _margin_errors_worth(place: Place, ordinary: Ordinary, state: str) -> float:
     """Return the margin of the best fault over a cause: in its place, and not beside it; 0 where any is as good."""
     if ordinary.lead < LEADS:
         return 0.0  # another cause is as good: it may be no jump of this one's states at all
@@ -249,9 +249,8 @@ def change_gains(bench: Bench) -> ChangeGains:
     sds = {
         name: np.pad(_deviations(bench, jumps), (0, len(faults))) for name, jumps in {"": MANOEUVRE, **causes}.items()
     }
-    wide = np.diag([width_of(name, loads) for name, loads in faults.items()])
-    sds |= {name: np.append(np.zeros(len(model.states)), sd) for name, sd in zip(faults, wide, strict=True)}
-    gains = {name: np.zeros((2, model.n)) for name in sds}
+    widths = np.append(np.zeros(len(model.states)), [width_of(name, loads) for name, loads in faults.items()])
+    gains, errors_worth = {name: np.zeros((2, model.n)) for name in sds}, np.zeros((len(faults), 2, model.n))
     # The stretches between checks run side by side, what follows a jump in one after the other.
     starts = np.array(list(bench.checks))
     ends = np.append(starts[1:], int(np.flatnonzero(model.frame.airborne)[-1]) + 1)
@@ -274,9 +273,10 @@ def change_gains(bench: Bench) -> ChangeGains:
         scores = change_scores(loaded[:n, h], part, transition, after, time_constant=GRADUAL_S)
         for name, sd in sds.items():
             gains[name][:, starts[h] : ends[h]] = scores.jump.gain(sd), scores.gradual.gain(sd)
+        for how, score in enumerate((scores.jump, scores.gradual)):
+            errors_worth[:, how, starts[h] : ends[h]] = score.gains_alone(widths)[:, len(model.states) :].T
         after = None if starts[h] in takeoffs else scores
-    by_fault = {name: gains.pop(name) for name in faults}
-    return ChangeGains(causes=gains, faults=by_fault)
+    return ChangeGains(causes=gains, faults=dict(zip(faults, errors_worth, strict=True)))
 
 
 def _deviations(bench: Bench, jumps: Mapping[str, float]) -> FloatArray:

@@ -366,6 +366,11 @@ class JumpScores:
         solved = np.linalg.solve(S, r[..., None])[..., 0]
         return np.asarray(0.5 * np.sum(r * solved, axis=1) - 0.5 * np.linalg.slogdet(S)[1])
 
+    def gains_alone(self, sd: FloatArray) -> FloatArray:
+        """Return (n_samples, n_x) what `gain` does for a change of each state alone."""
+        r, S = self.r * sd, 1.0 + np.diagonal(self.N, axis1=1, axis2=2) * sd**2
+        return np.asarray(0.5 * r * (r / S) - 0.5 * np.log(S))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChangeScores:

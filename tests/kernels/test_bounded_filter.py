@@ -162,6 +162,12 @@ def test_a_jump_is_worth_what_its_variance_gains() -> None:
         assert gains[k] == pytest.approx(jumped - run.log_likelihood[0], rel=1e-9, abs=1e-12)
 
 
+def test_a_change_of_one_state_is_worth_the_same_alone() -> None:
+    jump, sd = _change_scores(_stack(), _filtered(_stack())).jump, np.array([0.8, 0.3, 1.5, 0.1])
+    each = np.stack([jump.gain(alone) for alone in np.diag(sd)], axis=1)
+    np.testing.assert_allclose(jump.gains_alone(sd), each, rtol=1e-12, atol=1e-14)
+
+
 def test_a_part_that_is_known_not_to_move_is_scored_without_a_filter_of_its_own() -> None:
     """What a jump of it is worth is that of a filter that holds it, with no variance but there."""
     rng, stack = np.random.default_rng(2), _stack()

@@ -113,23 +113,6 @@ class State:
         return self.rates.get(name, self.zeros)
 
 
-@dataclass(frozen=True, slots=True)
-class Following:
-    """What is concluded from how a reading moves through a flight, beside what is expected, each in parts of it.
-
-    Attributes
-    ----------
-    residual : of the parity scan that compares the same channels.
-    accuses : the channels that may be wrong where it fails, the likeliest first; confirms : those that are right where
-        it holds; words : what it holds them against.
-    """
-
-    residual: str
-    accuses: tuple[str, ...]
-    confirms: tuple[str, ...]
-    words: str
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class Relation:
     """What a channel should read by others.
@@ -145,7 +128,10 @@ class Relation:
         level alone counts. `tolerance` is None where the motion alone does.
     has_scale : whether it follows one to one; timed : whether it takes the rate of a channel by the time axis.
     worth : what one unit of the reading counts in `unit`, in which parity has it.
-    following : what credibility makes of it, None for nothing.
+    residual : of the parity scan that compares the same channels, "" where credibility makes nothing of how the reading
+        moves through a flight, in parts of it.
+    accuses : the channels that may be wrong where that fails, the likeliest first; confirms : those that are right
+        where it holds; words : what it holds them against.
     """
 
     reading: Make
@@ -160,7 +146,10 @@ class Relation:
     has_scale: bool = True
     timed: bool = False
     worth: tuple[float, str] = (1.0, "")
-    following: Following | None = None
+    residual: str = ""
+    accuses: tuple[str, ...] = ()
+    confirms: tuple[str, ...] = ()
+    words: str = ""
 
     @property
     def lasts(self) -> bool:
@@ -371,8 +360,7 @@ def _air_data() -> Iterator[Relation]:
 def _attitude() -> Iterator[Relation]:
     """Yield what attitude, climb, vane and accelerations say of each other; a vane is mounted within a degree."""
     for source in ("altitude_rate", "altitude"):
-        confirms = ("aoa", "pitch", "altitude_rate")
-        climb = Following("climb", (*confirms, AIRSPEED), confirms, "pitch minus flight path")
+        follows = ("aoa", "pitch", "altitude_rate")
         yield Relation(
             _value("aoa"),
             partial(vane, source=source),
@@ -381,9 +369,11 @@ def _attitude() -> Iterator[Relation]:
             tolerance=1.25 * DEGREE,
             least=1.5 * DEGREE,
             timed=source == "altitude",
-            following=climb if source == "altitude_rate" else None,
+            residual="climb" if source == "altitude_rate" else "",
+            accuses=(*follows, AIRSPEED),
+            confirms=follows,
+            words="pitch minus flight path",
         )
-    lift = Following("lift", ("aoa", "normal_acc", AIRSPEED), ("aoa", AIRSPEED), "the lift per impact pressure")
     for name in ("cas", "tas", "q_impact"):
         yield Relation(
             _value("aoa"),
@@ -391,7 +381,10 @@ def _attitude() -> Iterator[Relation]:
             needs=("aoa", "normal_acc", name),
             least=0.7 * DEGREE,
             has_scale=False,
-            following=lift if name == "q_impact" else None,
+            residual="lift" if name == "q_impact" else "",
+            accuses=("aoa", "normal_acc", AIRSPEED),
+            confirms=("aoa", AIRSPEED),
+            words="the lift per impact pressure",
         )
     accelerations = ("normal_acc", "altitude_rate")
     yield Relation(
@@ -401,7 +394,10 @@ def _attitude() -> Iterator[Relation]:
         beside=("altitude_rate", "longitudinal_acc"),
         tolerance=0.6,
         least=0.4,
-        following=Following("load", accelerations, accelerations, "the climb and the bank"),
+        residual="load",
+        accuses=accelerations,
+        confirms=accelerations,
+        words="the climb and the bank",
     )
     ahead = ("longitudinal_acc", "pitch", AIRSPEED)
     yield Relation(
@@ -412,7 +408,10 @@ def _attitude() -> Iterator[Relation]:
         tolerance=0.5,
         least=0.25,
         timed=True,
-        following=Following("kinematics", ahead, ahead, "the airspeed's rate and the pitch"),
+        residual="kinematics",
+        accuses=ahead,
+        confirms=ahead,
+        words="the airspeed's rate and the pitch",
     )
 
 
@@ -450,7 +449,7 @@ def _over_ground() -> Iterator[Relation]:
     north = ("velocity_north", "velocity_east")
     in_wind = partial(Relation, tolerance=15.0, share=0.35)
     speeds = ("ground_speed", AIRSPEED)
-    steady = Following("ground_speed", speeds, speeds, "the airspeed in a steady wind")
+    by_ground = partial(in_wind, _ground, accuses=speeds, confirms=speeds, words="the airspeed in a steady wind")
     # At 11 km a true airspeed is 1.7 times the calibrated one: without a height none is made of it.
     airspeeds: list[tuple[tuple[str, ...], Make]] = [(("tas",), _value("tas"))]
     for name, static in product(("cas", "ias"), ("altitude", "p_static", "gps_altitude")):
@@ -458,9 +457,8 @@ def _over_ground() -> Iterator[Relation]:
     for needs, airspeed in airspeeds:
         beside = () if needs == ("tas",) else ("sat", "tat")
         yield in_wind(_value("ground_speed"), airspeed, needs=("ground_speed", *needs), beside=beside)
-        yield in_wind(
-            _ground, airspeed, needs=(*north, *needs), beside=beside, following=steady if needs == ("tas",) else None
-        )
+        residual = "ground_speed" if needs == ("tas",) else ""
+        yield by_ground(airspeed, needs=(*north, *needs), beside=beside, residual=residual)
     yield Relation(_value("ground_speed"), _ground, needs=("ground_speed", *north), tolerance=1.0, share=0.05)
     moved = partial(Relation, expected=_moved, tolerance=3.0, share=0.1, timed=True)
     yield moved(_value("ground_speed"), needs=("ground_speed", "latitude", "longitude"))

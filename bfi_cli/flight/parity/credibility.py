@@ -16,7 +16,7 @@ import numpy as np
 
 from ...airdata import EARTH_RADIUS, G
 from ...airdata import relations as table
-from ...airdata.relations import AIRSPEED, LARGEST_SCALE, LEAST_CORRELATION, Following, Relation, State
+from ...airdata.relations import AIRSPEED, LARGEST_SCALE, LEAST_CORRELATION, Relation, State
 from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.phases import Phase
@@ -66,7 +66,6 @@ class Agreement:
     """
 
     relation: Relation
-    following: Following
     moments: FloatArray
     gusts: float
 
@@ -159,15 +158,13 @@ def agreements(record: Record, phases: Sequence[Phase], *, without: Sequence[Win
     used = within(record.time_s, stretches) & ~within(record.time_s, (*moved, *without))
     state = record.state
     return tuple(
-        _agreement(row, row.following, state, used, stretches)
+        _agreement(row, state, used, stretches)
         for row in table.RELATIONS
-        if row.following and {*row.needs, *(name for name in row.beside if name not in SLIGHT)} <= state.values.keys()
+        if row.residual and {*row.needs, *(name for name in row.beside if name not in SLIGHT)} <= state.values.keys()
     )
 
 
-def _agreement(
-    relation: Relation, following: Following, state: State, used: BoolArray, stretches: Sequence[Window]
-) -> Agreement:
+def _agreement(relation: Relation, state: State, used: BoolArray, stretches: Sequence[Window]) -> Agreement:
     speeds = state.values["tas"][used] if "tas" in state.values else np.empty(0)
     # An airspeed that is lost for most of the flight tells no speed either.
     speed = float(np.nanmedian(speeds)) if np.isfinite(speeds).any() else 0.0
@@ -192,8 +189,8 @@ def _agreement(
             x, y = (both - design @ np.linalg.lstsq(design, both, rcond=None)[0]).T
             if x @ x >= n * (MOVES * least) ** 2:
                 moments.append((x @ x / n, x @ y / n, y @ y / n))
-    gusts = GUSTS / speed if following.residual == "climb" else 0.0
-    return Agreement(relation=relation, following=following, moments=np.array(moments).reshape(-1, 3), gusts=gusts)
+    gusts = GUSTS / speed if relation.residual == "climb" else 0.0
+    return Agreement(relation=relation, moments=np.array(moments).reshape(-1, 3), gusts=gusts)
 
 
 def _smoothed(values: FloatArray) -> FloatArray:
@@ -238,8 +235,8 @@ def credibility_of(record: Record, phases: Sequence[Phase], *, without: Sequence
         if not agreement.fails:
             continue
         # The lift says that a vane follows, not in what scale.
-        follows, relation = agreement.correlation >= LEAST_CORRELATION, agreement.following
-        telling = [other.following for other in holding if other.relation.has_scale or not follows]
+        follows, relation = agreement.correlation >= LEAST_CORRELATION, agreement.relation
+        telling = [other.relation for other in holding if other.relation.has_scale or not follows]
         confirmed = {name for other in telling for name in other.confirms}
         left = [name for name in relation.accuses if name not in confirmed]
         if not left:
@@ -273,7 +270,7 @@ def credibility_of(record: Record, phases: Sequence[Phase], *, without: Sequence
 
 def _finding(name: str, rivals: tuple[str, ...], failing: Sequence[Agreement]) -> Implausible:
     words = " and ".join(
-        f"{agreement.following.words} ({f'scale {agreement.scale:.2f}, ' if agreement.relation.has_scale else ''}"
+        f"{agreement.relation.words} ({f'scale {agreement.scale:.2f}, ' if agreement.relation.has_scale else ''}"
         f"correlation {agreement.correlation:.2f})"
         for agreement in failing
     )

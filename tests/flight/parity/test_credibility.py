@@ -67,7 +67,7 @@ def test_the_angle_that_attitude_and_climb_tell_is_that_of_the_climb_angle():
 
 def test_every_channel_of_a_healthy_flight_is_what_the_others_say():
     record = drone()
-    every = {one.following.residual: one for one in agreements(record, FLIGHT)}
+    every = {one.relation.residual: one for one in agreements(record, FLIGHT)}
     assert set(every) == {"climb", "lift", "load", "kinematics", "ground_speed"}
     for one in every.values():
         assert one.holds
@@ -144,7 +144,7 @@ def test_moderate_gusts_turn_the_air_by_their_share_of_the_airspeed(gusts_m_s: f
     climb = gusts_m_s / seen * np.sqrt(2.0) * np.sin(2.0 * np.pi * T / period_s)
     level = {name: np.zeros(N) for name in ("pitch", "roll", "aoa")}
     resting = with_channel(record, tas=np.full(N, 16.0), altitude_rate=climb, **level)
-    (agreement,) = [other for other in agreements(resting, FLIGHT) if other.following.residual == "climb"]
+    (agreement,) = [other for other in agreements(resting, FLIGHT) if other.relation.residual == "climb"]
     assert agreement.by_gusts is hide
 
 

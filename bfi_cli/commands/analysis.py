@@ -216,9 +216,7 @@ def _with_reason(content_in: Callable[[Units], ReportContent], why: str, units: 
     content = content_in(units)
     if content.screen is None:
         return content
-    headline = content.screen.headline
-    headline = replace(headline, text=f"{headline.text}; --strict: {why}")
-    return content.headed(replace(content.screen, headline=headline))
+    return content.headed(replace(content.screen, text=f"{content.screen.text}; --strict: {why}"))
 
 
 def log_of(path: str, config: Config) -> FlightLog:

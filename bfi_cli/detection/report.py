@@ -31,7 +31,7 @@ CAPTION = (
 
 def detect_document(result: DetectResult, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi detect --json`; numbers that are not finite are None."""
-    body = to_plain(result) | {"headline": to_plain(detect_screen(result).headline)}
+    body = to_plain(result) | {"headline": detect_screen(result).headline}
     body["series"] = {"time_s": body.pop("time_s"), "channels": body["series"]}
     return document_of("detect", body, result.notes, provenance)
 

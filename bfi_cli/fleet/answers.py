@@ -71,19 +71,18 @@ def answer_of_diagnosis(document: Mapping[str, Any], content: ReportContent) -> 
     states = [event["state"] for event in events]
     screen = content.screen
     assert screen is not None
-    headline = screen.headline
     hidden = next((f"{label.lower()}: {parts[0]}" for label, parts in screen.lines.items() if label in HIDES), "")
     named = next(iter([*events, *deviations]), {})
     return {
-        "rank": RANKS[headline.state],
+        "rank": RANKS[screen.state],
         "decision": document["decision"],
-        "state": headline.state,
-        "summary": headline.text,
+        "state": screen.state,
+        "summary": screen.text,
         "hidden": hidden,
         "flight": {
             **_span(document),
             "decision": document["decision"],
-            "state": headline.state,
+            "state": screen.state,
             **{kind: document["verdicts"].get(kind) for kind in ("abrupt", "oscillating", "slow")},
             "declared": states.count("declared"),
             "suspected": states.count("suspected"),

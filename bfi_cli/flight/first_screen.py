@@ -59,23 +59,23 @@ def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
     ]
     first = next(iter([*declared, *suspected, *small]), None)
     if first is None:
-        headline = _quiet_headline(result, units)
+        state, channel, text = _quiet_headline(result, units)
     else:
-        state: State = "fault" if declared else "suspected" if suspected else "deviation"
-        text, doubt = event_in_words(first, units), ""
+        state = "fault" if declared else "suspected" if suspected else "deviation"
+        channel, text = channel_of(first.fault), event_in_words(first, units)
         if state == "suspected" and first.note:
-            doubt = f": {units.sentence(first.note)}"
+            text += f": {units.sentence(first.note)}"
         if state == "deviation":
-            doubt = f", within its tolerance{_tolerance_of(first, result.limits, units)}"
-        headline = Headline(state=state, channel=channel_of(first.fault), text=f"{text}{doubt}")
-    bounds = _bounds_in_words(result, units, headline.state)
-    seen = [*bounds.pop("Would have been found", ()), *_steps_in_words(result, units, headline.state)]
+            text += f", within its tolerance{_tolerance_of(first, result.limits, units)}"
+    bounds = _bounds_in_words(result, units, state)
+    seen = [*bounds.pop("Would have been found", ()), *_steps_in_words(result, units, state)]
     seen = [*(["; ".join(seen)] if seen else []), *proof_in_words(result.proved, units)]
     notes = note_lines(result.notes, units)
-    wrong = first.channels if first is not None and headline.state == "fault" else ()
+    wrong = first.channels if first is not None and state == "fault" else ()
     return Screen(
-        headline=headline,
-        name="",
+        state=state,
+        channel=channel,
+        text=text,
         lines=lines_of(
             {
                 "Wrong from then on": [", ".join(map(channel_in_words, wrong))] if len(wrong) > 1 else [],
@@ -110,11 +110,11 @@ def _quiet_headline(result: DiagnoseResult, units: Units) -> Headline:
     span = f"{instant(round(result.log.start_s))} to {instant(round(result.log.stop_s))} s"
     if is_quiet(result):
         part = "from take-off to landing" if {"take-off", "landing"} <= phases else f"from {span}"
-        return Headline(state="no_fault_found", channel="", text=part)
+        return "no_fault_found", "", part
     worst = _worst(result.limits)
     if worst is None:
-        return Headline(state="cannot_tell", channel="", text=f"nothing in the log bounds an airspeed from {span}")
-    return Headline(state="cannot_tell", channel=worst.channel, text=f"most of {span} could not be checked")
+        return "cannot_tell", "", f"nothing in the log bounds an airspeed from {span}"
+    return "cannot_tell", worst.channel, f"most of {span} could not be checked"
 
 
 def _worst(limits: Sequence[FlightLimit], *, seen: bool = False) -> FlightLimit | None:

@@ -48,7 +48,7 @@ LIMITS = (
 
 def diagnose_document(result: DiagnoseResult, provenance: Provenance) -> dict[str, Any]:
     """Return the document of `bfi diagnose --json`; numbers that are not finite are None."""
-    body = to_plain(result) | {"headline": to_plain(diagnose_screen(result).headline)}
+    body = to_plain(result) | {"headline": diagnose_screen(result).headline}
     if not result.proved:
         del body["proved"]
     series = {key: body.pop(key) for key in SERIES}

@@ -332,9 +332,9 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
     body = {
         "log": whole["log"],
         "decision": whole["decision"],
-        "headline": to_plain(
-            window_screen(result, channel_units={output.channel: output.unit for output in result.outputs}).headline
-        ),
+        "headline": window_screen(
+            result, channel_units={output.channel: output.unit for output in result.outputs}
+        ).headline,
         "verdicts": whole["verdicts"],
         "summary": whole["summary"],
         "plausibility": whole["plausibility"],

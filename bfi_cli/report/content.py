@@ -231,7 +231,7 @@ class ReportContent:
 
     def headed(self, screen: Screen) -> ReportContent:
         """Return the report with its first screen, which gives heading and verdict."""
-        return replace(self, heading=screen.headline.head, verdict=screen.headline.text, screen=screen)
+        return replace(self, heading=screen.head, verdict=screen.text, screen=screen)
 
 
 def notes_of(document: Mapping[str, Any], units: Units = SI) -> tuple[Note, ...]:

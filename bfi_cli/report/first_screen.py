@@ -21,6 +21,7 @@ from ..quantities.channels import STANDARD, Conversion, channel_in_words
 from ..quantities.text import SI, Units, capital, change, duration, instant, interval, number, with_unit
 
 State = Literal["fault", "deviation", "suspected", "no_fault_found", "cannot_tell"]
+Headline = tuple[State, str, str]  # state, channel and text of a screen
 Label = Literal[
     "Wrong from then on",
     "Also",
@@ -44,51 +45,45 @@ NOUNS: Mapping[Kind, tuple[str, str]] = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Headline:
-    """The first line of an answer.
+class Screen:
+    """The first screen of an answer.
 
     Attributes
     ----------
     state : "deviation" is an error that surely lies within its tolerance.
     channel : that is wrong, "" where it is none, or not one.
     text : what is wrong, how far, from when, and 95 % intervals; without a full stop.
+    name : of the entry of a dictionary that this is about, "" for none.
+    lines : the parts of each by its label, in their order, none without parts; those parts are shown that fit in a row,
+        the first of them always.
     """
 
     state: State
     channel: str
     text: str
+    lines: Mapping[Label, tuple[str, ...]]
+    name: str = ""
 
     @property
     def head(self) -> str:
         """The state in words, "No fault found"."""
         return capital(self.state.replace("_", " "))
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Screen:
-    """The first screen of an answer.
-
-    Attributes
-    ----------
-    name : of the entry of a dictionary that the headline is about, "" for none.
-    lines : the parts of each by its label, in their order, none without parts; those parts are shown that fit in a row,
-        the first of them always.
-    """
-
-    headline: Headline
-    name: str
-    lines: Mapping[Label, tuple[str, ...]]
-
     @property
     def first(self) -> str:
         """The first line, "FAULT  true airspeed reads 4.00 m/s too high from 13.8 s"."""
         name = f"     {shortened(self.name, NAME_LETTERS)}" if self.name else ""
-        return f"{self.headline.head.upper()}  {self.headline.text}{name}"
+        return f"{self.head.upper()}  {self.text}{name}"
+
+    @property
+    def headline(self) -> dict[str, str]:
+        """That line as documents have it."""
+        return {"state": self.state, "channel": self.channel, "text": self.text}
 
     def with_sentences(self, change: Callable[[str], str]) -> Screen:
         """Return the screen with its sentences changed."""
         lines = {label: tuple(map(change, parts)) for label, parts in self.lines.items()}
-        return replace(self, headline=replace(self.headline, text=change(self.headline.text)), lines=lines)
+        return replace(self, text=change(self.text), lines=lines)
 
 
 def lines_of(parts: Mapping[Label, Iterable[str]]) -> dict[Label, tuple[str, ...]]:
@@ -304,13 +299,16 @@ def screen_of(
     suspects = [suspect_in_words(candidate) for candidate in answer.candidates if candidate.state == "suspected"]
     claims, notes = candidate_lines(answer.candidates, units), note_lines(answer.notes, units)
     if declared:
-        headline = Headline(state="fault", channel=channel, text=declared[0])
+        headline: Headline = ("fault", channel, declared[0])
     else:
         headline = undeclared(answer.decision, answer.candidates, suspects, claims, units)
+    state, channel, text = headline
     also = [*declared[1:], *(f"suspected: {suspect}" for suspect in suspects[0 if declared else 1 :])]
     lines: dict[Label, Iterable[str]] = {"Also": also, **claims, "Would have been found": proved, **notes}
     return Screen(
-        headline=headline,
+        state=state,
+        channel=channel,
+        text=text,
         name=name,
         lines=lines_of({**lines, "To decide": [*commands, *notes["To decide"]]}),
     )
@@ -354,8 +352,9 @@ def contradiction(findings: Sequence[Implausible], notes: Sequence[Note], units:
     first, *others = to_state
     lines = note_lines(notes, units)
     return Screen(
-        headline=Headline(state="cannot_tell", channel=next(iter(first.channels), ""), text=first.text),
-        name="",
+        state="cannot_tell",
+        channel=next(iter(first.channels), ""),
+        text=first.text,
         lines=lines_of(
             {
                 "Also": [finding.text for finding in others],
@@ -375,15 +374,15 @@ def undeclared(
 ) -> Headline:
     """Return the headline of a window in which nothing is declared, and take what it says out of the claims."""
     if decision == "fault":  # of a method that says that there is one, and no more
-        return Headline(state="fault", channel="", text="the method raises an alarm and names no fault")
+        return "fault", "", "the method raises an alarm and names no fault"
     if suspects:
         first = next(candidate for candidate in candidates if candidate.state == "suspected")
-        return Headline(state="suspected", channel=first.channel, text=suspects[0])
+        return "suspected", first.channel, suspects[0]
     if decision == "no_fault":
-        return Headline(state="no_fault_found", channel="", text="in this window")
+        return "no_fault_found", "", "in this window"
     not_seen = [candidate for candidate in candidates if candidate.state == "not_seen"]
     if not not_seen:
-        return Headline(state="cannot_tell", channel="", text="not every kind of fault could be checked")
+        return "cannot_tell", "", "not every kind of fault could be checked"
     worst = max(not_seen, key=lambda candidate: beside_tolerance(candidate.limit, candidate.tolerance))
     several = len({candidate.channel for candidate in candidates if candidate.kind == worst.kind}) > 1
     nouns = NOUNS[worst.kind][1] + (f" of {channel_in_words(worst.channel)}" if several else "")
@@ -394,7 +393,7 @@ def undeclared(
     kinds = [kind for kind in KINDS if any(candidate.kind == kind for candidate in not_seen)]
     rest = [text for kind, text in zip(kinds, claims["Still possible"], strict=True) if kind != worst.kind]
     claims["Still possible"] = rest
-    return Headline(state="cannot_tell", channel=worst.channel, text=f"{nouns} of {size} could hide{allowed}")
+    return "cannot_tell", worst.channel, f"{nouns} of {size} could hide{allowed}"
 
 
 def note_lines(notes: Sequence[Note], units: Units) -> dict[Label, list[str]]:

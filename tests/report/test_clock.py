@@ -13,7 +13,7 @@ from bfi_cli.notes import Note
 from bfi_cli.report.clock import with_clock
 from bfi_cli.report.content import Drawing, Panel, ReportContent, Table
 from bfi_cli.report.figures import draw
-from bfi_cli.report.first_screen import Headline, Screen
+from bfi_cli.report.first_screen import Screen
 
 START_S = 47_920.0
 ROWS = (("ground", "48000", "48100", "x"), ("turn", "50000.5", "-", "y"))
@@ -105,15 +105,16 @@ def test_sentences_of_an_axis_since_1970_have_clock_times(sentence: str, expecte
         verdict=sentence,
         notes=(Note.limit(sentence),),
         screen=Screen(
-            headline=Headline(state="fault", channel="tas", text=sentence),
-            name="",
+            state="fault",
+            channel="tas",
+            text=sentence,
             lines={"Also": (sentence,)},
         ),
     )
     epoch = Epoch(since_1970_s=0.0, is_utc=True).iso
     made = with_clock(content, epoch, start_s=1_721_484_000.0, stop_s=1_721_484_031.7)
     assert made.screen is not None
-    assert {made.verdict, made.notes[0].text, made.screen.headline.text, *made.screen.lines["Also"]} == {expected}
+    assert {made.verdict, made.notes[0].text, made.screen.text, *made.screen.lines["Also"]} == {expected}
     of_a_day = with_clock(content, "2024-07-20T00:00:00Z", start_s=50_400.0, stop_s=50_431.7)
     assert of_a_day.verdict == sentence
 

@@ -55,14 +55,12 @@ def test_a_stored_answer_is_one_screen(path: Path):
     stored = {"schema": SCHEMA, "provenance": to_plain(provenance(log_sha256=""))}
     document = json.loads(path.read_text("utf-8"))["document"] | stored
     made = screen_of(document)
-    content = ReportContent(
-        category="", title="", heading=made.headline.head, verdict=made.headline.text, tone=None, screen=made
-    )
+    content = ReportContent(category="", title="", heading=made.head, verdict=made.text, tone=None, screen=made)
     lines = screen(content, 100)
     check_screen(lines, content)
-    assert made.headline.text == document["headline"]["text"]
-    assert (made.headline.state == "fault") == (document["decision"] == "fault")
-    assert not made.headline.text.endswith(".")
+    assert made.text == document["headline"]["text"]
+    assert (made.state == "fault") == (document["decision"] == "fault")
+    assert not made.text.endswith(".")
 
 
 def stored_flight(name: str, **changes: Any) -> Screen:
@@ -72,20 +70,20 @@ def stored_flight(name: str, **changes: Any) -> Screen:
 
 def test_the_state_of_a_flight_is_that_of_the_largest_that_it_shows():
     nothing = {"events": lambda _: [], "decision": lambda _: "inconclusive"}
-    assert stored_flight("drift").headline.state == "fault"
+    assert stored_flight("drift").state == "fault"
     suspected = stored_flight(
         "drift",
         events=lambda one: [{**one["events"][0], "state": "suspected", "note": "rough air"}],
         decision=lambda _: "inconclusive",
     )
-    assert suspected.headline.state == "suspected"
-    assert suspected.headline.text.endswith(": rough air")
+    assert suspected.state == "suspected"
+    assert suspected.text.endswith(": rough air")
     small = stored_flight("drift", **nothing, deviations=lambda one: one["events"])
-    assert (small.headline.state, small.headline.channel) == ("deviation", "tas")
-    assert ", within its tolerance of 3.3 m/s" in small.headline.text
-    assert stored_flight("healthy").headline.state == "no_fault_found"
-    assert stored_flight("ulog").headline.state == "deviation"
-    assert stored_flight("ulog", deviations=lambda _: []).headline.state == "cannot_tell"
+    assert (small.state, small.channel) == ("deviation", "tas")
+    assert ", within its tolerance of 3.3 m/s" in small.text
+    assert stored_flight("healthy").state == "no_fault_found"
+    assert stored_flight("ulog").state == "deviation"
+    assert stored_flight("ulog", deviations=lambda _: []).state == "cannot_tell"
 
 
 def test_a_blocked_line_names_what_is_wrong_and_what_to_look_at():

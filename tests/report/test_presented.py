@@ -32,7 +32,7 @@ def test_a_result_prints_its_first_screen(result: Presented):
     screen = result.report().screen
     assert screen is not None
     lines = repr(result).splitlines()
-    assert lines[0].startswith(screen.headline.head.upper())
+    assert lines[0].startswith(screen.head.upper())
     assert len(lines) <= 12
     assert all(len(line) <= 100 for line in lines)
     page = result._repr_html_()

@@ -45,7 +45,7 @@ def test_a_large_answer_is_one_screen(width: int):
     ],
 )
 def test_the_headline(made, state: str, channel: str, text: str):
-    headline = identify_content(made()).screen.headline
+    headline = identify_content(made()).screen
     assert (headline.state, headline.channel) == (state, channel)
     assert headline.text.startswith(text)
 

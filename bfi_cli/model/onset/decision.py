@@ -75,24 +75,6 @@ class CalibrationUse:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Verdict:
-    """The decision on a scan.
-
-    Attributes
-    ----------
-    shape : that stands out most; statistic, threshold : of this shape.
-    p_value : of the largest standardised statistic, None where the null distribution is that of other settings.
-    significant : peaks above their thresholds, the likeliest first; empty where there is no fault.
-    """
-
-    shape: str
-    statistic: float
-    threshold: float
-    p_value: float | None
-    significant: tuple[Peak, ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rule:
     """A null distribution, and the rate of false alarms at which it decides.
 
@@ -109,19 +91,16 @@ class Rule:
     notes: tuple[Note, ...]
     counted: Null
 
-    def verdict(self, scan: HypothesisScan) -> Verdict:
-        """Decide at the wanted rate of false alarms."""
-        peaks = {shape: scan.of(shape) for shape in self.shapes}
-        standardised = {shape: self.null.standardised(shape, peak.statistic) for shape, peak in peaks.items()}
-        top = max(standardised, key=lambda shape: standardised[shape])
-        beyond = [peak for shape, peak in peaks.items() if peak.statistic > self.threshold(shape)]
-        return Verdict(
-            shape=top,
-            statistic=peaks[top].statistic,
-            threshold=self.threshold(top),
-            p_value=self.null.p_value(standardised[top]) if self.use.matches else None,
-            significant=tuple(sorted(beyond, key=bic_change)),
-        )
+    def significant(self, scan: HypothesisScan) -> list[Peak]:
+        """Return the peaks above their thresholds, the likeliest first; none where there is no fault."""
+        peaks = (scan.of(shape) for shape in self.shapes)
+        return sorted((peak for peak in peaks if peak.statistic > self.threshold(peak.form.shape)), key=bic_change)
+
+    def highest(self, scan: HypothesisScan) -> tuple[Peak, float | None]:
+        """Return the peak that stands out most, and the p-value of that; None where the table is of other settings."""
+        standardised = {shape: self.null.standardised(shape, scan.of(shape).statistic) for shape in self.shapes}
+        shape = max(standardised, key=lambda shape: standardised[shape])
+        return scan.of(shape), self.null.p_value(standardised[shape]) if self.use.matches else None
 
     def threshold(self, shape: str) -> float:
         """Return the statistic of a shape above which it is a fault; lags and ramps show as steps."""

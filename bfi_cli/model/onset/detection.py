@@ -24,7 +24,7 @@ from ...threads import one_thread
 from ..preprocessing.defaults import manoeuvres_of, tolerances_of, what_would_help
 from ..preprocessing.window import with_inputs_of
 from .claims import claims_near_onsets, claims_of, covered_s
-from .decision import Rule, Verdict, rule_for
+from .decision import Rule, rule_for
 from .estimate import Estimate, declared_faults, estimate, measure, subtract_faults, unit_signals
 from .rivals import known_faults, rivals_of, scans_beside, unconfirmed, with_rivals
 from .scan import HypothesisScan, Peak, bic_change, lasting_peak, scan_hypotheses, scan_hypothesis, scan_of
@@ -168,12 +168,13 @@ def search_onsets(
             report=limiting,
         )
         limits_report(1.0)
-    verdict = estimates[0].verdict if estimates else None
-    verdict = verdict or rule.verdict(first)
+    highest, p_value = rule.highest(first)
+    if estimates and estimates[0].highest is not None:
+        highest, p_value = estimates[0].highest, estimates[0].p_value
     faults, covered = declared_faults(record, estimates, tolerances), covered_s(record, order)
-    notes = [*(Note.limit(why) for _, why in doubted), *rule.notes, *_notes(record, faults, rule, verdict)]
+    notes = [*(Note.limit(why) for _, why in doubted), *rule.notes, *_notes(record, faults, rule, p_value)]
     if not estimates and not rule.use.matches:
-        notes.append(_strongest_suspect(record, first.of(verdict.shape), verdict))
+        notes.append(_strongest_suspect(record, highest, rule.threshold(highest.form.shape)))
     return OnsetSearch(
         method="scan",
         record=record,
@@ -183,7 +184,8 @@ def search_onsets(
         order=order,
         series_order=first.fault_free_order,
         rule=rule,
-        verdict=verdict,
+        highest=highest,
+        p_value=p_value,
         covered_s=covered,
         entry_claims=entry_claims,
         rivals=frozenset((shape, config.outputs[output]) for shape, output in rivals_of(declared)),
@@ -226,13 +228,15 @@ def detect_sequentially(
     """
     faults: list[Estimate] = []
     y, last = record.y, first
-    while len(faults) < MOST_FAULTS and (verdict := rule.verdict(last)).significant:
-        if _begins_with_another(record, verdict.significant[0], faults):
+    while len(faults) < MOST_FAULTS and (significant := rule.significant(last)):
+        if _begins_with_another(record, significant[0], faults):
             break
         n = len(faults) + 1
         report = partial(progress, f"fault {n}")
         measuring, again = shares(report, 1, n - 1)
-        faults.append(estimate_likeliest(record, y, verdict, last.order, measuring))
+        highest, p_value = rule.highest(last)
+        fault = estimate_likeliest(record, y, significant, last.order, measuring)
+        faults.append(replace(fault, highest=highest, p_value=p_value))
         if n > 1:
             faults = refine_jointly(record, faults, last.order, again)
         report(1.0)
@@ -256,7 +260,9 @@ def _begins_with_another(record: ScanRecord, peak: Peak, faults: Sequence[Estima
     )
 
 
-def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int, report: Report) -> Estimate:
+def estimate_likeliest(
+    record: ScanRecord, y: FloatArray, significant: Sequence[Peak], order: int, report: Report
+) -> Estimate:
     """Return the fault of the likeliest kind that what stands out may be.
 
     The shapes above their thresholds compete with the lags and ramps that show as steps, and with an oscillation whose
@@ -267,7 +273,7 @@ def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, orde
     log_n = float(np.log(len(y) - order))
     steps_report, rivals_report = shares(report, 1, 3)
     peaks = sorted(
-        [*verdict.significant, *_rival_peaks(record, y, verdict, order)],
+        [*significant, *_rival_peaks(record, y, significant, order)],
         key=lambda peak: (peak.form.shape != "bias", bic_change(peak)),
     )
     criteria: list[tuple[float, Estimate]] = []
@@ -292,12 +298,12 @@ def estimate_likeliest(record: ScanRecord, y: FloatArray, verdict: Verdict, orde
     best = min(alike, key=lambda fault: (fault.form.parameter is not None, -fault.statistic))
     best = _with_likeliest_constant(record, y, best, order)
     among = tuple(dict.fromkeys((best.form.shape, *(fault.form.shape for fault in alike))))
-    return replace(best, among=among, verdict=verdict)
+    return replace(best, among=among)
 
 
-def _rival_peaks(record: ScanRecord, y: FloatArray, verdict: Verdict, order: int) -> list[Peak]:
+def _rival_peaks(record: ScanRecord, y: FloatArray, significant: Sequence[Peak], order: int) -> list[Peak]:
     """Return the best lag and the best ramp on every output on which anything stands out."""
-    outputs = {peak.form.output for peak in verdict.significant}
+    outputs = {peak.form.output for peak in significant}
     peaks: dict[tuple[str, int], list[Peak]] = {}
     for form in record.rivals:
         if form.output in outputs:
@@ -369,7 +375,7 @@ def reestimate(record: ScanRecord, faults: list[Estimate], i: int, order: int, r
     scanning, measuring = shares(report, 1, 2)
     peak = scan_hypothesis(record, scan_of(record, y, order, output=form.output), form, scanning)
     again = estimate(record, y, peak, order=order, dispersion=dispersion, report=measuring)
-    return replace(again, among=faults[i].among, verdict=faults[i].verdict)
+    return replace(again, among=faults[i].among, highest=faults[i].highest, p_value=faults[i].p_value)
 
 
 def eliminate(record: ScanRecord, faults: list[Estimate], order: int, rule: Rule, progress: Progress) -> list[Estimate]:
@@ -405,26 +411,24 @@ def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
     return likelihood.n_rows * likelihood.fault_free.log_det
 
 
-def _strongest_suspect(record: ScanRecord, peak: Peak, verdict: Verdict) -> Note:
+def _strongest_suspect(record: ScanRecord, peak: Peak, threshold: float) -> Note:
     """Return the note on what stands out most, where a table of other settings lets nothing be declared."""
     channel, scale, unit = record.magnitude(peak.form)
     size = f"{scale * float(peak.profile.z[peak.profile.best]):.3g} {unit}".rstrip()
     return Note.limit(
         f"the strongest suspect is a {peak.form.shape} of {size} on {channel} from "
         f"{instant(record.onset_s(peak.onset))} s, statistic {peak.statistic:.3g} against "
-        f"{verdict.threshold:.3g}; a table for these settings (bfi calibrate), or --calibration gaussian, may decide "
+        f"{threshold:.3g}; a table for these settings (bfi calibrate), or --calibration gaussian, may decide "
         "otherwise"
     )
 
 
-def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], rule: Rule, verdict: Verdict) -> list[Note]:
+def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], rule: Rule, p_value: float | None) -> list[Note]:
     """Return notes on p-value and record, and on onsets that are hardly known or beside large moves of the inputs."""
     notes = []
-    if verdict.p_value is not None and verdict.p_value <= rule.null.rarest:
+    if p_value is not None and p_value <= rule.null.rarest:
         n_windows = rule.use.n_windows
-        notes.append(
-            Note.method(f"the p-value is at most {verdict.p_value:.2g}, the least that {n_windows} windows can show")
-        )
+        notes.append(Note.method(f"the p-value is at most {p_value:.2g}, the least that {n_windows} windows can show"))
     notes.append(Note.method(f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate_reason}"))
     notes += [Note.method(record.window.recorder)] if record.window.recorder else []
     changes = np.abs(np.diff(record.u, axis=0))

@@ -34,7 +34,6 @@ from ...kernels.variable_projection import fit_magnitudes
 from ..preprocessing.magnitudes import at_half_rate, estimate_magnitudes, overdispersion
 from ..preprocessing.regression import scored_by
 from ..preprocessing.window import prepare_window, regression_of
-from .decision import Verdict
 from .scan import Peak, lasting_peak, scan_of
 from .scan_record import DECIMALS, ScanRecord
 from .shapes import ShapeHypothesis, SubsampleIndex, fault_of, signal, subsample_index, waveform
@@ -74,7 +73,8 @@ class Estimate:
     frequency_is_known : False for an oscillation whose frequency the record hardly tells, so that other slow shapes
         would explain it as well.
     among : shapes that explain the record about as well, its own first.
-    verdict : by which the scan declared it, None where the method has no test.
+    highest, p_value : the peak that stood out most where the scan declared it, and the p-value of that; None where the
+        method has no test.
     """
 
     form: ShapeHypothesis
@@ -88,7 +88,8 @@ class Estimate:
     statistic: float
     frequency_is_known: bool = True
     among: tuple[Shape, ...] = ()
-    verdict: Verdict | None = None
+    highest: Peak | None = None
+    p_value: float | None = None
 
 
 def as_scanned(record: ScanRecord, peak: Peak) -> Estimate:
@@ -151,7 +152,7 @@ def declared_faults(
                 tolerance=tolerances[channel],
                 onset_ci95=estimate.onset_ci95,
                 statistic=estimate.statistic,
-                p_value=estimate.verdict.p_value if estimate.verdict else None,
+                p_value=estimate.p_value,
                 among=estimate.among,
             )
         )

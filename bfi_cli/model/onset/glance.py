@@ -62,10 +62,10 @@ def glance(log: FlightLog, config: Config) -> Glance | None:
         if not may_exceed(record, record.y, {shape: rule.threshold(shape) for shape in abrupt}):
             return None
         scan = scan_hypotheses(record, record.y)
-        verdict = rule.verdict(scan)
-        if not verdict.significant or verdict.significant[0].form.shape in GROWING:
+        significant = rule.significant(scan)
+        if not significant or significant[0].form.shape in GROWING:
             return None
-        peak = verdict.significant[0]
+        peak = significant[0]
         doubts = unconfirmed(log, record, [as_scanned(record, peak)], config, order=scan.order)
     best = peak.profile.best
     return Glance(
@@ -77,6 +77,6 @@ def glance(log: FlightLog, config: Config) -> Glance | None:
         frequency_hz=peak.form.frequency_hz,
         statistic=peak.statistic,
         threshold=rule.threshold(peak.form.shape),
-        p_value=verdict.p_value,
+        p_value=rule.highest(scan)[1],
         doubt=doubts.get(0, ""),
     )

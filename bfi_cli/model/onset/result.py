@@ -116,7 +116,7 @@ def onset_result(search: OnsetSearch, conclusion: Conclusion, false_alarm: float
     ----------
     false_alarm : rate at which the sources decide; notes : those of all sources.
     """
-    record, rule, verdict = search.record, search.rule, search.verdict
+    record, rule, highest = search.record, search.rule, search.highest
     log = record.window.log
     statistic = search.estimates[0].statistic if search.estimates else 0.0
     return OnsetResult(
@@ -127,9 +127,9 @@ def onset_result(search: OnsetSearch, conclusion: Conclusion, false_alarm: float
         summary=conclusion.summary,
         covered_s=search.covered_s,
         false_alarm=false_alarm,
-        p_value=verdict.p_value if verdict else None,
-        statistic=verdict.statistic if verdict else statistic,
-        threshold=verdict.threshold if verdict else None,
+        p_value=search.p_value,
+        statistic=highest.statistic if highest else statistic,
+        threshold=rule.threshold(highest.form.shape) if rule and highest else None,
         calibration=rule.use if rule else None,
         faults=conclusion.faults,
         model=search.model,

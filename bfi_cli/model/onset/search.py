@@ -10,7 +10,7 @@ from ...faults import Fault
 from ...faults.shapes import Shape
 from ...quantities.text import instant
 from ..result import ModelSummary, noise_of
-from .decision import Rule, Verdict
+from .decision import Rule
 from .estimate import Estimate, subtract_faults
 from .scan import HypothesisScan, Peak
 from .scan_record import ScanRecord
@@ -25,7 +25,8 @@ class OnsetSearch:
     record : the window; scan : of its outputs as measured.
     estimates : the faults that are subtracted; evidence : these in SI, and what became of every shape.
     order : of the model without the faults; series_order : of that of the outputs as measured, which may hold faults.
-    rule, verdict : what decided; None where the method has no test.
+    rule : that decided; highest, p_value : the peak that stands out most, and the p-value of it. None where the
+        method has no test.
     covered_s : first and last onset for which the claims hold, None where the method makes no claim.
     entry_claims : what became of the entries that were asked for, in their order.
     rivals : shape and channel of what may stand in place of a declared fault.
@@ -39,7 +40,8 @@ class OnsetSearch:
     order: int
     series_order: int
     rule: Rule | None = None
-    verdict: Verdict | None = None
+    highest: Peak | None = None
+    p_value: float | None = None
     covered_s: tuple[float, float] | None = None
     entry_claims: tuple[Candidate, ...] = ()
     rivals: frozenset[tuple[Shape, str]] = frozenset()

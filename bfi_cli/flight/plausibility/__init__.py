@@ -5,7 +5,6 @@ constant over the flight: each relation between channels (`relations`) is held a
 flight, and where one fails throughout, the change of one channel is looked for that lets all of them hold (`search`).
 What begins during a flight (`constancy`) is a fault with an onset, and left to the analyses; a constant error is told
 beside what they find, and is no fault of the flight (`bfi_cli.decision.conclude`).
-beside what they find, and is no fault of the flight (`bfi_cli.decision.conclude`).
 """
 
 from ...decision.implausible import Implausible, in_words

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -240,36 +240,16 @@ def _and(names: Collection[str]) -> str:
     return f"{', '.join(first)} and {last}" if first else last
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scale:
-    """How a parameter enters an airspeed.
-
-    Attributes
-    ----------
-    topic : of the log, from which the airspeed is taken.
-    names : of the parameter, of the first sensor and of the second; of several spellings the log lists one.
-    power : the airspeed is in proportion to the parameter to the power of 1 / power.
-    applied : channels of that topic in which the present value is; in the others it would be 1.
-    """
-
-    topic: str
-    names: tuple[tuple[str, ...], ...]
-    power: int
-    applied: tuple[str, ...]
-
-
-# ArduPilot, AP_Airspeed: sqrt(pressure * ARSPD_RATIO) is the airspeed. PX4, airspeed_selector_main: ASPD_SCALE_1 (of
-# firmware before 1.13 ASPD_SCALE) is calibrated over indicated airspeed, and is in what follows from the calibrated.
-SCALES = (
-    Scale(topic="ARSP", names=(("ARSPD_RATIO",), ("ARSPD2_RATIO",)), power=2, applied=("ias", "cas", "tas")),
-    Scale(
-        topic="airspeed_validated",
-        names=(("ASPD_SCALE_1", "ASPD_SCALE"),),
-        power=1,
-        applied=("cas", "tas"),
-    ),
-    Scale(topic="airspeed", names=(("ASPD_SCALE_1", "ASPD_SCALE"), ("ASPD_SCALE_2",)), power=1, applied=()),
-)
+# By topic of a log, from which an airspeed is taken, how a parameter enters it: its names, of the first sensor and of
+# the second (of several spellings the log lists one); a power, to one over which the airspeed goes with it; and the
+# channels of the topic in which its present value is, which in the others would be 1. ArduPilot, AP_Airspeed:
+# sqrt(pressure * ARSPD_RATIO) is the airspeed. PX4, airspeed_selector_main: ASPD_SCALE_1 (of firmware before 1.13
+# ASPD_SCALE) is calibrated over indicated airspeed, and is in what follows from the calibrated.
+SCALES: Mapping[str, tuple[tuple[tuple[str, ...], ...], int, tuple[str, ...]]] = {
+    "ARSP": ((("ARSPD_RATIO",), ("ARSPD2_RATIO",)), 2, ("ias", "cas", "tas")),
+    "airspeed_validated": ((("ASPD_SCALE_1", "ASPD_SCALE"),), 1, ("cas", "tas")),
+    "airspeed": ((("ASPD_SCALE_1", "ASPD_SCALE"), ("ASPD_SCALE_2",)), 1, ()),
+}
 AIRSPEEDS = ("tas", "cas", "ias")
 DIGITS = 4  # of a setting that is printed: an autopilot's own calibration states as many
 
@@ -291,14 +271,14 @@ def with_setting(log: FlightLog, finding: Implausible, parameters: Mapping[str, 
     """Return a finding about the scale of an airspeed with the parameter that mends it, if it is among `parameters`."""
     (channel,) = finding.channels
     topic, _, _ = log.channels[channel].source.partition(".")
-    for scale in SCALES:
-        if topic != scale.topic and not topic.startswith(f"{scale.topic}_"):
+    for name_of_topic, (spellings, power, applied) in SCALES.items():
+        if topic != name_of_topic and not topic.startswith(f"{name_of_topic}_"):
             continue
-        sensor = 0 if topic == scale.topic else _number(topic.removeprefix(f"{scale.topic}_"))
-        names = scale.names[sensor] if sensor is not None and sensor < len(scale.names) else ()
+        sensor = 0 if topic == name_of_topic else _number(topic.removeprefix(f"{name_of_topic}_"))
+        names = spellings[sensor] if sensor is not None and sensor < len(spellings) else ()
         name = next((name for name in names if name in parameters), None)
         if name is not None:
-            setting = _setting(finding, name, parameters[name], scale, is_applied=channel in scale.applied)
+            setting = _setting(finding, name, parameters[name], power, is_applied=channel in applied)
             return replace(finding, setting=setting, advice=sentence_of_setting(setting))
     return finding
 
@@ -318,11 +298,11 @@ def _is_about_airspeed(finding: Implausible) -> bool:
     )
 
 
-def _setting(finding: Implausible, name: str, present: float, scale: Scale, *, is_applied: bool) -> Setting:
+def _setting(finding: Implausible, name: str, present: float, power: int, *, is_applied: bool) -> Setting:
     factor = present if is_applied else 1.0
 
     def value(by: float) -> float:
-        return float(factor * by**scale.power)
+        return float(factor * by**power)
 
     ends = finding.factor_ci95
     return Setting(

@@ -295,9 +295,9 @@ def _hidden_errors(
     """
     part = flight.record.between(flight.from_s, flight.to_s)
     slopes = {
-        (bound.fault, bound.bounds): np.array(hidden_slopes(bound, starts))
-        for bound in bounds
-        if bound.shape == "drift"
+        (windows[0].fault, windows[0].bounds): np.array(hidden_slopes(windows, starts))
+        for windows in bounds
+        if windows[0].shape == "drift"
     }
     nothing = np.full((2, len(starts)), np.inf)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache, partial
 from typing import Literal
 
@@ -11,12 +11,11 @@ import numpy as np
 
 from ..decision import MOSTLY
 from ..kernels import BoolArray, FloatArray, IntArray
-from ..kernels.runs import runs
 from ..quantities.channels import LARGEST_ERROR, STANDARD, per_second
 from .flight import Flight
 from .judge import REFERENCES, WIDE
 from .looks import Scanned
-from .parity import Bound
+from .parity import Bound, Hidden
 from .parity.lines import METRES
 from .parity.record import STATIC_LEAK, Record
 from .parity.windows import Window, overlaps, within
@@ -37,47 +36,7 @@ UNITS = {"q_impact": "1", "ground_speed": "m/s", STATIC_LEAK: "Pa"}
 EXCEEDED_BY = 2.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Hidden:
-    """What one window leaves unseen of a fault.
-
-    Attributes
-    ----------
-    onsets_s : (n,) that it shows; sizes : (n,) the largest that may begin there unseen, infinite where any may.
-    declared : (n,) those that would be declared with 90 % power.
-    spreads : (n,) what of the sizes its noise makes, whatever it shows: of several windows that with the least counts,
-        since the least of what they show would exclude too much.
-    scale : error on the channel by a fault of size 1, after a second where it grows.
-    tolerance : of the channel in this window, None where it has none.
-    """
-
-    window: Window
-    onsets_s: FloatArray
-    sizes: FloatArray
-    declared: FloatArray
-    spreads: FloatArray
-    scale: float
-    tolerance: float | None
-
-    @property
-    def watched(self) -> list[Window]:
-        """The onsets that it covers; a fault that grew before the first of them shows as one from there on."""
-        return [
-            (float(self.onsets_s[first]) if first else self.window[0], float(self.onsets_s[end - 1]))
-            for first, end in runs(np.isfinite(self.sizes))
-        ]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Bounds:
-    """The windows that bound a fault of a shape."""
-
-    fault: str
-    shape: str
-    channel: str
-    unit: str
-    bounds: Bound
-    windows: tuple[Hidden, ...]
+Bounds = Sequence[Hidden]  # the windows that bound a fault of a shape
 
 
 def bounds_of(
@@ -92,56 +51,37 @@ def bounds_of(
     own after it. A limit of the scan holds at 95 % for a fault of any onset.
     """
     left_out = declared_stretches(events)
-    bounds: dict[tuple[str, str, Bound], tuple[Bounds, list[Hidden]]] = {}
+    bounds: dict[tuple[str, str, Bound], list[Hidden]] = {}
     largest, plausible = cache(partial(_largest_error, flight)), cache(partial(_plausible, flight))
 
-    def offer(
-        kind: Bounds,
-        window: Window,
-        onsets_s: FloatArray,
-        sizes: FloatArray,
-        spreads: FloatArray,
-        declared: FloatArray,
-        scale: float = 1.0,
-    ) -> None:
-        grows, most = kind.shape == "drift", largest(kind.channel, kind.fault)
-        declared = np.maximum(sizes, declared)
-        reached = declared * scale * (window[1] - window[0] if grows else 1.0)
-        declared = np.where(reached <= min(most, plausible(kind.fault)), declared, np.inf)
-        sizes = np.where(sizes * scale * (window[1] - onsets_s if grows else 1.0) <= most, sizes, np.inf)
-        hidden = Hidden(
-            window=window,
-            onsets_s=onsets_s,
-            sizes=sizes,
-            declared=declared,
-            spreads=spreads,
-            scale=scale,
-            tolerance=flight.tolerance(kind.channel, window),
+    def offer(hidden: Hidden) -> None:
+        (from_s, to_s), grows, most = hidden.window, hidden.shape == "drift", largest(hidden.channel, hidden.fault)
+        sizes, declared = hidden.sizes, np.maximum(hidden.sizes, hidden.declared)
+        reached = declared * hidden.scale * (to_s - from_s if grows else 1.0)
+        bounded = replace(
+            hidden,
+            declared=np.where(reached <= min(most, plausible(hidden.fault)), declared, np.inf),
+            sizes=np.where(sizes * hidden.scale * (to_s - hidden.onsets_s if grows else 1.0) <= most, sizes, np.inf),
+            tolerance=flight.tolerance(hidden.channel, hidden.window),
         )
-        bounds.setdefault((kind.fault, kind.shape, kind.bounds), (kind, []))[1].append(hidden)
+        bounds.setdefault((hidden.fault, hidden.shape, hidden.bounds), []).append(bounded)
 
     for scan in scanned:
-        window = scan.window
-        part = flight.record.between(*window)
-        magnitudes = () if overlaps(window, left_out) else scan.magnitude
-        for name in [name for name in magnitudes if name not in scan.lasting]:
-            kind, scale = _drift_of(flight, name, part)
-            # The statistic, which a rougher flight raises, goes with the square of a slope.
-            spreads = EXCEEDED_BY * np.sqrt(scan.rule.scale) * scan.sd[name]
-            sizes = np.abs(scan.magnitude[name]) + spreads
-            declared = scan.declared[name] if _is_weighed(name) else np.full_like(sizes, np.inf)
-            offer(kind, window, scan.onsets_s, sizes, spreads, declared, scale)
+        for name in () if overlaps(scan.window, left_out) else scan.magnitude:
+            if name in scan.lasting:
+                continue
+            part = flight.record.between(*scan.window)
+            hidden = _drift_of(flight, scan, name, part)
+            offer(hidden)
             if name in AIRSPEEDS and name == flight.record.airspeed and "q_impact" not in scan.magnitude:
                 # Where one airspeed stands for the line, what bounds the channel bounds a loss of impact pressure.
-                line, scale = replace(kind, fault=PITOT_LINE, unit="1/s"), 0.5 * _speed(part, name)
-                offer(line, window, scan.onsets_s, sizes / scale, spreads / scale, declared / scale, scale)
+                scale = 0.5 * _speed(part, name)
+                sized = {key: getattr(hidden, key) / scale for key in ("sizes", "spreads", "declared")}
+                offer(replace(hidden, fault=PITOT_LINE, unit="1/s", scale=scale, **sized))
     for window, answer in static:
-        for limit in () if overlaps(window, left_out) else answer.limits:
-            shared = {key: getattr(limit, key) for key in ("fault", "shape", "channel", "unit", "bounds")}
-            kind = Bounds(windows=(), **shared)
-            sizes = np.array(limit.sizes)
-            offer(kind, window, np.array(limit.onsets_s), sizes, sizes, sizes)
-    return tuple(replace(kind, windows=tuple(windows)) for kind, windows in bounds.values())
+        for hidden in () if overlaps(window, left_out) else answer.limits:
+            offer(hidden)
+    return tuple(map(tuple, bounds.values()))
 
 
 def declared_stretches(events: Sequence[Event]) -> list[Window]:
@@ -203,24 +143,25 @@ def _soonest_seen(row: FlightLimit, rows: Sequence[FlightLimit]) -> FlightLimit:
     return replace(row, seen_above=best.seen_above, seen_effect=best.seen_effect, seen_within_s=best.seen_within_s)
 
 
-def hidden_slopes(bound: Bounds, starts: FloatArray) -> tuple[FloatArray, FloatArray]:
+def hidden_slopes(windows: Bounds, starts: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return (n_starts,) the steepest drifts that may begin unseen in the stretches from these times on.
 
     The second are those that a window would declare with 90 % power.
     """
-    if not bound.windows:
+    if not windows:
         return np.full(len(starts), np.inf), np.full(len(starts), np.inf)
-    sizes, declared, spreads, _, _ = _limits_by_window(bound.windows, starts, bound.shape)
+    sizes, declared, spreads, _, _ = _limits_by_window(windows, starts)
     return np.asarray(sizes[np.arange(len(starts)), np.argmin(spreads, axis=1)]), declared.min(axis=1)
 
 
 def limit_courses(flight: Flight, bounds: Sequence[Bounds]) -> tuple[LimitCourse, ...]:
     """Return the limits over time of drifts of every airspeed, and of icing, that the scan of the flight bounds."""
     starts, courses = _stretches(flight), []
-    for bound in bounds:
+    for windows in bounds:
+        bound = windows[0]
         if bound.shape != "drift" or bound.bounds != "error" or bound.fault not in (*AIRSPEEDS, PITOT_LINE):
             continue
-        sizes, _, spreads, _, inside = _limits_by_window(bound.windows, starts, bound.shape)
+        sizes, _, spreads, _, inside = _limits_by_window(windows, starts)
         best = np.argmin(np.where(inside, spreads, np.inf), axis=1)
         slopes = np.where(inside, sizes, np.nan)[np.arange(len(starts)), best]
         known = np.sort(slopes[np.isfinite(slopes)])
@@ -234,11 +175,10 @@ def limit_courses(flight: Flight, bounds: Sequence[Bounds]) -> tuple[LimitCourse
     return tuple(courses)
 
 
-def _rows(flight: Flight, bound: Bounds) -> list[FlightLimit]:
-    windows, starts = sorted(bound.windows, key=lambda hidden: hidden.window[1]), _stretches(flight)
-    if not windows:
-        return []
-    sizes, declared, spreads, reach, inside = _limits_by_window(windows, starts, bound.shape)
+def _rows(flight: Flight, bounds: Bounds) -> list[FlightLimit]:
+    windows, starts = sorted(bounds, key=lambda hidden: hidden.window[1]), _stretches(flight)
+    grows = windows[0].shape == "drift"
+    sizes, declared, spreads, reach, inside = _limits_by_window(windows, starts)
     k = np.flatnonzero(inside.any(axis=1))
     if not k.size:
         return []
@@ -249,7 +189,7 @@ def _rows(flight: Flight, bound: Bounds) -> list[FlightLimit]:
     shares = sizes[at_best] * per_tolerance[at_best]
     order = np.argsort(shares, kind="stable")
     # What is declared may be so by another window than that which excludes most.
-    lengths = np.array([hidden.window[1] - hidden.window[0] if bound.shape == "drift" else 1.0 for hidden in windows])
+    lengths = np.array([hidden.window[1] - hidden.window[0] if grows else 1.0 for hidden in windows])
     errors = np.where(inside, declared, np.inf) * lengths * np.array([hidden.scale for hidden in windows])
     declared_shares = errors / np.array([hidden.tolerance or 1.0 for hidden in windows])
     soonest = np.argmin(declared_shares, axis=1)
@@ -258,7 +198,7 @@ def _rows(flight: Flight, bound: Bounds) -> list[FlightLimit]:
     for holds_in, rank in ((1.0, len(k) - 1), (MOSTLY, int(np.ceil(MOSTLY * len(k))) - 1)):
         at, seen_at = order[rank], by_share[rank]
         hidden, size, seen = windows[best[at]], float(sizes[at, best[at]]), (seen_at, soonest[seen_at])
-        row = _row(flight, bound, hidden, size, size * float(reach[at, best[at]]), hidden.window, holds_in=holds_in)
+        row = _row(flight, hidden, size, size * float(reach[at, best[at]]), hidden.window, holds_in=holds_in)
         if np.isfinite(declared_shares[seen]):
             from_s, to_s = windows[seen[1]].window
             row = replace(
@@ -268,11 +208,11 @@ def _rows(flight: Flight, bound: Bounds) -> list[FlightLimit]:
                 seen_within_s=to_s - from_s,
             )
         rows.append(row)
-    if bound.shape == "drift":
+    if grows:
         size, share, first, last = _grown(sizes, spreads, per_tolerance, best)
         effect = share * (windows[last].tolerance or 1.0)
         span = (float(starts[k[first]]), windows[last].window[1])
-        rows.append(_row(flight, bound, windows[last], size, effect, span, grows_on=True))
+        rows.append(_row(flight, windows[last], size, effect, span, grows_on=True))
     return rows
 
 
@@ -282,7 +222,7 @@ def _stretches(flight: Flight) -> FloatArray:
 
 
 def _limits_by_window(
-    windows: Sequence[Hidden], starts: FloatArray, shape: str
+    windows: Bounds, starts: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, BoolArray]:
     """Return by stretch and window the largest sizes that may begin there, those that are declared, their spreads, and
     the error by size 1.
@@ -312,7 +252,7 @@ def _limits_by_window(
         limits[:, k, j] = np.maximum.reduceat(joined, edges.ravel(), axis=1)[:, ::2]
     sizes, declared, spreads = np.where(last == 0, joined[:, None, begin], limits)
     to_s, scale = (np.array(values) for values in zip(*((h.window[1], h.scale) for h in windows), strict=True))
-    reach = scale * (to_s - starts[:, None] if shape == "drift" else np.ones(last.shape))
+    reach = scale * (to_s - starts[:, None] if windows[0].shape == "drift" else np.ones(last.shape))
     inside = starts[:, None] >= np.array([hidden.window[0] for hidden in windows]) - 1e-6
     return sizes, declared, spreads, reach, inside & np.isfinite(sizes)
 
@@ -345,7 +285,6 @@ def _grown(
 
 def _row(
     flight: Flight,
-    bound: Bounds,
     hidden: Hidden,
     size: float,
     effect: float,
@@ -354,18 +293,18 @@ def _row(
     holds_in: float = 1.0,
     grows_on: bool = False,
 ) -> FlightLimit:
-    any_size = effect > _largest_error(flight, bound.channel, bound.fault)
+    any_size = effect > _largest_error(flight, hidden.channel, hidden.fault)
     return FlightLimit(
-        fault=bound.fault,
-        shape=bound.shape,
-        channel=bound.channel,
-        bounds=bound.bounds,
+        fault=hidden.fault,
+        shape=hidden.shape,
+        channel=hidden.channel,
+        bounds=hidden.bounds,
         holds_in=holds_in,
         grows_on=grows_on,
         excluded_above=None if any_size else size,
-        unit=bound.unit,
+        unit=hidden.unit,
         effect=None if any_size else effect,
-        effect_unit=_unit(flight, bound.channel),
+        effect_unit=_unit(flight, hidden.channel),
         tolerance=hidden.tolerance,
         within_tolerance=not any_size and hidden.tolerance is not None and effect <= hidden.tolerance,
         from_s=span[0],
@@ -389,8 +328,8 @@ def _largest_error(flight: Flight, channel: str, fault: str) -> float:
     return min(largest, share * float(np.median(flown))) if flown.size else largest
 
 
-def _drift_of(flight: Flight, fault: str, part: Record) -> tuple[Bounds, float]:
-    """Return what a hypothesis of the scan is called as a drift, and the error of its channel by 1 after a second.
+def _drift_of(flight: Flight, scan: Scanned, fault: str, part: Record) -> Hidden:
+    """Return what a window of the scan leaves unseen of a hypothesis, a drift of what that is called.
 
     Parameters
     ----------
@@ -404,9 +343,22 @@ def _drift_of(flight: Flight, fault: str, part: Record) -> tuple[Bounds, float]:
     elif fault == STATIC_LEAK:
         channel = "altitude"
         scale = METRES / float(np.nanmedian(part.air.p_static))
-    unit = UNITS.get(fault) or STANDARD[fault].unit
-    kind = Bounds(fault=name, shape="drift", channel=channel, unit=per_second(unit), bounds="error", windows=())
-    return kind, scale
+    # The statistic, which a rougher flight raises, goes with the square of a slope.
+    spreads = EXCEEDED_BY * np.sqrt(scan.rule.scale) * scan.sd[fault]
+    sizes = np.abs(scan.magnitude[fault]) + spreads
+    return Hidden(
+        fault=name,
+        shape="drift",
+        channel=channel,
+        unit=per_second(UNITS.get(fault) or STANDARD[fault].unit),
+        bounds="error",
+        window=scan.window,
+        onsets_s=scan.onsets_s,
+        sizes=sizes,
+        declared=scan.declared[fault] if _is_weighed(fault) else np.full_like(sizes, np.inf),
+        spreads=spreads,
+        scale=scale,
+    )
 
 
 def _speed(part: Record, channel: str) -> float:

@@ -74,11 +74,11 @@ def unwatched_by_scan(
     ----------
     events : that finders proposed; stand : those that were confirmed or are suspected.
     """
-    drifts = [bound for bound in bounds if bound.shape == "drift"]
+    drifts = [hidden for windows in bounds for hidden in windows if hidden.shape == "drift"]
     unbounded: list[tuple[Window, str]] = []
     for name in (PITOT_LINE, *(name for name in AIRSPEEDS if name in flight.recorded)):
-        windows = [hidden for bound in drifts if bound.fault == name for hidden in bound.windows]
-        for piece in left_of(flown_of(flight), union([stretch for hidden in windows for stretch in hidden.watched])):
+        watched = union([stretch for hidden in drifts if hidden.fault == name for stretch in hidden.watched])
+        for piece in left_of(flown_of(flight), watched):
             if piece[1] - piece[0] >= LEAST_S:
                 unbounded.append((piece, "the pitot line" if name == PITOT_LINE else name))
     lasting = [(event.onset_s, np.inf if event.offset_s is None else event.offset_s) for event in stand]

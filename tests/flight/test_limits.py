@@ -16,7 +16,6 @@ from bfi_cli.flight.flight import Flight, flight_of
 from bfi_cli.flight.limits import (
     BIN_S,
     EXCEEDED_BY,
-    Bounds,
     Hidden,
     bounds_of,
     hidden_slopes,
@@ -52,6 +51,11 @@ def span(from_s: float, to_s: float, size: float, *, tolerance: float = 3.0, sca
     onsets_s = np.arange(from_s + step, to_s - 20.0 + 1e-6, step)
     sizes = np.full(len(onsets_s), size)
     return Hidden(
+        fault="tas",
+        shape="drift",
+        channel="tas",
+        unit="m/s^2",
+        bounds="error",
         window=(from_s, to_s),
         onsets_s=onsets_s,
         sizes=sizes,
@@ -62,9 +66,8 @@ def span(from_s: float, to_s: float, size: float, *, tolerance: float = 3.0, sca
     )
 
 
-def bounds(windows: list[Hidden], *, fault: str = "tas", shape: str = "drift", **other: Any) -> Bounds:
-    values: dict[str, Any] = {"channel": "tas", "unit": "m/s^2", "bounds": "error", **other}
-    return Bounds(fault=fault, shape=shape, windows=tuple(windows), **values)
+def bounds(windows: list[Hidden], **changes: Any) -> list[Hidden]:
+    return [replace(hidden, **changes) for hidden in windows]
 
 
 def row(**changes: Any) -> FlightLimit:
@@ -187,7 +190,7 @@ def test_a_window_with_a_declared_fault_bounds_no_other(flight: Flight):
     fault = SimpleNamespace(onset_s=400.0, seen_until_s=430.0, offset_s=None, state="declared", stages=("parity",))
 
     def bounded(*events: SimpleNamespace) -> set[tuple[float, float]]:
-        return {one.window for kind in bounds_of(flight, looks, (), events) for one in kind.windows}
+        return {hidden.window for windows in bounds_of(flight, looks, (), events) for hidden in windows}
 
     assert bounded() == set(windows)
     assert bounded(fault) == {windows[1]}
@@ -200,11 +203,11 @@ def test_what_hides_is_the_estimate_and_what_its_noise_allows(flight: Flight):
     one = replace(one, onsets_s=np.array([390.0, 400.0]))
     for scale, noise in ((1.0, 1.0), (4.0, 2.0)):
         held = replace(one, rule=thresholds_of(shipped_tables(), RATES, RATES, scale)(KEY))
-        (kind,) = (one for one in bounds_of(flight, [held], (), ()) if one.fault == "tas")
-        np.testing.assert_allclose(kind.windows[0].spreads, EXCEEDED_BY * noise * one.sd["tas"])
+        (tas,) = (windows for windows in bounds_of(flight, [held], (), ()) if windows[0].fault == "tas")
+        np.testing.assert_allclose(tas[0].spreads, EXCEEDED_BY * noise * one.sd["tas"])
         # In one window of twenty, where nine of ten show at most 1.2 times the noise.
-        np.testing.assert_allclose(kind.windows[0].spreads, 1.2 * ONE_SIDED_95 * noise * one.sd["tas"], rtol=0.02)
-        np.testing.assert_allclose(kind.windows[0].sizes - kind.windows[0].spreads, [0.2, 0.01])
+        np.testing.assert_allclose(tas[0].spreads, 1.2 * ONE_SIDED_95 * noise * one.sd["tas"], rtol=0.02)
+        np.testing.assert_allclose(tas[0].sizes - tas[0].spreads, [0.2, 0.01])
 
 
 def test_of_several_windows_that_with_the_least_noise_counts_not_the_one_that_shows_the_least(flight: Flight):
@@ -249,8 +252,8 @@ def test_no_size_is_stated_that_no_sensor_errs_by(flight: Flight, slope: float, 
     scan = made_scan(
         from_s=380.0, to_s=500.0, onsets_s=np.array([390.0]), declared=np.array([slope]), sd=np.full(1, 0.01)
     )
-    (tas,) = (bound for bound in bounds_of(flight, [scan], (), ()) if bound.fault == "tas")
-    assert np.isfinite(tas.windows[0].declared[0]) is np.bool_(is_seen)
+    (tas,) = (windows for windows in bounds_of(flight, [scan], (), ()) if windows[0].fault == "tas")
+    assert np.isfinite(tas[0].declared[0]) is np.bool_(is_seen)
 
 
 @pytest.mark.parametrize(("share", "is_seen"), [(0.9, True), (1.1, False)])
@@ -259,9 +262,9 @@ def test_a_static_line_that_takes_all_of_the_airspeed_is_no_small_fault(flight: 
     slope = share * float(np.nanmedian(flight.record.between(240.0, 700.0).air.q_impact)) / 120.0
     scan = made_scan(from_s=380.0, to_s=500.0, onsets_s=np.array([390.0]), declared=np.array([slope]), sd=np.ones(1))
     scan = replace(scan, **{key: {STATIC_LEAK: getattr(scan, key)["tas"]} for key in ("magnitude", "sd", "declared")})
-    (leak,) = (bound for bound in bounds_of(flight, [scan], (), ()) if bound.fault == STATIC_LEAK)
-    assert np.isfinite(leak.windows[0].declared[0]) is np.bool_(is_seen)
-    assert np.isfinite(leak.windows[0].sizes[0])
+    (leak,) = (windows for windows in bounds_of(flight, [scan], (), ()) if windows[0].fault == STATIC_LEAK)
+    assert np.isfinite(leak[0].declared[0]) is np.bool_(is_seen)
+    assert np.isfinite(leak[0].sizes[0])
 
 
 def test_a_window_in_which_a_fault_lasts_fits_no_table():

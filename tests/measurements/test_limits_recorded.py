@@ -17,9 +17,9 @@ from bfi_cli.faults import Fault
 from bfi_cli.flight import diagnose_flight
 from bfi_cli.flight.evidence import physics_evidence
 from bfi_cli.flight.flight import Flight, flight_of
-from bfi_cli.flight.limits import Hidden, bounds_of
+from bfi_cli.flight.limits import bounds_of
 from bfi_cli.flight.looks import scan_flight, thresholds_of
-from bfi_cli.flight.parity import LENGTHS_S
+from bfi_cli.flight.parity import LENGTHS_S, Hidden
 from bfi_cli.flight.parity.record import record_of
 from bfi_cli.flight.parity.windows import windows_in
 from bfi_cli.flightlog import read_log
@@ -90,7 +90,7 @@ def hidden_in(flight: Flight, window: tuple[float, float], fault: str) -> tuple[
     """Return what a window leaves unseen of a fault, and whether it stands out, so that it excludes nothing."""
     rates = dict.fromkeys(LENGTHS_S, 0.01)
     scanned = scan_flight(flight, [window], thresholds_of(flight.tables, rates, rates, 1.0))
-    found = [one.windows[0] for one in bounds_of(flight, scanned, (), ()) if one.fault == fault]
+    found = [windows[0] for windows in bounds_of(flight, scanned, (), ()) if windows[0].fault == fault]
     return (found[0] if found else None), any(one.statistic > one.threshold for one in scanned)
 
 

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from ...kernels import FloatArray, IntArray
+from ...kernels.runs import runs
 
 Bound = Literal["error", "disagreement"]
 Stage = Literal["sensors", "static relations", "holds", "parity", "scan", "flight model"]
@@ -69,27 +70,43 @@ class Finding(Explanation):
     doubt: str = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Limit:
-    """What a window excludes of a fault and shape: magnitudes above `excluded_above`, in `unit`.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Hidden:
+    """What one window leaves unseen of a fault of a shape.
 
     Attributes
     ----------
-    excluded_above : at the worst onset; of a drift of those in the first half of the window.
-    effect : largest error in the window that such a fault makes on `channel`, in the channel's unit.
-    onsets_s : on the log's axis; sizes : at each the largest that may hide, infinite where any may.
+    unit : of its sizes; channel : whose error counts.
     bounds : the error of the channel, or only how far it disagrees with others that share one of its sensors.
+    onsets_s : (n,) on the log's axis, that the window shows.
+    sizes : (n,) the largest that may begin there unseen, infinite where any may.
+    declared : (n,) those that would be declared with 90 % power.
+    spreads : (n,) what of the sizes its noise makes, whatever it shows: of several windows that with the least counts,
+        since the least of what they show would exclude too much.
+    scale : error on the channel by a fault of size 1, after a second where it grows.
+    tolerance : of the channel in this window, None where it has none.
     """
 
     fault: str
     shape: str
     channel: str
-    excluded_above: float
     unit: str
-    effect: float
-    onsets_s: tuple[float, ...]
-    sizes: tuple[float, ...]
     bounds: Bound
+    window: tuple[float, float]
+    onsets_s: FloatArray
+    sizes: FloatArray
+    declared: FloatArray
+    spreads: FloatArray
+    scale: float = 1.0
+    tolerance: float | None = None
+
+    @property
+    def watched(self) -> list[tuple[float, float]]:
+        """The onsets that it covers; a fault that grew before the first of them shows as one from there on."""
+        return [
+            (float(self.onsets_s[first]) if first else self.window[0], float(self.onsets_s[end - 1]))
+            for first, end in runs(np.isfinite(self.sizes))
+        ]
 
 
 def squares_by_onset(y: FloatArray, courses: FloatArray) -> tuple[FloatArray, FloatArray]:

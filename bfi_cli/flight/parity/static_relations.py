@@ -24,7 +24,7 @@ from ...flightlog.phases import Phase, airborne
 from ...kernels import BoolArray, FloatArray
 from ...kernels.change_scan import ChangeScan, scan_changes, steps_and_ramps
 from ...quantities.channels import REPEATED, STANDARD, match_name, quantity_of
-from .finding import CHI_SQUARE, Bound, Finding, Limit, squares_by_onset
+from .finding import CHI_SQUARE, Bound, Finding, Hidden, squares_by_onset
 from .sampled import Blocks, quanta_of, unit_of
 from .stuck import stuck_errors
 
@@ -326,7 +326,7 @@ class StaticRelations:
 
     findings: tuple[Finding, ...]
     relations: tuple[RelationAnswer, ...]
-    limits: tuple[Limit, ...]
+    limits: tuple[Hidden, ...]
 
 
 _Stuck = tuple[float, Finding]  # twice the negative log-likelihood, but for a constant, and the sensor that is stuck
@@ -545,7 +545,7 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
         else:
             findings = (_finding(log, scanned, strongest, onsets_s),)
     # Beside a change that is told no second one is looked for.
-    limits = () if findings else _limits(log, scanned, onsets_s)
+    limits = () if findings else _limits(log, scanned, onsets_s, (from_s, to_s))
     return StaticRelations(findings=findings, relations=answers, limits=limits)
 
 
@@ -753,13 +753,16 @@ def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onset
     )
 
 
-def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray) -> tuple[Limit, ...]:
-    """Return by channel and shape the largest change that would not have been told, at the worst of the onsets.
+def _limits(
+    log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray, window: tuple[float, float]
+) -> tuple[Hidden, ...]:
+    """Return by channel and shape the largest changes that would not have been told, by their onsets.
 
     A relation excludes what moves one of its sides alone: where the others share a sensor with a channel, how far that
-    channel is from what they make of it, and not its error.
+    channel is from what they make of it, and not its error. Of several relations that counts which leaves the least
+    error at the worst of the onsets, of a drift of those in the first half of the window.
     """
-    least: dict[tuple[str, str], Limit] = {}
+    least: dict[tuple[str, str], tuple[float, Hidden]] = {}
     n = onsets_s.size
     half = max(1, n // 2)  # a drift that begins late in the window may be of nearly any size
     for relation in scanned:
@@ -770,20 +773,25 @@ def _limits(log: FlightLog, scanned: list[_Scanned], onsets_s: FloatArray) -> tu
             if not np.isfinite(sizes[:counted]).all():
                 continue
             for channel, effect in relation.effects.items():
+                error = float((sizes * reach)[:counted].max()) / abs(effect)
+                if (channel, shape) in least and error >= least[channel, shape][0]:
+                    continue
                 # A window holds too little of a drift that begins later.
                 last = n if shape == "bias" else max(half, int(np.searchsorted(onsets_s, onsets_s[-1] - LATE_S)) + 1)
-                limit = Limit(
-                    fault=channel,
-                    shape=shape,
-                    channel=channel,
-                    excluded_above=float(sizes[:counted].max()) / abs(effect),
-                    unit=SHAPES[shape].magnitude_unit(unit_of(log, channel), slope=None),
-                    effect=float((sizes * reach)[:counted].max()) / abs(effect),
-                    onsets_s=tuple(onsets_s[:last].tolist()),
-                    sizes=tuple((sizes[:last] / abs(effect)).tolist()),
-                    bounds=relation.series.relation.bounds(channel),
+                hidden = sizes[:last] / abs(effect)
+                least[channel, shape] = (
+                    error,
+                    Hidden(
+                        fault=channel,
+                        shape=shape,
+                        channel=channel,
+                        unit=SHAPES[shape].magnitude_unit(unit_of(log, channel), slope=None),
+                        bounds=relation.series.relation.bounds(channel),
+                        window=window,
+                        onsets_s=onsets_s[:last],
+                        sizes=hidden,
+                        declared=hidden,
+                        spreads=hidden,
+                    ),
                 )
-                known = least.get((channel, shape))
-                if known is None or limit.effect < known.effect:
-                    least[channel, shape] = limit
-    return tuple(least.values())
+    return tuple(hidden for _, hidden in least.values())

@@ -464,7 +464,7 @@ def test_how_still_a_line_must_be_goes_by_the_calm_of_the_flight_and_the_noise_o
     lines = lines_of(log)
     line = lines.of("p_total")
     assert line is not None
-    why = doubt_of(log, lines, line, stretch(sd, limit), stretch(9.0, 1.0), 3.0, (0, 0, 0), 0)
+    why = doubt_of(lines, line, stretch(sd, limit), stretch(9.0, 1.0), 3.0, (0, 0, 0), 0)
     assert bool(why) is doubted
 
 

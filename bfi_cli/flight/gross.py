@@ -78,30 +78,18 @@ def _settled(bench: Bench) -> BoolArray:
     return settled
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Swings:
-    """What lines that read anything are worth in a stretch of gross errors.
+def swings_of(bench: Bench, gross: Gross) -> tuple[list[Weight], dict[str, float]] | None:
+    """Return what lines that read anything are worth in a stretch, the best first, and the largest error by channel.
 
-    Attributes
-    ----------
-    weights : by the fault of a line that comes and goes, the best first.
-    errors : largest by channel.
+    None where they do not return to the flight.
     """
-
-    weights: tuple[Weight, ...]
-    errors: Mapping[str, float]
-
-
-def swings_of(bench: Bench, gross: Gross) -> Swings | None:
-    """Return what lines that read anything are worth in a stretch; None where they do not return to the flight."""
     place = place_of(bench, gross.from_s, gross.to_s)
     if place is None:
         return None
     errors = _largest_errors(bench, gross)
     if not _returns(bench, gross, errors):
         return None
-    weights = sorted(_weights(place, ordinary_of(place)), key=lambda weight: -weight.margin)
-    return Swings(weights=tuple(weights), errors=errors)
+    return sorted(_weights(place, ordinary_of(place)), key=lambda weight: -weight.margin), errors
 
 
 def _weights(place: Place, ordinary: Ordinary) -> Iterator[Weight]:

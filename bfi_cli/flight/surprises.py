@@ -48,24 +48,6 @@ UNLIKE_FLIGHT = ("stall", "parabola")  # phases in which the rows are no linear 
 SURELY = 150.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Surprise:
-    """An ordinary cause that explains a place of the flight.
-
-    Attributes
-    ----------
-    cause : of `tables.ORDINARY`; at_s : when.
-    gain : log density that it is worth over none; margin : of the best fault in its place over it.
-    size : of what jumps most, in the cause's unit.
-    """
-
-    cause: str
-    at_s: float
-    gain: float
-    margin: float
-    size: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChangeGains:
     """What a change from a second on is worth, (2, n) log densities of what follows up to the next take-off.
@@ -98,18 +80,10 @@ def surprising_events(
     without = [*spans_of(phases, UNLIKE_FLIGHT), *filter(None, map(_wrong_for, events))]
     for surprise in _surprises(bench, without, gains):
         suspected = next((event for event in events if _is_of(bench, event, surprise)), None)
-        if suspected is None and surprise.margin > -ALIKE:
-            continue
-        yield OrdinaryEvent(
-            cause=surprise.cause,
-            from_s=surprise.at_s,
-            to_s=None,
-            magnitude=surprise.size,
-            unit=ORDINARY[surprise.cause].unit,
-            ci95=None,
-            looks_like="" if suspected is None else suspected.fault,
-            evidence={"gain": surprise.gain, "margin": surprise.margin},
-        )
+        if suspected is not None:
+            yield replace(surprise, looks_like=suspected.fault)
+        elif surprise.evidence["margin"] <= -ALIKE:
+            yield surprise
 
 
 def sudden_winds(bench: Bench, phases: Sequence[Phase], gains: ChangeGains) -> Iterator[tuple[float, float]]:
@@ -161,17 +135,17 @@ def _wrong_for(event: Event) -> tuple[float, float] | None:
     return event.onset_ci95[0] - SAME_S, (np.inf if event.offset_s is None else event.offset_s) + SAME_S
 
 
-def _is_of(bench: Bench, event: Event, surprise: Surprise) -> bool:
+def _is_of(bench: Bench, event: Event, surprise: OrdinaryEvent) -> bool:
     """Return whether a suspected event may be what surprises."""
-    near = abs(event.onset_s - surprise.at_s) < SAME_S and event.state == "suspected"
+    near = abs(event.onset_s - surprise.from_s) < SAME_S and event.state == "suspected"
     return near and explains(bench, surprise.cause, rows_of(bench, event.channels))
 
 
-def _surprises(bench: Bench, without: Sequence[tuple[float, float]], gains: ChangeGains) -> Iterator[Surprise]:
+def _surprises(bench: Bench, without: Sequence[tuple[float, float]], gains: ChangeGains) -> Iterator[OrdinaryEvent]:
     """Yield what explains a flight's surprises, in their order, a cause once within a minute: the jump that is most."""
     seconds = _proposed(gains, bench.model.n)
     times_s = bench.model.time_s[seconds]
-    standing: dict[float, Surprise] = {}
+    standing: dict[float, OrdinaryEvent] = {}
     for at_s in times_s[~within(times_s, without)].tolist():
         near = [surprise for at, surprise in standing.items() if abs(at - at_s) < SAME_S]
         surprise = _weighed(bench, at_s)
@@ -181,7 +155,7 @@ def _surprises(bench: Bench, without: Sequence[tuple[float, float]], gains: Chan
         yield standing[at_s]
 
 
-def _weighed(bench: Bench, at_s: float) -> Surprise | None:
+def _weighed(bench: Bench, at_s: float) -> OrdinaryEvent | None:
     """Return what an ordinary cause is worth at a place; None where none is worth telling."""
     whole = place_of(bench, at_s, None, at_s + WEIGHED_S)
     if whole is None:
@@ -193,12 +167,15 @@ def _weighed(bench: Bench, at_s: float) -> Surprise | None:
     state, size = _jump(place, ordinary)
     if abs(size) > LARGEST * ORDINARY[ordinary.cause].jumps[state]:
         return None
-    return Surprise(
+    return OrdinaryEvent(
         cause=ordinary.cause,
-        at_s=at_s,
-        gain=ordinary.gain,
-        margin=_margin_errors_worth(place, ordinary, state),
-        size=size,
+        from_s=at_s,
+        to_s=None,
+        magnitude=size,
+        unit=ORDINARY[ordinary.cause].unit,
+        ci95=None,
+        looks_like="",
+        evidence={"gain": ordinary.gain, "margin": _margin_errors_worth(place, ordinary, state)},
     )
 
 

@@ -759,22 +759,22 @@ def _is_of(event: Event, gross: Gross) -> bool:
 def _event_of_gross(flight: Flight, bench: Bench, gross: Gross) -> Event | None:
     """Return a line whose readings come and go; None where an ordinary cause explains it as well."""
     swings = swings_of(bench, gross)
-    if swings is None or swings.weights[0].margin <= DECLARED:
+    if swings is None or swings[0][0].margin <= DECLARED:
         return None
-    best = swings.weights[0]
+    (best, *others), errors = swings
     channels = channels_of(best.fault, flight.recorded)
     from_s, to_s = max(gross.from_s - AROUND_S, flight.from_s), min(gross.to_s + AROUND_S, flight.to_s)
-    tolerances = {name: flight.tolerance(name, (from_s, to_s)) for name in swings.errors}
+    tolerances = {name: flight.tolerance(name, (from_s, to_s)) for name in errors}
     return Event(
         fault=best.fault,
-        among=tuple(weight.fault for weight in swings.weights if weight.margin >= best.margin - ALIKE),
+        among=(best.fault, *(weight.fault for weight in others if weight.margin >= best.margin - ALIKE)),
         channels=channels,
         state="declared",
         kind="abrupt",
         stages=(MODEL,),
         shape=best.fault,
-        effect=swings.errors,
-        beyond_tolerance=any(abs(swings.errors[name]) > (size or np.inf) for name, size in tolerances.items()),
+        effect=errors,
+        beyond_tolerance=any(abs(errors[name]) > (size or np.inf) for name, size in tolerances.items()),
         onset_s=gross.from_s,
         onset_ci95=(gross.from_s - ONSET_S, gross.from_s + ONSET_S),
         offset_s=gross.to_s,

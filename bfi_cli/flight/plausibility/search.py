@@ -37,21 +37,13 @@ LEAST_LEFT = 1e-6
 THROUGHOUT, MOSTLY = 0.9, 0.5
 
 
-@dataclass(frozen=True, slots=True)
-class ConstantPart:
-    """What of an error is there from the first sample on, as a share of the whole, and the standard deviation of it."""
-
-    share: float
-    sd: float
-
-
 def constant_part(
     difference: FloatArray, constant: FloatArray, time_s: FloatArray, *, tolerance: float
-) -> ConstantPart | None:
-    """Return the part of an error that is there from the first sample on, None where the error begins later.
+) -> tuple[float, float] | None:
+    """Return what of an error is there from the first sample on, as a share of the whole, and the deviation of that.
 
-    A change is one that is larger than the tolerance, within which healthy channels differ now more and now less; its
-    onset, and a parameter more, have to gain what they cost (BIC).
+    None where the error begins later. A change is one that is larger than the tolerance, within which healthy channels
+    differ now more and now less; its onset, and a parameter more, have to gain what they cost (BIC).
 
     Parameters
     ----------
@@ -62,7 +54,7 @@ def constant_part(
         when an error begins, and it is taken to be constant.
     """
     if not np.isfinite(tolerance):
-        return ConstantPart(1.0, np.inf)
+        return 1.0, np.inf
     from ...kernels.change_scan import steps_and_ramps, whitened
 
     known = np.flatnonzero(np.isfinite(difference) & np.isfinite(constant))
@@ -99,7 +91,7 @@ def constant_part(
     changing = np.where(is_known & (np.abs(size) > tolerance), likelihood(squares), -np.inf)
     cost = np.log(courses.shape[2]) + 0.5 * np.log(n)
     if float(changing.max()) - cost <= float(throughout[k, 0]):
-        return ConstantPart(1.0, sd)
+        return 1.0, sd
     # 3. What it is before it changes.
     onset_s = onsets_s[int(changing.max(axis=0).argmax()) % ONSETS]
     whole_size = float(np.median(columns[1]))
@@ -108,7 +100,7 @@ def constant_part(
     is_throughout = float(np.quantile(before, 1.0 - THROUGHOUT)) > tolerance
     if size <= tolerance or not (is_throughout or size > MOSTLY * abs(whole_size)):
         return None
-    return ConstantPart(1.0 if abs(size - abs(whole_size)) <= tolerance else min(size / abs(whole_size), 1.0), sd)
+    return 1.0 if abs(size - abs(whole_size)) <= tolerance else min(size / abs(whole_size), 1.0), sd
 
 
 # Pieces of a flight in each of which a relation fails that fails throughout; what begins during a flight is a fault
@@ -229,7 +221,7 @@ class KnownRelation:
         with np.errstate(all="ignore"):
             return self.relation.reading(state)[self.rows], self.relation.expected(state)[self.rows]
 
-    def constant_part(self, change: Change, state: State) -> ConstantPart | None:
+    def constant_part(self, change: Change, state: State) -> tuple[float, float] | None:
         """Return what of an offset or a scale is there from the first sample on, None where it begins later."""
         with np.errstate(all="ignore"):
             difference, left = (np.subtract(*self._sides(case)).ravel() for case in (state, change.of(state)))
@@ -319,9 +311,9 @@ def blames(relations: Sequence[KnownRelation], state: State, stated: Mapping[str
             if part is None:
                 relations = [relation for relation in relations if relation not in blame.explains]
                 continue
-            changes = [rival.part(part.share) for rival in (blame.change, *blame.rivals)]
-            sd = part.sd / abs(part.share)
-            blame = replace(blame, change=changes[0], rivals=tuple(changes[1:]), share_sd=sd)
+            share, sd = part
+            changes = [rival.part(share) for rival in (blame.change, *blame.rivals)]
+            blame = replace(blame, change=changes[0], rivals=tuple(changes[1:]), share_sd=sd / abs(share))
         to_blame.append(blame)
         if blame.change.doubts_unit(stated):
             known = [known for known, misfit in zip(relations, before, strict=True) if misfit.fails]

@@ -168,8 +168,8 @@ LINES = (
     Line("flight/looks.py", "beside=bool(lasting))", ("beside=False)", "beside=True)"), FLIGHT_LIMITS),
     Line(
         "flight/limits.py",
-        "sizes = np.abs(scan.magnitude[name]) + spreads",
-        ("sizes = spreads", "sizes = scan.magnitude[name] + spreads", "sizes = np.abs(scan.magnitude[name])"),
+        "sizes = np.abs(scan.magnitude[fault]) + spreads",
+        ("sizes = spreads", "sizes = scan.magnitude[fault] + spreads", "sizes = np.abs(scan.magnitude[fault])"),
         FLIGHT_LIMITS,
     ),
     Line(
@@ -189,8 +189,8 @@ LINES = (
     ),
     Line(
         "flight/limits.py",
-        "magnitudes = () if overlaps(window, left_out) else scan.magnitude",
-        ("magnitudes = scan.magnitude", "magnitudes = () if overlaps(window, left_out[1:]) else scan.magnitude"),
+        "for name in () if overlaps(scan.window, left_out) else scan.magnitude:",
+        ("for name in scan.magnitude:", "for name in () if overlaps(scan.window, left_out[1:]) else scan.magnitude:"),
         FLIGHT_LIMITS,
     ),
     Line(

@@ -168,13 +168,11 @@ def search_onsets(
             report=limiting,
         )
         limits_report(1.0)
-    highest, p_value = rule.highest(first)
-    if estimates and estimates[0].highest is not None:
-        highest, p_value = estimates[0].highest, estimates[0].p_value
+    highest, p_value = (estimates[0].highest, estimates[0].p_value) if estimates else rule.highest(first)
     faults, covered = declared_faults(record, estimates, tolerances), covered_s(record, order)
     notes = [*(Note.limit(why) for _, why in doubted), *rule.notes, *_notes(record, faults, rule, p_value)]
     if not estimates and not rule.use.matches:
-        notes.append(_strongest_suspect(record, highest, rule.threshold(highest.form.shape)))
+        notes.append(_strongest_suspect(record, rule, first))
     return OnsetSearch(
         method="scan",
         record=record,
@@ -411,8 +409,10 @@ def _misfit(record: ScanRecord, faults: list[Estimate], order: int) -> float:
     return likelihood.n_rows * likelihood.fault_free.log_det
 
 
-def _strongest_suspect(record: ScanRecord, peak: Peak, threshold: float) -> Note:
+def _strongest_suspect(record: ScanRecord, rule: Rule, scan: HypothesisScan) -> Note:
     """Return the note on what stands out most, where a table of other settings lets nothing be declared."""
+    peak, _ = rule.highest(scan)
+    threshold = rule.threshold(peak.form.shape)
     channel, scale, unit = record.magnitude(peak.form)
     size = f"{scale * float(peak.profile.z[peak.profile.best]):.3g} {unit}".rstrip()
     return Note.limit(

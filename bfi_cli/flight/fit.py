@@ -12,8 +12,8 @@ from .tables import LEVELS
 
 # Standard deviation of the logarithm of a level over aircraft.
 PRIOR_SD = 0.7
-# Stretches of the flight that tell the levels, each of so many seconds; the whole would say the same at ten times the
-# cost.
+# Stretches of the flight that tell the levels, each of so many seconds or the longest there is; the whole would say the
+# same at ten times the cost.
 STRETCHES, STRETCH_S = 6, 200
 SETTLING_S = 20  # at the start of a stretch, in which the states are found
 STEPS = 8
@@ -31,16 +31,17 @@ def fitted_levels(model: FlightModel, without: BoolArray | None = None) -> dict[
     """
     levels = dict(model.levels)
     usable = model.frame.airborne if without is None else model.frame.airborne & ~without
-    starts = _starts(usable)
-    if not starts:
+    length = min(STRETCH_S, max((end - start for start, end in runs(usable)), default=0))
+    if length <= 2 * SETTLING_S:
         return levels
-    rows = np.array(starts)[:, None] + np.arange(STRETCH_S)  # (n_stretches, n_seconds)
+    starts = _starts(usable, length)
+    rows = np.array(starts)[:, None] + np.arange(length)  # (n_stretches, n_seconds)
     y, Z = np.swapaxes(model.y[rows], 0, 1), np.swapaxes(model.Z[rows], 0, 1)
     y = np.where(usable[rows].T[..., None], y, np.nan)
     transition, covariance = model.transition(), model.start_covariance()
     mean = np.array([_start(model, first) for first in starts])
     precision = 1.0 / (2.0 * PRIOR_SD) ** 2  # of the logarithm of a variance
-    used = np.arange(STRETCH_S) >= SETTLING_S
+    used = np.arange(length) >= SETTLING_S
     for _ in range(STEPS):
         R, Q = (np.swapaxes(variances[rows], 0, 1) for variances in model.noise(levels))
         stack = Stack(y=y, Z=Z, R=R, Q=Q)
@@ -69,14 +70,12 @@ def _start(model: FlightModel, first: int) -> FloatArray:
     return start
 
 
-def _starts(usable: BoolArray) -> list[int]:
-    """Return the first seconds of stretches spread over what is flown and to be used."""
-    possible = [first for start, end in runs(usable) for first in range(start, end - STRETCH_S + 1)]
-    if not possible:
-        return []
+def _starts(usable: BoolArray, length: int) -> list[int]:
+    """Return the first seconds of stretches of a length spread over what is flown and to be used."""
+    possible = [first for start, end in runs(usable) for first in range(start, end - length + 1)]
     places = np.linspace(0, len(possible) - 1, STRETCHES).round().astype(int)
     chosen: list[int] = []
     for place in places:
-        if not chosen or possible[place] >= chosen[-1] + STRETCH_S // 2:
+        if not chosen or possible[place] >= chosen[-1] + length // 2:
             chosen.append(possible[place])
     return chosen

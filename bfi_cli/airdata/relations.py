@@ -182,6 +182,11 @@ def mach_by(state: State, name: str, static: str) -> FloatArray:
     return mach_number(_within(impact, 0.0, SUBSONIC * np.nan_to_num(pressure, nan=1.0)), pressure)
 
 
+def standard_temperature(state: State, static: str) -> FloatArray:
+    """Return the temperature of the standard atmosphere at the altitude or static pressure of a channel."""
+    return isa_temperature(altitude_of(_pressure(state, static)))
+
+
 def _tas_of(mach: FloatArray, state: State, heats: Sequence[str]) -> FloatArray:
     """Return the true airspeed at the mean of the readings of one temperature: their rounding is most of its noise."""
     mach = _within(mach, *DOMAIN["mach"])
@@ -194,7 +199,7 @@ def _true_airspeed(state: State, name: str, static: str) -> FloatArray:
     mach = mach_by(state, name, static)
     heat = next((channel for channel in ("sat", "tat") if channel in state.values), None)
     known = np.full(mach.shape, np.nan) if heat is None else _tas_of(mach, state, (heat,))
-    standard = mach * speed_of_sound(isa_temperature(altitude_of(_pressure(state, static))))
+    standard = mach * speed_of_sound(standard_temperature(state, static))
     return np.where(np.isfinite(known), known, standard)
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from ...airdata import SENSORS
 from ...airdata import relations as table
-from ...airdata.relations import AIR, DOMAIN, State, mach_by
+from ...airdata.relations import AIR, DOMAIN, State, mach_by, standard_temperature
 from ...airdata.relations import Relation as Row
 from ...faults.shapes import SHAPES
 from ...flightlog import FlightLog
@@ -105,8 +105,6 @@ class Balance:
     def words(self) -> str:
         """What it compares."""
         channel = self.channel if self.scale == 1.0 else f"{self.scale:g} {self.unit} x {self.channel}"
-        if not self.others:
-            return f"{channel} against the altitude"
         *most, last = self.others
         return f"{channel} against that of {', '.join(most)}{' and ' if most else ''}{last}"
 
@@ -143,7 +141,9 @@ def _relations(log: FlightLog) -> tuple[list[Balance], list[str]]:
         if row.name and {*row.needs} <= sensors.keys():
             known.setdefault(row.name, _comparison(row))
     if len(heats) == 1 and {"tas", static, *heats} <= sensors.keys():
-        known["lapse"] = Balance("lapse", "K", heats[0], (), lambda v: 0.0, declares=False)
+        known["lapse"] = Balance(
+            "lapse", "K", heats[0], (static,), lambda v: standard_temperature(_state(v), static), declares=False
+        )
     is_there = {name: name in sensors for name in ("tas", "mach", "cas")}
     is_there |= {"altitude": static in sensors, "tat or sat": heats[0] in sensors}
     is_there["mach, or cas and altitude"] = "mach" in sensors or (

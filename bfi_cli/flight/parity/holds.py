@@ -44,6 +44,8 @@ STILL, HIDDEN, MOTIONLESS = 1.0 / 3.0, 0.5, 0.1
 # Steps of the static pressure, m of altitude, above which level flight may stay within one: with 0.30 m no stretch of
 # three recorded flights (two Citations, a Cessna 172) is still, with 0.5 m one in a hundred, with 6 m every second.
 COARSE_M = 0.35
+# LONGER [lengths of a stretch]: run of still stretches that is compared as a whole with flight as long.
+LONGER = 2.0
 # COARSE_PA [Pa]: step of the total pressure (airspeed, temperature) within which calm flight may stay: 1.0
 # Pa with the 0.032 m/s of a recorded Citation, of which no stretch is still; from 0.05 m/s on some are.
 COARSE_PA = 1.5
@@ -227,6 +229,8 @@ def _holds_of(
         best = first + int(np.argmin(stray))
         onset = edge_of(lines, line, first + stretches.n // 2, -1)
         why = doubt_of(lines, line, stretches, other_stretches, calm, (first, best, last), onset)
+        if why and other is not None and line.pressure == "p_total":
+            why = _doubt_of_whole(lines, (line, other), (first, last + stretches.n), onset) and why
         if why:
             untold.append((float(lines.time_s[first]), float(lines.time_s[last + stretches.n - 1]), why))
             continue
@@ -267,6 +271,22 @@ def _holds_of(
         untold=tuple(untold),
     )
     return report, findings
+
+
+def _doubt_of_whole(lines: Lines, both: tuple[PressureLine, PressureLine], run: tuple[int, int], onset: int) -> str:
+    """Return what else keeps a run of still stretches still as a whole, "" where nothing does.
+
+    Calm flight stays within the steps of a record for half a minute, and leaves them in several.
+    """
+    line, _ = both
+    length_s = (run[1] - run[0]) * lines.step_s - POINT_S
+    if length_s < LONGER * LENGTH_S[line.pressure]:
+        return TOO_LITTLE
+    stretches, others = (stretches_of(lines, each, length_s, -np.inf, np.inf) for each in both)
+    if not stretches.still[run[0]]:
+        return TOO_LITTLE
+    calm = _calm(lines, line, stretches, stretches.still)
+    return doubt_of(lines, line, stretches, others, calm, (run[0],) * 3, onset)
 
 
 def doubt_of(

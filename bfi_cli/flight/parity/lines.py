@@ -243,10 +243,12 @@ def edge_of(lines: Lines, line: PressureLine, middle: int, way: int) -> int:
     """Return the last block that is still on the line of a stretch around `middle`, going one way.
 
     The line of a short stretch is known badly far from it: what it reaches is fitted again, while it reaches further.
+    How far a block may be off the stretch itself tells: with what is reached the band would widen for ever.
     """
     t, n = lines.time_s, len(lines.time_s)
     half = max(2, round(0.4 * LENGTH_S[line.pressure] / lines.step_s / 2.0))
     first, last = max(0, middle - half), min(n - 1, middle + half)
+    band = 0.0
     while True:
         held, at = slice(first, last + 1), t - t[middle]
         known = np.isfinite(line.values[held])
@@ -255,8 +257,9 @@ def edge_of(lines: Lines, line: PressureLine, middle: int, way: int) -> int:
         level = np.linalg.lstsq(design, rises[held][known], rcond=None)[0]
         off = np.abs(rises - level[0] - level[1] * at)
         rms = float(np.sqrt(np.nanmean(off[held] ** 2)))
+        band = band or BAND * max(float(np.hypot(line.step_sd[middle], line.noise_sd)), rms)
         # Two blocks in a row: one of noise may stray.
-        away = ~(off <= BAND * max(float(np.hypot(line.step_sd[middle], line.noise_sd)), rms))
+        away = ~(off <= band)
         away = away[middle:] if way > 0 else away[middle::-1]
         twice = np.flatnonzero(away[:-1] & away[1:])
         edge = middle + way * (max(0, int(twice[0]) - 1) if twice.size else len(away) - 1)

@@ -322,12 +322,18 @@ def _airspeed_steps(log: FlightLog, values: FloatArray, flown: BoolArray) -> lis
     lag, beside = (max(1, round(seconds * log.rate_hz)) for seconds in (SECOND_S, BESIDE_S))
     if len(values) <= lag:
         return []
-    change = np.where(flown[lag:] | flown[:-lag], np.abs(values[lag:] - values[:-lag]), np.nan)
+    # A gap, in which an aircraft may speed up by any amount, is no step.
+    follows = log.time_s[lag:] - log.time_s[:-lag] < 1.5 * lag / log.rate_hz
+    change = np.where((flown[lag:] | flown[:-lag]) & follows, np.abs(values[lag:] - values[:-lag]), np.nan)
     steps: list[_AirspeedStep] = []
     for k in _peaks(change / (FASTEST * SECOND_S), beside):
         onset = k + 1 + int(np.nanargmax(np.abs(np.diff(values[k : k + lag + 1]))))
-        sides = values[max(0, onset - beside) : onset], values[onset + lag - 1 : onset + lag - 1 + beside]
-        before, after = (side[np.isfinite(side)] for side in sides)
+        sides = slice(max(0, onset - beside), onset), slice(onset + lag - 1, onset + lag - 1 + beside)
+        near_s = 1.5 * (beside + lag) / log.rate_hz
+        near = (np.abs(log.time_s[side] - log.time_s[onset]) < near_s for side in sides)
+        before, after = (
+            values[side][known & np.isfinite(values[side])] for side, known in zip(sides, near, strict=True)
+        )
         if min(before.size, after.size) < FEWEST * beside:
             continue
         spreads = [float(np.ptp(np.quantile(side, (0.16, 0.84)))) / 2.0 for side in (before, after)]

@@ -120,10 +120,10 @@ def causes_of(model: FlightModel) -> dict[str, Mapping[str, float]]:
     }
 
 
-def ordinary_of(place: Place) -> Ordinary:
-    """Return the best explanation without a fault: one cause about the onset, and one about the end."""
+def ordinary_of(place: Place, *, without: str | None = None) -> Ordinary:
+    """Return the best explanation without a fault: a cause other than `without` about the onset, and one at the end."""
     options: list[tuple[str, Mapping[str, float]]] = [("", {}), ("", MANOEUVRE)]
-    options += list(causes_of(place.bench.model).items())
+    options += [(name, jumps) for name, jumps in causes_of(place.bench.model).items() if name != without]
     shocks = np.stack([jump(place, place.onset, jumps) for _, jumps in options], axis=1)
     run = run_place(place, shocks=shocks)
     best = int(np.argmax(run.log_likelihood))

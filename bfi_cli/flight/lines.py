@@ -138,12 +138,15 @@ def rests_about(bench: Bench, at_s: float) -> Iterator[tuple[str, float, float]]
     air, at = model.seconds.air, int(np.searchsorted(model.time_s, at_s))
     for fault, pressure in ((PITOT_BLOCKED, air.p_total), (STATIC_BLOCKED, air.p_static)):
         values, stretches = filled(pressure), set()
-        noise = noise_of_second_differences(values[model.frame.airborne], 2 * REFERENCE_S, 0.5)
-        for second in (at - REFERENCE_S, at, at + REFERENCE_S):
-            level = np.median(values[max(second - COURSE_S // 2, 0) : second + COURSE_S // 2 + 1])
-            away = np.abs(values - level) > STRAYS * noise
-            first, last = next(((a, b) for a, b in runs(~(away & np.roll(away, 1))) if a <= second < b), (0, 0))
-            stretches.add((first, last))
+        flown = values[model.frame.airborne]
+        # Of flight as it usually is and as it is at its calmest, between which the noise of a trapped line lies.
+        for quiet in (0.5, 0.05):
+            noise = noise_of_second_differences(flown, 2 * REFERENCE_S, quiet)
+            for second in (at - REFERENCE_S, at, at + REFERENCE_S):
+                level = np.median(values[max(second - COURSE_S // 2, 0) : second + COURSE_S // 2 + 1])
+                away = np.abs(values - level) > STRAYS * noise
+                first, last = next(((a, b) for a, b in runs(~(away & np.roll(away, 1))) if a <= second < b), (0, 0))
+                stretches.add((first, last))
         for first, last in sorted(stretches):
             if last - first >= SHOWN_S:
                 yield fault, float(model.time_s[first]), float(model.time_s[last - 1])

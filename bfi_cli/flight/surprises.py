@@ -22,7 +22,7 @@ from ..kernels.runs import within
 from .bench import CHECK_S, JUMP_S, Bench, Place, place_of, takeoffs_of
 from .judge import REFERENCES, causes_of, channel_faults, explains, judge_place, ordinary_of, rows_of, width_of
 from .result import Event, OrdinaryEvent
-from .tables import MANOEUVRE, ORDINARY, STATES
+from .tables import ALTIMETER_SET, MANOEUVRE, ORDINARY, STATES
 from .weight import ALIKE, Ordinary
 
 # Log densities from which on a change is looked at more closely, and how many of these. Flaps and a front take some ten
@@ -43,9 +43,8 @@ TAKES_S = ((0,), (-4, -2, 0, 2, 4, 6), JUMP_S)
 BESIDE_S = 30  # of a jump, when its size is read
 LARGEST = 3.0  # standard deviations of a jump that a cause still makes
 SAME_S = 60.0  # from an event of a finder, when both are of the same place
+TWINS = {"altitude": ALTIMETER_SET}  # by channel the cause that moves it as its error does: both are told
 UNLIKE_FLIGHT = ("stall", "parabola")  # phases in which the rows are no linear functions of the states
-# SURELY [1]: log density of an error that is proposed there all the same: twice the most of 14 healthy flights.
-SURELY = 150.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -103,24 +102,26 @@ def sudden_winds(bench: Bench, phases: Sequence[Phase], gains: ChangeGains) -> I
             yield at_s, gain
 
 
-def sudden_errors(
-    bench: Bench, phases: Sequence[Phase], events: Sequence[Event], gains: ChangeGains
-) -> Iterator[tuple[str, float, float]]:
+def sudden_errors(bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[tuple[str, float, float]]:
     """Yield the channels that seem to err from a time on, with the log density over any ordinary change about it.
 
     Parameters
     ----------
     events, gains : as of `surprising_events`.
     """
-    ordinary = np.maximum(np.max([gain.max(axis=0) for gain in gains.causes.values()], axis=0), 0.0)
     names = [name for name in gains.faults if name not in REFERENCES]
-    net = np.array([gains.faults[name].max(axis=0) for name in names]) - _most_about(ordinary, GRADUAL_S)
+    net = np.array([gains.faults[name].max(axis=0) - _ordinary_gain(gains, TWINS.get(name)) for name in names])
     net[:, within(bench.model.time_s, [*filter(None, map(_wrong_for, events))])] = 0.0
     most = net.max(axis=0, initial=0.0)
-    unlike = within(bench.model.time_s, spans_of(phases, UNLIKE_FLIGHT))
-    peaks = np.flatnonzero((most > np.where(unlike, SURELY, PROPOSED)) & (most == _most_about(most, APART_S)))
+    peaks = np.flatnonzero((most > PROPOSED) & (most == _most_about(most, APART_S)))
     for at in peaks[np.argsort(-most[peaks])][:MOST_PLACES]:
         yield names[int(np.argmax(net[:, at]))], float(bench.model.time_s[at]), float(most[at])
+
+
+def _ordinary_gain(gains: ChangeGains, without: str | None) -> FloatArray:
+    """Return (n,) what the best ordinary change but one about each second is worth, at least nothing."""
+    causes = [gain.max(axis=0) for name, gain in gains.causes.items() if name != without]
+    return _most_about(np.maximum(np.max(causes, axis=0), 0.0), GRADUAL_S)
 
 
 def _most_about(values: FloatArray, reach_s: int) -> FloatArray:
@@ -175,11 +176,11 @@ def _weighed(bench: Bench, at_s: float) -> OrdinaryEvent | None:
         unit=ORDINARY[ordinary.cause].unit,
         ci95=None,
         looks_like="",
-        evidence={"gain": ordinary.gain, "margin": _margin_errors_worth(place, ordinary, state)},
+        evidence={"gain": ordinary.gain, "margin": _margin_of_faults(place, ordinary, state)},
     )
 
 
-def _margin_errors_worth(place: Place, ordinary: Ordinary, state: str) -> float:
+def _margin_of_faults(place: Place, ordinary: Ordinary, state: str) -> float:
     """Return the margin of the best fault over a cause: in its place, and not beside it; 0 where any is as good."""
     if ordinary.lead < LEADS:
         return 0.0  # another cause is as good: it may be no jump of this one's states at all

@@ -10,12 +10,12 @@ import numpy as np
 
 from ..airdata import DEPENDS_ON
 from ..config import Diagnose, KnownCause
-from ..flightlog.phases import NO_AIRSPEED, spans_of
+from ..flightlog.phases import NO_AIRSPEED
 from ..kernels import TWO_SIDED_95
 from ..kernels.runs import within
 from ..notes import Note
 from ..quantities.channels import STANDARD, per_second
-from .bench import AFTER_S, BEFORE_S, Bench, bench_of, place_of
+from .bench import AFTER_S, Bench, bench_of, place_of
 from .flight import Flight
 from .gross import FEWEST_S, Gross, gross_errors, swings_of
 from .judge import (
@@ -44,7 +44,7 @@ from .parity.windows import flight_stretches, overlaps
 from .result import Event, OrdinaryEvent
 from .seconds import seconds_of
 from .surprises import (
-    UNLIKE_FLIGHT,
+    TWINS,
     ChangeGains,
     change_gains,
     sudden_errors,
@@ -121,16 +121,17 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     # What is only suspected, or within its tolerance, hides no other.
     hiding = [event for event in swinging if event.state == "declared" and event.beyond_tolerance is not False]
     gains, unweighed = change_gains(bench), bench
-    events = [*events, *_sudden_losses(flight, bench, (*swinging, *events), gains)]
     known = [*hiding]
     bench = reduce(with_known, known, bench)
-    events = [_as_trapped(bench, event, flight.to_s) if _can_be_weighed(event) else event for event in events]
+    events, returns = _placed_events(flight, bench, events, swinging, gains)
     answers: list[Event | OrdinaryEvent | Note] = list(events)
-    # What is certain is in the model before the rest is weighed, in the order of time; a line is before a channel about
-    # its onset, which may be its own.
+    # What is certain is in the model before the rest is weighed, what finders hold so first, in the order of time; a
+    # line is before a channel about its onset, which may be its own.
     order = [k for k, event in enumerate(events) if _can_be_weighed(event)]
     earlier_s = {k: APART_S if _line(events[k]) else 0.0 for k in order}
-    order.sort(key=lambda k: (events[k].state != "declared", events[k].onset_s - earlier_s[k]))
+    order.sort(
+        key=lambda k: (events[k].state != "declared", events[k].stages == (MODEL,), events[k].onset_s - earlier_s[k])
+    )
     for k in order:
         event = events[k]
         cause = next((cause for cause in known if _follows(bench, event, cause)), None)
@@ -140,14 +141,12 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
             continue
         line = _line(event)
         rest = [events[j] for j in order if j != k and isinstance(answers[j], Event)]
-        begun = _begun_before(bench, event, flight.to_s)
-        if begun is not None:
+        if k in returns:
             alike = [other for other in rest if _line(other) or other.fault == event.fault]
-            cause = next((other for other in alike if abs(other.onset_s - begun.onset_s) < APART_S), None)
+            cause = next((other for other in alike if abs(other.onset_s - event.onset_s) < APART_S), None)
             if cause is not None:
                 answers[k] = _after(event, cause)
                 continue
-            event = _from_its_onset(bench, event, begun)
         others = [other.onset_s for other in (*hiding, *(each for each in rest if not line or _line(each) != line))]
         beside = [other.onset_s for other in (*known, *(events[j] for j in order if j != k))]
         later_s = min((at_s for at_s in beside if at_s > event.onset_s + APART_S), default=np.inf)
@@ -168,23 +167,24 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
         if event.beyond_tolerance is False and _is_course(event):
             answers[k] = _weighed_deviation(bench, event, known, flight.to_s)
     gains = gains if bench is unweighed else change_gains(bench)
-    stand = [*swinging, *(answer for answer in answers if isinstance(answer, Event))]
-    steps = _weighed_errors(flight, bench, stand, causes, known, gains)
-    return _weighing(flight, bench, (*swinging, *answers, *steps), gains)
+    return _weighing(flight, bench, (*swinging, *answers), gains)
 
 
-def _weighed_errors(
-    flight: Flight,
-    bench: Bench,
-    stand: Sequence[Event],
-    causes: Sequence[KnownCause],
-    known: Sequence[Event],
-    gains: ChangeGains,
-) -> Iterator[Event | OrdinaryEvent | Note]:
-    """Yield what the steps are that the model proposes beside the events that stand."""
-    for event, until_s in _sudden_errors(flight, bench, stand, gains):
-        alone = not any(event.onset_s - APART_S < other.onset_s < event.onset_s + AFTER_S for other in stand)
-        yield _weighed(flight, bench, event, until_s, causes, known, may_be_sure=alone)
+def _placed_events(
+    flight: Flight, bench: Bench, events: Sequence[Event], swinging: Sequence[Event], gains: ChangeGains
+) -> tuple[list[Event], set[int]]:
+    """Return the events of all finders and of the model, each from its fault's onset, and which were a return of it."""
+    placed = [*events, *_sudden_losses(flight, bench, (*swinging, *events), gains)]
+    returns: set[int] = set()
+    for k, event in enumerate(placed):
+        if _can_be_weighed(event):
+            placed[k] = _as_trapped(bench, event, flight.to_s)
+            begun = _begun_before(bench, placed[k], flight.to_s)
+            if begun is not None:
+                returns.add(k)
+                placed[k] = _from_its_onset(bench, placed[k], begun)
+    steps = _sudden_errors(flight, bench, (*swinging, *placed), gains)
+    return [*placed, *(_as_trapped(bench, step, flight.to_s) for step in steps)], returns
 
 
 def _weighing(
@@ -229,16 +229,13 @@ def _sudden_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains:
             yield replace(loss, magnitude=float((after / before) ** 2 - 1.0), unit="1")
 
 
-def _sudden_errors(
-    flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains
-) -> Iterator[tuple[Event, float]]:
-    """Yield the suspected steps surely beyond a tolerance where no event is, from when they begin.
+def _sudden_errors(flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[Event]:
+    """Yield the steps surely beyond a tolerance where no event is, from when they begin.
 
-    Each comes with the time up to which it is weighed: before the next event. The flight has to show it surer by
-    the logarithm of how many steps were tried, one of every channel at every second.
+    The flight has to show a step surer by the logarithm of how many were tried, one of every channel at every second.
     """
     events = list(events)
-    for fault, at_s, gain in sudden_errors(bench, flight.phases, events, gains):
+    for fault, at_s, gain in sudden_errors(bench, events, gains):
         event = _proposed(flight, fault, at_s, {fault: gain})
         if _is_about(at_s, events) or any(_follows(bench, event, other) for other in events):
             continue
@@ -247,7 +244,7 @@ def _sudden_errors(
         place = place_of(bench, at_s, None, until_s)
         if place is None:
             continue
-        (step,) = weights_of_channel(fault, 0.0, [place], ordinary_of(place))
+        (step,) = weights_of_channel(fault, 0.0, [place], ordinary_of(place, without=TWINS.get(fault)))
         least = abs(step.size) - TWO_SIDED_95 * (step.sd or 0.0)
         surer = DECLARED + float(np.log(len(gains.faults) * bench.model.n))
         if step.margin < surer or least < (flight.tolerance(fault, event.window_s) or np.inf):
@@ -257,12 +254,9 @@ def _sudden_errors(
             continue
         clearly = judgement.weights[0].margin - DECLARED * judgement.weights[0].dispersion
         among = (each.fault for each in judgement.weights if not each.refused and each.margin >= clearly)
-        event = replace(_timed(bench, event, timing), among=tuple(dict.fromkeys((fault, *among))))
-        if overlaps((event.onset_s - BEFORE_S, until_s), spans_of(flight.phases, UNLIKE_FLIGHT)):
-            # The turns of a drone move sizes by several standard deviations: one digit is told, and no interval.
-            event = replace(event, magnitude=float(f"{event.magnitude:.1g}"), sd=None, ci95=None)
+        event = replace(_timed(bench, event, timing), among=tuple(dict.fromkeys((fault, *among))), state="declared")
         events.append(event)
-        yield event, until_s
+        yield event
 
 
 def _is_about(at_s: float, events: Iterable[Event]) -> bool:
@@ -422,7 +416,8 @@ def _weighed(
     if _knows_more(bench, event, rival):
         return replace(event, margin=weight.margin)
     if rival and weight.margin > -DECLARED and not weight.refused:
-        named = event if weight.fault == event.fault else _renamed(bench, event, weight, (weight.fault,), until_s)
+        among = tuple(dict.fromkeys((weight.fault, *event.among)))
+        named = event if weight.fault == event.fault else _renamed(bench, event, weight, among, until_s)
         return replace(
             named,
             state="suspected",
@@ -541,6 +536,8 @@ def _may_be_renamed(event: Event, fault: str) -> bool:
     """
     if "holds" in event.stages or event.shape == "frozen" or (fault in REFERENCES and fault != event.fault):
         return False
+    if event.stages == (MODEL,):
+        return any(fault in line for line in LINES)  # of all channels it proposed the best
     return fault in event.among or not EXACT & {*event.stages}
 
 

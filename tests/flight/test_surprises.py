@@ -26,6 +26,7 @@ from bfi_cli.flight.surprises import (
     sudden_winds,
     surprising_events,
 )
+from bfi_cli.flight.tables import ALTIMETER_SET
 from bfi_cli.flight.weight import Ordinary
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.flightlog.record import frozen_array
@@ -191,7 +192,7 @@ STEPS = {"tas": 4.0, "mach": 0.02, "pitch": 0.1, "aoa": 0.03, "normal_acc": 1.5,
 @pytest.mark.parametrize(("channel", "size"), STEPS.items())
 def test_a_channel_that_errs_from_one_second_on_is_proposed_there(channel: str, size: float) -> None:
     bench = bench_with({channel: size})
-    ((name, at_s, gain),) = sudden_errors(bench, (), (), change_gains(bench))
+    ((name, at_s, gain),) = sudden_errors(bench, (), change_gains(bench))
     assert (name, at_s) == (channel, pytest.approx(AT_S, abs=2.0))
     assert gain > PROPOSED
 
@@ -201,13 +202,13 @@ def test_a_channel_that_errs_from_one_second_on_is_proposed_there(channel: str, 
 )
 def test_what_is_ordinary_is_no_error_of_a_channel(steps: Mapping[str, Any]) -> None:
     bench = bench_with(steps)
-    assert list(sudden_errors(bench, (), (), change_gains(bench))) == []
+    assert list(sudden_errors(bench, (), change_gains(bench))) == []
 
 
-def test_where_rows_are_no_functions_of_the_states_only_sure_errors_are_proposed() -> None:
-    gains = {"tas": np.zeros((2, 580))}
-    gains["tas"][0, [100, 300]] = 100.0, 200.0
+def test_a_step_of_altitude_is_proposed_beside_a_knob_that_nobody_recorded() -> None:
+    altitude, tas = np.zeros((2, 580)), np.zeros((2, 580))
+    altitude[0, 100], tas[0, 300] = 100.0, 100.0
     bench: Any = SimpleNamespace(model=SimpleNamespace(time_s=np.arange(580.0)))
-    phases = (Phase(phase="parabola", from_s=0.0, to_s=580.0),)
-    proposed = sudden_errors(bench, phases, (), ChangeGains(causes={"": np.zeros((2, 580))}, faults=gains))
-    assert list(proposed) == [("tas", 300.0, 200.0)]
+    causes = {"": np.zeros((2, 580)), ALTIMETER_SET: altitude, "wind": tas}
+    proposed = sudden_errors(bench, (), ChangeGains(causes=causes, faults={"altitude": altitude, "tas": tas}))
+    assert list(proposed) == [("altitude", 100.0, 100.0)]

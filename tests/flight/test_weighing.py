@@ -17,7 +17,6 @@ from bfi_cli.flight.flight import flight_of
 from bfi_cli.flight.gross import Gross
 from bfi_cli.flight.weighing import DECLARED, weigh_events
 from bfi_cli.flightlog.injection import inject
-from bfi_cli.flightlog.phases import Phase
 from bfi_cli.flightlog.record import frozen_array
 
 CHANNELS = ("cas", "altitude", "pitch")
@@ -131,14 +130,3 @@ def test_the_model_proposes_no_step_whose_return_a_finder_proposes() -> None:
     assert answer.onset_s == pytest.approx(ONSET_S, abs=2.0)
     assert answer.offset_s == pytest.approx(END_S, abs=2.0)
     assert answer.state == "declared"
-
-
-def test_of_a_step_beside_parabolas_one_digit_is_told_and_no_interval() -> None:
-    """Without the parabola the same step has both: it is that of the test of what no finder proposes."""
-    healthy = made_journey(rate_hz=1.0).window(200.0, 560.0)
-    faulty = inject(healthy, [parse_spec(f"bias,channel=tas,magnitude=6.3,onset_s={ONSET_S}")])
-    flight = flight_of(faulty, Config())
-    parabola = Phase(phase="parabola", from_s=ONSET_S + 60.0, to_s=ONSET_S + 80.0)
-    flown = replace(flight, phases=(*flight.phases, parabola))
-    answer = weigh_events(flown, [], Config().diagnose).events[0]
-    assert (answer.magnitude, answer.sd, answer.ci95) == (6.0, None, None)

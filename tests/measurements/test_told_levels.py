@@ -14,8 +14,10 @@ import pytest
 from bars import not_above
 from test_levels_without_aircraft import AIRCRAFT
 
-from bfi_cli.flight import noise, surprises
+from bfi_cli.config import Config
+from bfi_cli.flight import noise, surprises, weighing
 from bfi_cli.flight.bench import bench_of
+from bfi_cli.flight.flight import flight_of
 from bfi_cli.flight.model import flight_model
 from bfi_cli.flight.parity import sensors
 from bfi_cli.flight.parity.record import record_of
@@ -23,8 +25,7 @@ from bfi_cli.flight.parity.windows import flight_stretches
 from bfi_cli.flight.seconds import seconds_of
 from bfi_cli.flight.weight import ALIKE
 from bfi_cli.flightlog import FlightLog, read_log
-from bfi_cli.flightlog.phases import phases_of, spans_of
-from bfi_cli.kernels.runs import within
+from bfi_cli.flightlog.phases import phases_of
 
 pytestmark = [pytest.mark.slow, pytest.mark.realdata]
 
@@ -47,14 +48,10 @@ def largest_surprise(log: FlightLog) -> float:
     return max(gains, default=0.0)
 
 
-def largest_error(log: FlightLog) -> float:
-    """Return the log density of the surest error of a channel where the rows are no functions of the states."""
-    seconds, phases = seconds_of(log), phases_of(log)
-    model = None if seconds is None else flight_model(seconds)
-    assert model is not None
-    bench, unlike = bench_of(model), spans_of(phases, surprises.UNLIKE_FLIGHT)
-    errors = surprises.sudden_errors(bench, phases, (), surprises.change_gains(bench))
-    return max((gain for _, at_s, gain in errors if within(np.array([at_s]), unlike).any()), default=0.0)
+def largest_step(log: FlightLog) -> float:
+    """Return the log density of the surest step of a channel, surely beyond its tolerance, that the model proposes."""
+    answer = weighing.weigh_events(flight_of(log, Config()), (), Config().diagnose)
+    return max((event.margin or 0.0 for event in answer.events if event.stages == (weighing.MODEL,)), default=0.0)
 
 
 def largest_noise(log: FlightLog) -> float:
@@ -69,7 +66,7 @@ def largest_pitch_step(log: FlightLog) -> float:
 
 LEVELS: Mapping[str, tuple[Callable[[FlightLog], float], float, float]] = {
     "ordinary cause": (largest_surprise, surprises.TOLD, ALIKE),
-    "error where nothing is linear": (largest_error, surprises.SURELY, 0.0),
+    "step of a channel": (largest_step, weighing.DECLARED, 0.0),
     "eddies": (largest_noise, noise.TOLD, ALIKE),
     "step of the pitch": (largest_pitch_step, sensors.UNUSUAL_PITCH, 0.0),
 }
@@ -78,7 +75,7 @@ LEVELS: Mapping[str, tuple[Callable[[FlightLog], float], float, float]] = {
 @pytest.mark.parametrize("what", LEVELS)
 def test_few_healthy_flights_reach_the_level(what: str, flights: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     largest, level, above = LEVELS[what]
-    for module, name in ((surprises, "TOLD"), (surprises, "PROPOSED"), (surprises, "SURELY"), (noise, "TOLD")):
+    for module, name in ((surprises, "TOLD"), (surprises, "PROPOSED"), (noise, "TOLD"), (weighing, "DECLARED")):
         monkeypatch.setattr(module, name, LEAST)
     for name in ("UNUSUAL_PITCH", "UNUSUAL_JUMP"):
         monkeypatch.setattr(sensors, name, 1.0)

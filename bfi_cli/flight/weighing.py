@@ -24,6 +24,7 @@ from .judge import (
     REFERENCES,
     SET_WITHIN_S,
     Judgement,
+    causes_of,
     explains,
     is_on_ground,
     is_set,
@@ -407,7 +408,9 @@ def _weighed(
     cause = next(going_on, None)
     if cause is not None and best.margin > _margin_as_named(judgement, event, weight) + DECLARED * best.dispersion:
         return _after(event, cause)
-    if weight.margin > DECLARED and not weight.refused:
+    # A number that is entered steps at once, as no knob that is turned: the model takes neither for the fault.
+    has_twin = event.stages == (MODEL,) and TWINS.get(event.fault) in causes_of(bench.model)
+    if weight.margin > DECLARED and not weight.refused and not has_twin:
         return _confirmed(event, weight, judgement, may_be_sure=may_be_sure)
     known = _stated_cause(bench, event, weight, causes)
     if known is not None:

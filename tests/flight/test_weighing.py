@@ -130,3 +130,15 @@ def test_the_model_proposes_no_step_whose_return_a_finder_proposes() -> None:
     assert answer.onset_s == pytest.approx(ONSET_S, abs=2.0)
     assert answer.offset_s == pytest.approx(END_S, abs=2.0)
     assert answer.state == "declared"
+
+
+def test_what_comes_later_and_is_larger_makes_no_fault_of_a_suspicion() -> None:
+    """A step of altitude that no finder proposes is nothing that an airspeed, suspected minutes before, explains."""
+    log = inject(made_journey(rate_hz=1.0), [parse_spec(f"bias,channel=altitude,magnitude=100,onset_s={END_S}")])
+    channels = {name: log.channels[name] for name in ("tas", "altitude", "pitch", "velocity_north", "velocity_east")}
+    suspicion = replace(event_of("tas", 300.0, "suspected"), among=("tas", "static_leak"), stages=("parity",))
+    flight = flight_of(replace(log, channels=channels), Config())
+    answers = {answer.fault: answer for answer in weigh_events(flight, [suspicion], Config().diagnose).events}
+    assert answers["altitude"].onset_s == pytest.approx(END_S, abs=2.0)
+    assert "altimeter_set" in answers["altitude"].among
+    assert {answer.state for answer in answers.values()} == {"suspected"}

@@ -283,10 +283,12 @@ def _doubt_of_whole(lines: Lines, both: tuple[PressureLine, PressureLine], run: 
     if length_s < LONGER * LENGTH_S[line.pressure]:
         return TOO_LITTLE
     stretches, others = (stretches_of(lines, each, length_s, -np.inf, np.inf) for each in both)
-    if not stretches.still[run[0]]:
+    first = run[0]
+    # A total pressure that the static one does not stir an autopilot holds as well.
+    if not stretches.still[first] or stretches.limit[first] > HIDDEN * others.sd[first]:
         return TOO_LITTLE
     calm = _calm(lines, line, stretches, stretches.still)
-    return doubt_of(lines, line, stretches, others, calm, (run[0],) * 3, onset)
+    return doubt_of(lines, line, stretches, others, calm, (first, first, first), onset)
 
 
 def doubt_of(

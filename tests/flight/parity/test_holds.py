@@ -15,7 +15,7 @@ from bfi_cli.airdata import G, air_data_of, channels_of, impact_pressure_of_cas,
 from bfi_cli.faults import Fault
 from bfi_cli.flight.parity.holds import doubt_of, find_holds
 from bfi_cli.flight.parity.leaks import brakes
-from bfi_cli.flight.parity.lines import Stretches, lines_of
+from bfi_cli.flight.parity.lines import Stretches, edge_of, lines_of
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.record import frozen_array
 
@@ -159,6 +159,41 @@ def test_without_a_fault_nothing_is_found(steps: dict[str, float] | None):
     answer = find_holds(log, 0.0, 600.0)
     assert answer.findings == ()
     assert all(one.watched_s == pytest.approx(600.0, abs=1.0) for one in answer.lines)
+
+
+def calm_flight(blocked: tuple[float, float] | None) -> FlightLog:
+    """Return twenty minutes of smooth air at 1 Hz, in steps of 4 ft and a quarter of a knot."""
+    time_s, rng = np.arange(1200.0), np.random.default_rng(3)
+    altitude = 900.0 + 150.0 * np.sin(time_s / 95.0) + rng.normal(0.0, 0.3, 1200)
+    impact = impact_pressure_of_cas(150.0 + 4.0 * np.sin(time_s / 25.0) + rng.normal(0.0, 0.05, 1200))
+    static = pressure_at(altitude)
+    total = static + impact
+    if blocked is not None:
+        held = (time_s >= blocked[0]) & (time_s < blocked[1])
+        total[held] = total[held][0]
+    made = channels_of(static, total - static, np.full(1200, 285.0))
+    cas, altitude = np.round(made["cas"] / 0.129) * 0.129, np.round(made["altitude"] / 1.219) * 1.219
+    return made_log(time_s, {"altitude": "m"}, altitude=altitude, cas=cas)
+
+
+def test_a_tube_that_is_blocked_for_minutes_is_no_calm_of_half_a_minute():
+    (tube,) = find_holds(calm_flight((480.0, 720.0)), 0.0, 1200.0).findings
+    assert tube.fault == "pitot_blocked"
+    assert tube.onset_ci95[0] <= 480.0 <= tube.onset_ci95[1]
+    assert tube.offset_s == pytest.approx(720.0, abs=3.0)
+    assert find_holds(calm_flight(None), 0.0, 1200.0).findings == ()
+
+
+@pytest.mark.parametrize("wanders_m", [1.0, 3.0])
+def test_what_a_held_line_reaches_does_not_widen_its_band(wanders_m: float):
+    """A port that is blocked at the end of a gentle flight was not blocked from its begin on."""
+    time_s = np.arange(900.0)
+    altitude = 1000.0 + wanders_m * 30.0 * np.sin(time_s / 120.0) + np.random.default_rng(2).normal(0.0, 0.2, 900)
+    altitude[time_s > 800.0] = altitude[time_s > 800.0][0]
+    lines = lines_of(made_log(time_s, {"altitude": "m"}, altitude=altitude, cas=90.0 + np.sin(time_s / 3.0)))
+    static = lines.of("p_static")
+    assert static is not None
+    assert lines.time_s[edge_of(lines, static, 850, -1)] == pytest.approx(800.0, abs=20.0)
 
 
 def test_a_flight_in_which_nothing_moves_tells_nothing():

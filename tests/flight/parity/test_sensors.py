@@ -138,6 +138,13 @@ def test_what_a_flight_may_do_and_what_lasts_a_second_is_no_step_of_an_airspeed(
     assert airspeed_steps(log, FLIGHT) == ()
 
 
+def test_what_an_airspeed_gains_in_a_gap_of_the_record_is_no_step_of_it():
+    log = with_airspeeds({"tas": 40.0, "cas": 40.0}, within_s=9.0)
+    kept = (log.time_s < ONSET_S) | (log.time_s >= ONSET_S + 9.0)
+    channels = {name: replace(each, values=frozen_array(each.values[kept])) for name, each in log.channels.items()}
+    assert airspeed_steps(replace(log, time_s=frozen_array(log.time_s[kept]), channels=channels), FLIGHT) == ()
+
+
 @pytest.mark.parametrize("sizes", [{"tas": -60.0}, {"tas": 40.0}, {"tas": -100.0, "cas": -100.0}])
 def test_a_step_of_an_airspeed_ends_where_it_comes_back(sizes: dict[str, float]):
     (finding,) = airspeed_steps(with_airspeeds(sizes, until_s=ONSET_S + 30.0), FLIGHT)

@@ -99,7 +99,7 @@ def test_an_error_of_one_channel_is_none_of_several_that_leave_together(
 
 @pytest.mark.parametrize(("size", "proposed"), [(6.3, True), (0.5, False)])
 def test_a_step_beyond_its_tolerance_that_no_finder_proposes_is_found_by_the_model(size: float, proposed: bool) -> None:
-    healthy = made_journey(rate_hz=1.0).window(200.0, 560.0)
+    healthy = made_journey(rate_hz=1.0).window(300.0, 510.0)
     faulty = inject(healthy, [parse_spec(f"bias,channel=tas,magnitude={size},onset_s={ONSET_S}")])
     events = weigh_events(flight_of(faulty, Config()), [], Config().diagnose).events
     assert [event.fault for event in events] == (["tas"] if proposed else [])

@@ -52,7 +52,8 @@ from .looks import (
 from .naming import finding_of_glance, findings_of_search, repeat_advice, vote_against
 from .parity import LENGTHS_S
 from .parity.finding import Explanation
-from .parity.record import record_of
+from .parity.leaks import begins_within
+from .parity.record import STATIC_LEAK, record_of
 from .parity.sampled import unit_of
 from .parity.static_relations import RelationAnswer
 from .parity.windows import Window, overlaps, windows_in
@@ -181,7 +182,7 @@ def _notes(slow: SlowFaults) -> tuple[Note, ...]:
     """Return what is said of short defects, of what was not watched or set aside, and of thresholds that are raised."""
     flight = slow.flight
     unwatched = map(Note.limit, flight.held.missing(flight.from_s, flight.to_s))
-    notes = [*flight.log.notes, *notes_on_defects(flight), *unwatched]
+    notes = [*flight.log.notes, *notes_on_defects(flight), *unwatched, *slow.notes]
     if "flaps" not in flight.recorded and flight.moved:
         notes.append(
             Note.limit(
@@ -226,6 +227,7 @@ def lasting_faults(flight: Flight, progress: Progress) -> tuple[list[Draft], Sta
     static = find_relations(flight, report=partial(progress, "static relations"))
     drafts += drafts_of_relations(flight, static)
     slow = find_slow_faults(flight, drafts, static, report=partial(progress, "lift and inertia"))
+    drafts = [draft for draft in drafts if not _follows_from_leak(flight, draft, slow.drafts)]
     return [*drafts, *slow.drafts], static, slow
 
 
@@ -254,6 +256,19 @@ def _by_tolerance(flight: Flight, drafts: Sequence[Draft]) -> tuple[list[Draft],
     within = [beyond_its_tolerance(flight, draft) is False for draft in drafts]
     pairs = list(zip(drafts, within, strict=True))
     return [draft for draft, is_small in pairs if not is_small], [draft for draft, is_small in pairs if is_small]
+
+
+def _follows_from_leak(flight: Flight, line: Draft, slow: Sequence[Draft]) -> bool:
+    """Return whether a pitot line is held that loses its airspeed to a static line which leaks already, not only may.
+
+    A static line that rests shows it itself, and is absorbed by no leak that the scan infers.
+    """
+    if line.finding.stage != "holds" or line.finding.fault == "static_blocked":
+        return False
+    leaks = [
+        draft.finding for draft in slow if draft.finding.fault == STATIC_LEAK and _state(flight, draft)[0] == "declared"
+    ]
+    return any(begins_within(line.finding, leak) for leak in leaks)
 
 
 def _glances(

@@ -43,6 +43,7 @@ from .parity.windows import Window, flight_stretches, overlaps, within
 from .plausibility import Implausible
 from .tables import ORDINARY
 
+STALLS = "the aircraft stalls meanwhile"
 # Beside a held line, where the filters of the recorder and the leak itself still act.
 BRIDGE_S = 10.0
 # Between two pieces of one hold: an airspeed that comes and goes about nothing.
@@ -241,7 +242,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     # What one airspeed says against all others is no sign of a pressure line.
     overruled = {disagreement.channel for disagreement in disagreements if disagreement.alone}
     held = find_holds(without(log, *overruled), start_s, stop_s, phases=phases)
-    held = replace(held, findings=_until_free(held.findings, phases, stop_s))
+    held = replace(held, findings=_doubted_in_stalls(_until_free(held.findings, phases, stop_s), phases))
     coarse = coarse_positions(log)
     if coarse:
         log = without(log, "latitude", "longitude")
@@ -371,6 +372,19 @@ def _until_free(holds: Sequence[Finding], phases: Sequence[Phase], stop_s: float
                 hold = replace(hold, offset_s=end if end < stop_s - BRIDGE_S else None)
         last[finding.fault] = hold
     return tuple(sorted((*ended, *last.values()), key=lambda finding: finding.onset_s))
+
+
+def _doubted_in_stalls(findings: Sequence[Finding], phases: Sequence[Phase]) -> tuple[Finding, ...]:
+    """Return the findings, those of a leak that ends with a stall doubted: the aircraft loses its airspeed then."""
+    stalls = [phase for phase in phases if phase.phase == "stall"]
+    return tuple(
+        replace(finding, doubt=finding.doubt or STALLS)
+        if finding.fault.endswith("_leak")
+        and finding.offset_s is not None
+        and any(stall.from_s <= finding.offset_s <= stall.to_s + BRIDGE_S for stall in stalls)
+        else finding
+        for finding in findings
+    )
 
 
 def _reaches(hold: Finding, time_s: float) -> bool:

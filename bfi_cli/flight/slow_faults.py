@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..kernels.progress import Report, silent
+from ..notes import Note
 from .events import Draft, beyond_its_tolerance, clusters, is_certain, is_return
 from .flight import Flight, LastingFault
 from .looks import Scanned, rate_of, scale_of, scan_flight, thresholds_of
@@ -33,6 +34,7 @@ NEAR_END_S = 20.0
 RETURN_S, MOST_EXPLAINED = 120.0, 12
 # Faults of one flight; with more of them it is the log that is wrong.
 MOST = 6
+SHOWN = 3  # of what is set aside, in a sentence
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -44,12 +46,14 @@ class SlowFaults:
     flight : with the faults that may last.
     scanned : every window.
     scale : by how much the thresholds are raised.
+    notes : what was set aside.
     """
 
     flight: Flight
     drafts: tuple[Draft, ...]
     scanned: tuple[Scanned, ...]
     scale: float
+    notes: tuple[Note, ...] = ()
 
 
 def find_slow_faults(
@@ -70,7 +74,7 @@ def find_slow_faults(
         if draft.finding.shape != "bias":  # a constant is a nuisance of every residual anyway
             back = next((other for other in known if is_return(other.finding, draft.finding)), None)
             flight = flight.with_lasting(_lasting(draft, back))
-    start, named, undone = flight, list[Named](), list[Draft]()
+    start, named, undone, stood_out = flight, list[Named](), list[Draft](), list[Draft]()
     answer = _scan_all(flight, report)
     for _ in range(2 * MOST):
         drafts = [fault.as_told for fault in named]
@@ -81,12 +85,15 @@ def find_slow_faults(
         if not certain or len(drafts) == MOST:
             break
         strongest = max(certain, key=lambda fault: fault.strength)
+        begun_s = strongest.draft.finding.onset_ci95[1]
+        stood_out += [fault.draft for fault in certain if fault.draft.finding.onset_s > begun_s]
         candidates = _with_named(named, strongest, flight, answer)
         named = _name_again(start, candidates, answer, static)
         undone += [fault.draft for fault in candidates if not _is_among(fault.draft, [kept.draft for kept in named])]
         flight = _with_all(start, named)
         answer = _scan_all(flight, silent, before=answer)
-    return replace(answer, drafts=(*drafts, *(fault.draft for fault in described)))
+    rest = [fault.draft for fault in described]
+    return replace(answer, drafts=(*drafts, *rest), notes=_set_aside(stood_out, [*reported, *rest], drafts))
 
 
 def _runs_that_stand_out(
@@ -227,6 +234,20 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
         if back.onset_s > finding.onset_ci95[1] and is_return(back, finding):
             return Draft(finding=back, window=window, until_s=window[1])
     return None
+
+
+def _set_aside(stood_out: Sequence[Draft], reported: Sequence[Draft], lasting: Sequence[Draft]) -> tuple[Note, ...]:
+    """Return a sentence on what stood out after a fault until what that may still do was left out."""
+    gone = [draft for draft in stood_out if not any(_same_onset(draft, other) for other in reported)]
+    strongest: list[Draft] = []
+    for draft in sorted(gone, key=lambda draft: -draft.finding.statistic / draft.finding.threshold):
+        if not any(_same_onset(draft, other) for other in strongest):
+            strongest.append(draft)
+    if not strongest:
+        return ()
+    faults = ", ".join(f"{draft.finding.fault} from {draft.finding.onset_s:.0f} s" for draft in strongest[:SHOWN])
+    last = " and ".join(dict.fromkeys(draft.finding.fault for draft in lasting))
+    return (Note.limit(f"after {last} fails, {faults} cannot be told from its after-effects and is not reported"),)
 
 
 def _is_among(draft: Draft, others: Sequence[Draft]) -> bool:

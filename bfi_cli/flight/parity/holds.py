@@ -17,7 +17,7 @@ from ...flightlog.phases import Phase
 from ...kernels import BoolArray
 from ...kernels.runs import runs
 from .finding import Finding
-from .leaks import LANDING, begins_within, pitot_leaks, static_leaks
+from .leaks import LANDING, LEFT, begins_within, brakes, pitot_leaks, static_leaks
 from .lines import (
     BAND,
     CALMEST,
@@ -49,7 +49,7 @@ LONGER = 2.0
 # COARSE_PA [Pa]: step of the total pressure (airspeed, temperature) within which calm flight may stay: 1.0
 # Pa with the 0.032 m/s of a recorded Citation, of which no stretch is still; from 0.05 m/s on some are.
 COARSE_PA = 1.5
-STEADY = "a steady climb or descent is a line too"
+LANDED, STEADY = "the aircraft has landed", "a steady climb or descent is a line too"
 AT_REST = "nothing moves beyond the noise of the record: calm air, an aircraft at rest or a record that stands still"
 TOO_CALM = "the calmest flight of the log moves by {:.2g} Pa, too calm to tell"
 STEPS_HIDE = "the steps or the noise of the record hide how calm flight moves"
@@ -62,6 +62,8 @@ LEVEL_M = 30.0
 LEVELLING, STOPPING_S = 3.0, 2.0
 # The time that a pressure in flight takes to leave that band is counted up to this, s, in so many times it before.
 LONGEST_PASSAGE_S, PASSAGES = 20.0, 16
+# s after the onset of a hold, in which an aircraft that has landed loses its airspeed.
+AFTER_S = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -180,7 +182,7 @@ def _unseen(lines: Lines, report: LineReport) -> Iterator[UnseenLine]:
         yield UnseenLine(fault=fault, what="was not looked for", from_s=first_s, to_s=last_s, why=gaps)
     hides = np.zeros(len(lines.time_s), dtype=bool)
     for start_s, end_s, why in report.untold:
-        if why not in (LANDING, STEADY):
+        if why not in (LANDED, LANDING, STEADY):
             hides |= (lines.time_s >= start_s) & (lines.time_s <= end_s)
     calm = f"{channels} moved no more than in calm air, or than the steps of the record hide"
     for first_s, last_s in _stretches(lines, hides & lines.flies):
@@ -228,9 +230,9 @@ def _holds_of(
             stray = np.where(moves | ~moves.any(), stray, np.inf)
         best = first + int(np.argmin(stray))
         onset = edge_of(lines, line, first + stretches.n // 2, -1)
-        why = doubt_of(lines, line, stretches, other_stretches, calm, (first, best, last), onset)
+        why = doubt_of(log, lines, line, stretches, other_stretches, calm, (first, best, last), onset)
         if why and other is not None and line.pressure == "p_total":
-            why = _doubt_of_whole(lines, (line, other), (first, last + stretches.n), onset) and why
+            why = _doubt_of_whole(log, lines, (line, other), (first, last + stretches.n), onset) and why
         if why:
             untold.append((float(lines.time_s[first]), float(lines.time_s[last + stretches.n - 1]), why))
             continue
@@ -273,7 +275,9 @@ def _holds_of(
     return report, findings
 
 
-def _doubt_of_whole(lines: Lines, both: tuple[PressureLine, PressureLine], run: tuple[int, int], onset: int) -> str:
+def _doubt_of_whole(
+    log: FlightLog, lines: Lines, both: tuple[PressureLine, PressureLine], run: tuple[int, int], onset: int
+) -> str:
     """Return what else keeps a run of still stretches still as a whole, "" where nothing does.
 
     Calm flight stays within the steps of a record for half a minute, and leaves them in several.
@@ -288,10 +292,11 @@ def _doubt_of_whole(lines: Lines, both: tuple[PressureLine, PressureLine], run: 
     if not stretches.still[first] or stretches.limit[first] > HIDDEN * others.sd[first]:
         return TOO_LITTLE
     calm = _calm(lines, line, stretches, stretches.still)
-    return doubt_of(lines, line, stretches, others, calm, (first, first, first), onset)
+    return doubt_of(log, lines, line, stretches, others, calm, (first, first, first), onset)
 
 
 def doubt_of(
+    log: FlightLog,
     lines: Lines,
     line: PressureLine,
     stretches: Stretches,
@@ -302,7 +307,7 @@ def doubt_of(
 ) -> str:
     """Return what else than a trapped pressure keeps a run of stretches still, "" where nothing else does.
 
-    The rivals of a trapped line are a record or an aircraft at rest, a steady climb, and flight that is calm
+    The rivals of a trapped line are a landing, a record or an aircraft at rest, a steady climb, and flight that is calm
     or that the steps and the noise of the record hide. How still flight is the log tells, or, where it does not, the
     total pressure by the static one, and the static pressure by how fast it stops.
 
@@ -330,6 +335,7 @@ def doubt_of(
     calmest = np.inf if calm is None else calm
     stillest = MOTIONLESS * calmest if hidden else STILL * calmest
     rivals = (
+        (LANDED, static and _has_landed(log, lines, line, onset)),
         (AT_REST, other_stretches is not None and not other_stretches.sd[best] > moving * other_stretches.limit[best]),
         (STEADY, stretches.rise[best] > LEVEL_M),
         (TOO_LITTLE, calm is None and not is_reliable),
@@ -389,6 +395,18 @@ def _calmest(lines: Lines, line: PressureLine, stretches: Stretches, still: Bool
     if moving_samples * lines.step_s < FEWEST_MOVING_S:
         return None
     return float(np.quantile(stretches.sd[moving], CALMEST))
+
+
+def _has_landed(log: FlightLog, lines: Lines, line: PressureLine, onset: int) -> bool:
+    """Say whether the airspeed goes too after a hold of the static pressure, and other sensors show why."""
+    q, t = lines.q_impact, lines.time_s
+    if q is None:
+        return False
+    typical = float(np.nanmedian(q[lines.flies]))
+    after = (t >= t[onset]) & (t <= t[onset] + AFTER_S) & (q < LEFT * typical)
+    if not after.any():
+        return False
+    return brakes(log, float(t[onset]), float(t[after][0]), float(q[onset]), float(line.values[onset])) is not False
 
 
 def _stopped(lines: Lines, line: PressureLine, onset: int) -> bool:

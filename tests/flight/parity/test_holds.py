@@ -290,6 +290,18 @@ def test_a_landing_is_neither_leak_nor_hold(faster: float):
     assert found.onset_s == pytest.approx(603.0, abs=5.0)
 
 
+def test_a_hard_landing_is_no_port_that_stops_at_once():
+    """An aircraft that comes down at 8 m/s stops as no levelling off does, and then brakes for half a minute."""
+    time_s, rng = np.arange(1000.0), np.random.default_rng(5)
+    altitude = np.interp(time_s, (0.0, 60.0, 240.0, 800.0, 894.0), (420.0, 420.0, 1100.0, 1100.0, 420.0))
+    altitude += np.where((time_s > 60.0) & (time_s < 890.0), 20.0 * np.sin(time_s / 20.0), 0.0)
+    altitude = np.where(time_s >= 894.0, 420.0, altitude)
+    ground = np.interp(time_s, (0.0, 20.0, 50.0, 880.0, 900.0, 960.0), (0.0, 0.0, 80.0, 80.0, 55.0, 0.0))
+    cas = np.maximum(ground + rng.normal(0.0, 0.3, time_s.size), 0.0)
+    log = made_log(time_s, {"altitude": "m"}, altitude=np.round(altitude / 1.219) * 1.219, cas=cas, ground_speed=ground)
+    assert find_holds(log, 0.0, 1000.0).findings == ()
+
+
 def test_a_tube_that_is_still_blocked_after_the_landing_is_named():
     time_s = np.arange(8000) / 10.0
     left = np.maximum(600.0 - time_s, 0.0)
@@ -499,7 +511,7 @@ def test_how_still_a_line_must_be_goes_by_the_calm_of_the_flight_and_the_noise_o
     lines = lines_of(log)
     line = lines.of("p_total")
     assert line is not None
-    why = doubt_of(lines, line, stretch(sd, limit), stretch(9.0, 1.0), 3.0, (0, 0, 0), 0)
+    why = doubt_of(log, lines, line, stretch(sd, limit), stretch(9.0, 1.0), 3.0, (0, 0, 0), 0)
     assert bool(why) is doubted
 
 

@@ -20,15 +20,18 @@ from .events import Draft, beyond_its_tolerance, clusters, is_certain, is_return
 from .flight import Flight, LastingFault
 from .looks import Scanned, rate_of, scale_of, scan_flight, thresholds_of
 from .naming import contradicted, finding_of_fit, hypotheses_of, hypothesis_of
-from .parity import LENGTHS_S, Threshold, explain, scan_window
+from .parity import LENGTHS_S, FaultByOnset, Threshold, WindowScan, explain, scan_window
 from .parity.explain import course_for
 from .parity.scan import without_lasting
 from .parity.windows import Window, overlaps, windows_in
 from .relations import StaticWindows, intact_channels
 
-# s. A fault that the scan sees nearer to the start of a window may have begun before it; nearer to the end, little of
-# it is seen.
-NEAR_END_S = 20.0
+# A fault that the scan sees near a window's start may have begun before it: the window is moved, or begins earlier
+# where the one moved would lose too much of the fault.
+NEAR_START_S = 20.0
+# Where in the window that describes an event its onset lies.
+ONSET_SHARE = 0.4
+MOVES = 3  # of that window at most; chosen by hand, it mostly rests after one
 # Windows in which the return of a sensor is sought; of those that stand out so many are explained, since the first tell
 # it where there is one.
 RETURN_S, MOST_EXPLAINED = 120.0, 12
@@ -160,12 +163,12 @@ def _name_again(start: Flight, named: Sequence[Named], answer: SlowFaults, stati
         flight = replace(flight, zero_lift=everything.zero_lift, zero_lift_from=everything.zero_lift_from)
         draft, k = fault.draft, kept.index(fault)
         # Another that begins in its window before it is in the model from there on.
-        latest_s = draft.finding.onset_s - NEAR_END_S
+        latest_s = draft.finding.onset_s - NEAR_START_S
         from_s = max([draft.window[0], *(lasting.from_s for lasting in flight.lasting if lasting.from_s <= latest_s)])
         window = (from_s, draft.window[1])
         if (flight.zero_lift, flight.lasting_in(window)) == (fault.zero_lift, draft.lasting):
             continue
-        again = _name_fault(flight, window, fault.threshold, static, until_s=draft.until_s)
+        again = _name_fault(flight, window, draft.finding.onset_s, fault.threshold, static, until_s=draft.until_s)
         if again is None or not is_certain(again.draft):
             del kept[k]
         elif hypotheses_of(again.draft.finding) == hypotheses_of(draft.finding):
@@ -219,7 +222,11 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
     explained = 0
     for look in scanned.scanned:
         window, threshold = look.window, look.rule
-        if round(window[1] - window[0]) != RETURN_S or window[1] <= finding.onset_s + NEAR_END_S or window[0] >= last_s:
+        if (
+            round(window[1] - window[0]) != RETURN_S
+            or window[1] <= finding.onset_s + NEAR_START_S
+            or window[0] >= last_s
+        ):
             continue
         part = flight.record.between(*window)
         amount = sign * finding.magnitude * course(part.time_s - finding.onset_s)
@@ -295,20 +302,66 @@ def _described(flight: Flight, run: Sequence[Scanned], static: StaticWindows) ->
     """
     first_s, until_s = min(scan.from_s for scan in run), max(scan.to_s for scan in run)
     early = [scan for scan in run if scan.from_s <= first_s + max(LENGTHS_S)]
-    inside = [scan for scan in early if scan.from_s + NEAR_END_S <= scan.onset_s <= scan.to_s - NEAR_END_S]
+    inside = [scan for scan in early if _well_inside(scan.onset_s, scan.window)]
     clearest = max(inside or early, key=lambda scan: scan.statistic)
-    return _name_fault(flight, clearest.window, clearest.rule, static, until_s=until_s)
+    return _name_fault(flight, clearest.window, clearest.onset_s, clearest.rule, static, until_s=until_s)
 
 
 def _name_fault(
-    flight: Flight, window: Window, threshold: Threshold, static: StaticWindows, *, until_s: float
+    flight: Flight, window: Window, onset_s: float, threshold: Threshold, static: StaticWindows, *, until_s: float
 ) -> Named | None:
-    """Return the fault that a window shows; None without a residual."""
-    scan = flight.scan(window)
+    """Return the fault that a window shows, told where its onset lies well inside; None without a residual."""
+    window, scan = _around(flight, onset_s, window, threshold)
     if scan is None:
         return None
-    ruled_out, part = contradicted(intact_channels(static, window)), flight.record.between(*window)
-    fits = explain(scan, part, ruled_out=ruled_out)
-    finding = finding_of_fit(fits, part, threshold, flight.recorded, scan)
+    fits = _explained(flight, window, scan, static)
+    # The onset as fitted may lie nearer to the start than the linear look had it.
+    other, scan_of_other = _around(flight, fits[0].onset_s, window, threshold)
+    if scan_of_other is not None and other != window:
+        window, scan = other, scan_of_other
+        fits = _explained(flight, window, scan, static)
+    finding = finding_of_fit(fits, flight.record.between(*window), threshold, flight.recorded, scan)
     draft = Draft(finding=finding, window=window, until_s=max(until_s, window[1]), lasting=flight.lasting_in(window))
     return Named(draft=draft, threshold=threshold, zero_lift=flight.zero_lift)
+
+
+def _well_inside(onset_s: float, window: Window) -> bool:
+    return onset_s - window[0] >= NEAR_START_S and window[1] - onset_s >= NEAR_START_S
+
+
+def _explained(flight: Flight, window: Window, scan: WindowScan, static: StaticWindows) -> tuple[FaultByOnset, ...]:
+    ruled_out = contradicted(intact_channels(static, window))
+    return explain(scan, flight.record.between(*window), ruled_out=ruled_out)
+
+
+def _around(flight: Flight, onset_s: float, window: Window, threshold: Threshold) -> tuple[Window, WindowScan | None]:
+    """Return the window, moved or begun earlier until the onset lies well inside while it stands out, and its scan."""
+    stretches = flight.stretches
+    low, high = next((stretch for stretch in stretches if stretch[0] <= onset_s < stretch[1]), window)
+    # Not back to before a fault that is named already, nor its end: the window would show that.
+    known_s = (time_s for fault in flight.lasting for time_s in (fault.from_s, fault.until_s))
+    low = max(low, *(time_s for time_s in known_s if time_s <= window[0]), -np.inf)
+    scan = flight.scan(window)
+    for _ in range(MOVES):
+        length_s = window[1] - window[0]
+        if _well_inside(onset_s, window):
+            break
+        start_s = min(max(low, onset_s - ONSET_SHARE * length_s), high - length_s)
+        if abs(start_s - window[0]) < 1.0:
+            break
+        ends = [start_s + length_s, window[1]] if start_s < window[0] else [start_s + length_s]
+        others = (((start_s, end_s), flight.scan((start_s, end_s))) for end_s in ends)
+        better = next(
+            (
+                (moved, moved_scan)
+                for moved, moved_scan in others
+                if moved_scan and moved_scan.statistic > threshold.suspected
+            ),
+            None,
+        )
+        if better is None:
+            break
+        window, scan = better
+        assert scan is not None
+        _, onset_s = scan.strongest
+    return window, scan

@@ -93,7 +93,7 @@ class Flight:
     counted : phases over whose windows the rate of false alarms is shared.
     from_s, to_s : the part that is diagnosed, s on the log's time; is_part : whether that is less than the log.
     zero_lift : angle of attack of zero lift, rad, and where it is from; None where it is free in every window.
-    moved : stretches in which flaps and gear may move.
+    moved : stretches in which flaps are out, or where none are recorded may move.
     held : pressure lines that are held.
     unused : sentences on channels that are not what their names say, or do not follow the flight, and were left out.
     resting : sensors that are frozen.
@@ -146,11 +146,6 @@ class Flight:
         return held_stretches(self.held.findings)
 
     @property
-    def without_lift(self) -> Sequence[Window]:
-        """Stretches in which flaps may move and none are recorded."""
-        return () if "flaps" in self.recorded else self.moved
-
-    @property
     def part_phases(self) -> tuple[Phase, ...]:
         """Phases of the part that is diagnosed, cut to it."""
         return tuple(
@@ -185,7 +180,7 @@ class Flight:
 
     def scan(self, window: Window) -> WindowScan | None:
         """Return the parity scan of a window, without the lift where flaps may move."""
-        usable = WITHOUT_LIFT if overlaps(window, self.without_lift) else tuple(kind.name for kind in RESIDUALS)
+        usable = WITHOUT_LIFT if overlaps(window, self.moved) else tuple(kind.name for kind in RESIDUALS)
         return scan_window(
             self.record.between(*window),
             zero_lift=self.zero_lift,

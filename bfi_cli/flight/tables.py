@@ -357,7 +357,7 @@ ROWS: Mapping[str, Row] = {
     ),
 }
 
-ALTIMETER_SET, ON_GROUND = "altimeter_set", "on_ground"
+ALTIMETER_SET, FLAPS, ON_GROUND = "altimeter_set", "flaps", "on_ground"
 AIRSPEED_ROWS = ("tas", "cas", "mach")
 # What a pilot does at any time: jumps that every hypothesis may have.
 MANOEUVRE = {"airspeed": 10.0, "climb": 5.0, "climb_rate": 5.0, "gust": 5.0}
@@ -371,7 +371,7 @@ ORDINARY: Mapping[str, Cause] = {
         text="the wind changes",
         is_sought=True,
     ),
-    "flaps": Cause(
+    FLAPS: Cause(
         jumps={"zero_lift": 0.05, "vane_gust": 0.05},
         unit="rad",
         text="flaps or gear move",

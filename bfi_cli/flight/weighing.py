@@ -10,9 +10,10 @@ import numpy as np
 
 from ..airdata import DEPENDS_ON
 from ..config import Diagnose, KnownCause
-from ..flightlog.phases import NO_AIRSPEED
+from ..flightlog import FlightLog
+from ..flightlog.phases import NO_AIRSPEED, airborne_phases, spans_of
 from ..kernels import TWO_SIDED_95
-from ..kernels.runs import within
+from ..kernels.runs import runs, within
 from ..notes import Note
 from ..quantities.channels import STANDARD, per_second
 from .bench import AFTER_S, Bench, bench_of, place_of
@@ -40,10 +41,11 @@ from .naming import channels_of, repeat_advice
 from .noise import noisy_events
 from .oscillations import is_same_oscillation, oscillating_events
 from .parity.finding import Stage
+from .parity.record import over_seconds, seconds_of_samples
 from .parity.sensors import AT_ONCE_EVIDENCE, PITCH_EVIDENCE
 from .parity.windows import flight_stretches, overlaps
 from .result import Event, OrdinaryEvent
-from .seconds import seconds_of
+from .seconds import filled, seconds_of
 from .surprises import (
     TWINS,
     ChangeGains,
@@ -52,7 +54,7 @@ from .surprises import (
     sudden_winds,
     surprising_events,
 )
-from .tables import ALTIMETER_SET, ON_GROUND
+from .tables import ALTIMETER_SET, FLAPS, ON_GROUND
 from .tables import ORDINARY as CAUSES
 from .timing import Timing, begun_before, timing_of
 from .weight import ALIKE, Weight
@@ -77,6 +79,8 @@ BESIDE_S, AROUND_S, ONSET_S = 60.0, 60.0, 3.0
 LOSSES = ("pitot_icing", "pitot_leak", "pitot_water", "q_impact")  # of an impact pressure
 # What comes back to a line: a gain of impact pressure, and a fall of the static one.
 ENDED_BY = {"q_impact": ("pitot_icing", "pitot_leak", "static_leak"), "static_leak": ("static_leak",)}
+# MOVING [1]: share of its travel by which a recorded flap or gear moves within a second: 3 % takes half a minute.
+MOVING = 0.03
 SIZED_S = 5  # before and after a step, when its size is read
 EXACT = {"static relations", "sensors"}  # analyses by what holds exactly, or to the last bit
 AIRSPEEDS = ("tas", "cas", "ias", "mach")
@@ -235,10 +239,12 @@ def _sudden_errors(flight: Flight, bench: Bench, events: Sequence[Event], gains:
 
     The flight has to show a step surer by the logarithm of how many were tried, one of every channel at every second.
     """
-    events = list(events)
+    events, flown = list(events), [*airborne_phases(flight.phases), *spans_of(flight.phases, (NO_AIRSPEED,))]
     for fault, at_s, gain in sudden_errors(bench, events, gains):
         event = _proposed(flight, fault, at_s, {fault: gain})
         if _is_about(at_s, events) or any(_follows(bench, event, other) for other in events):
+            continue
+        if not within(np.array([at_s]), flown).any():
             continue
         later_s = min((other.onset_s for other in events if other.onset_s > at_s), default=np.inf)
         until_s = min(later_s - BEFORE_NEXT_S, flight.to_s)
@@ -349,8 +355,18 @@ def _bench(flight: Flight, events: Iterable[Event], causes: Iterable[KnownCause]
     return bench_of(
         model,
         without=about if about[model.frame.airborne].mean() < 0.5 else None,
-        causes=[(known.cause, known.at_s) for known in causes],
+        causes=[*((known.cause, known.at_s) for known in causes), *((FLAPS, at_s) for at_s in _moves_s(flight.log))],
     )
+
+
+def _moves_s(log: FlightLog) -> Iterator[float]:
+    """Yield when recorded flaps or gear begin to move and when they stop, between which no more than JUMP_S passes."""
+    seconds, n = seconds_of_samples(log)
+    for name in ("flaps", "gear"):
+        if name in log.channels:
+            position = filled(over_seconds(log.channels[name].values, seconds, n, log.rate_hz))
+            for first, end in runs(np.abs(np.diff(position)) > MOVING * np.ptp(position)):
+                yield from (float(log.time_s[0]) + at for at in dict.fromkeys((first, end)))
 
 
 def _follows(bench: Bench, event: Event, known: Event) -> bool:
@@ -418,7 +434,8 @@ def _weighed(
     rival = _rival(bench, event, weight, judgement)
     if _knows_more(bench, event, rival):
         return replace(event, margin=weight.margin)
-    if rival and weight.margin > -DECLARED and not weight.refused:
+    # A line that is seen to rest is suspected at least: the model knows its course no better than its finder.
+    if rival and (weight.margin > -DECLARED or "holds" in event.stages) and not weight.refused:
         among = tuple(dict.fromkeys((weight.fault, *event.among)))
         named = event if weight.fault == event.fault else _renamed(bench, event, weight, among, until_s)
         return replace(

@@ -94,7 +94,7 @@ gps_altitude_rate m/s | rate of climb, of satellites or an inertial system | gps
 inertial_vertical_speed gps_vspd vspdg
 pitch rad | pitch attitude | theta pitch_angle
 roll rad | roll attitude | phi roll_angle bank bank_angle
-yaw rad | heading | psi yaw_angle heading true_heading hding_true
+yaw rad | heading | psi yaw_angle heading true_heading hding_true heading_true
 pitch_rate rad/s | body pitch rate | q pitchspeed
 roll_rate rad/s | body roll rate | p rollspeed
 yaw_rate rad/s | body yaw rate | r yawspeed

@@ -142,3 +142,16 @@ def test_what_comes_later_and_is_larger_makes_no_fault_of_a_suspicion() -> None:
     assert answers["altitude"].onset_s == pytest.approx(END_S, abs=2.0)
     assert "altimeter_set" in answers["altitude"].among
     assert {answer.state for answer in answers.values()} == {"suspected"}
+
+
+@pytest.mark.parametrize("is_recorded", [True, False])
+def test_where_recorded_flaps_move_a_change_of_lift_is_theirs(is_recorded: bool) -> None:
+    """It is told where no flaps are recorded, and nothing that needs telling where they are."""
+    moved = [parse_spec(f"bias,channel={name},magnitude=0.05,onset_s={ONSET_S}") for name in ("aoa", "pitch")]
+    log = inject(made_journey(rate_hz=1.0).window(200.0, 640.0), moved)
+    if is_recorded:
+        flaps = replace(log.channels["aoa"], values=frozen_array(np.where(log.time_s < ONSET_S, 0.0, 0.2)))
+        log = replace(log, channels={**log.channels, "flaps": replace(flaps, name="flaps")})
+    answer = weigh_events(flight_of(log, Config()), (), Config().diagnose)
+    assert answer.events == ()
+    assert [event.cause for event in answer.ordinary] == ([] if is_recorded else ["flaps"])

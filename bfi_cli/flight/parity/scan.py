@@ -15,6 +15,7 @@ from ...kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, l
 from ...kernels.runs import bridged
 from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, Rounding, climbing, hypotheses, without_fault
 from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of, weights_of
+from .windows import DEFLECTED
 
 # A ramp whose onset lies between two of these loses 0.6 % of its statistic at most; `explain` goes on in whole seconds.
 ONSET_STEP_S = 3.0
@@ -24,8 +25,8 @@ LARGE = 300.0
 # After the window's start and before its end: a slope after the onset takes longer to tell from the slow noise than the
 # level before it. Chosen by hand; the shipped tables hold for these.
 FIRST_ONSET_S, LAST_ONSET_S = 10.0, 20.0
-# MOVED [rad, 1]: deflection of flaps, and of a gear that is down at 1: more is no play of a sensor. Chosen by hand.
-MOVED = {"flaps": 0.02, "gear": 0.2}
+# MOVED [rad, 1]: change of flaps, and of a gear that is down at 1: more is no play of a sensor. Chosen by hand.
+MOVED = {"flaps": DEFLECTED, "gear": 0.2}
 # LOST: share of the least noise of a residual below which that of steps changes nothing: a variance of 1 %.
 LOST = 0.1
 # FEWEST: share of a window's sampled seconds in which a residual must be known. Chosen by hand.

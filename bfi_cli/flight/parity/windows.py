@@ -9,6 +9,7 @@ import numpy as np
 from ...airdata import IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of, zero_lift_angle
 from ...flightlog.phases import Phase
 from ...flightlog.phases import flight_stretches as flight_stretches
+from ...kernels.runs import runs
 from ...kernels.runs import within as within
 from .record import Record
 
@@ -19,6 +20,8 @@ LENGTHS_S = (60.0, 120.0, 240.0)
 OVERLAP = 0.5  # of two windows, so that every onset lies well inside of one; the rate of a window counts it
 # Flaps and gear move after take-off, for so many V / g or seconds, and from the last descent on.
 CLEAN_UP, CLEAN_UP_S = 10.0, 120.0
+# DEFLECTED [rad]: deflection of flaps that changes the lift: more is no play of a sensor. Chosen by hand.
+DEFLECTED = 0.02
 ROUNDING = 1e-9  # of a length, of times that are computed
 # Seconds of flight that tell the angle of zero lift: shorter ones hold too few angles of attack.
 LEAST_S = 300.0
@@ -54,7 +57,7 @@ def windows_in(phases: Sequence[Phase], length_s: float, *, step_s: float | None
 
 
 def configuration_changes(phases: Sequence[Phase], record: Record | None = None) -> list[Window]:
-    """Return the stretches in which flaps and gear are moved: after take-off, and from the last descent on.
+    """Return the stretches in which recorded flaps are out, or else may be: after take-off, and from the last descent.
 
     V / g is the time in which an aircraft can gain the better part of its speed: 12 s of a jet, 1 s of a drone.
 
@@ -62,6 +65,11 @@ def configuration_changes(phases: Sequence[Phase], record: Record | None = None)
     ----------
     record : which says how fast the aircraft flies; without an airspeed it takes two minutes.
     """
+    if record is not None and "flaps" in record.channels:
+        position = record.channels["flaps"]
+        usual = np.nanmedian(position[within(record.time_s, flight_stretches(phases)) & np.isfinite(position)])
+        out = runs(np.abs(position - usual) > DEFLECTED)
+        return [(float(record.time_s[first]) - 0.5, float(record.time_s[end - 1]) + 0.5) for first, end in out]
     speeds = np.empty(0)
     if record is not None and "tas" in record.channels:
         speeds = record.channels["tas"][within(record.time_s, flight_stretches(phases))]

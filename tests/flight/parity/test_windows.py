@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from made_flight import ZERO_LIFT, made_record
 
 from bfi_cli.flight.parity import configuration_changes, windows_in, zero_lift_of
-from bfi_cli.flight.parity.record import with_fault
+from bfi_cli.flight.parity.record import Record, with_fault
 from bfi_cli.flight.parity.windows import CLEAN_UP_S, flight_stretches
 from bfi_cli.flightlog.phases import RECOVERY_S, Phase
 
@@ -134,3 +134,11 @@ def test_a_vane_that_does_not_move_tells_none():
     still = replace(record, channels={**record.channels, "aoa": np.full(1000, 0.06)})
     assert zero_lift_of(still, ALOFT) is None
     assert zero_lift_of(replace(record, channels={**record.channels, "aoa": np.full(1000, np.nan)}), ALOFT) is None
+
+
+def test_recorded_flaps_say_when_they_are_out():
+    time_s = np.arange(3000.0) + 0.5
+    flaps = np.where((time_s > 400.0) & (time_s < 600.0), 0.2, 0.01 * np.sin(time_s))
+    record = Record(time_s=time_s, channels={"flaps": flaps}, gained=None, airspeed="")
+    ((first_s, last_s),) = configuration_changes(FLIGHT, record)
+    assert (first_s, last_s) == (pytest.approx(400.0, abs=1.5), pytest.approx(600.0, abs=1.5))

@@ -56,7 +56,7 @@ def with_channel(record: Record, **channels: np.ndarray) -> Record:
 
 def noisy_vane(record: Record, scale: float) -> np.ndarray:
     aoa = record.channels["aoa"]
-    return aoa.mean() + scale * (aoa - aoa.mean()) + 0.6 * aoa.std() * RNG.standard_normal(N)
+    return aoa.mean() + scale * (aoa - aoa.mean()) + 0.6 * aoa.std() * np.random.default_rng(14).standard_normal(N)
 
 
 def test_the_angle_that_attitude_and_climb_tell_is_that_of_the_climb_angle():

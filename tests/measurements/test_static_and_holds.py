@@ -130,7 +130,7 @@ def test_a_whole_flight_has_no_false_event(logs: tuple[FlightLog, FlightLog]) ->
         series, ends = relation_series(log), (float(log.time_s[0]), float(log.time_s[-1]) + 1.0)
         holds = find_holds(log, *ends)
         events += [(one.fault, round(one.onset_s)) for one in holds.findings]
-        print([(one.pressure, one.watched_s, one.untold) for one in holds.lines])
+        print(holds.untold)
         for start_s, end_s in airborne_stretches(log):
             hours += (end_s - start_s) / 3600.0
             for from_s in np.arange(start_s, end_s - LENGTH_S, 30.0 if FULL else 120.0):

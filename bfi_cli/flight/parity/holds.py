@@ -7,7 +7,7 @@ no signature is fitted, and no size is told.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -37,6 +37,7 @@ from .lines import (
 
 FAULT = {"p_total": "pitot_blocked", "p_static": "static_blocked"}
 PRESSURES = {fault: pressure for pressure, fault in FAULT.items()}
+Untold = tuple[float, float, str]
 # A still stretch strays at most by this share of what the calmest twentieth of the log's moving stretches does. Where
 # already the limit is this share of that, steps and noise hide the calm: a total pressure must then be without any
 # motion, and a static one must stop at once.
@@ -67,24 +68,6 @@ AFTER_S = 60.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LineReport:
-    """How a pressure line was watched in a window.
-
-    Attributes
-    ----------
-    pressure : "p_total" or "p_static"; made_of : the channels that it was taken from.
-    watched_s : time within stretches that moved; unwatched : in flight, between gaps too short for a stretch.
-    untold : (from_s, to_s, why) of stretches that are still, but not told from calm air.
-    """
-
-    pressure: str
-    made_of: tuple[str, ...]
-    watched_s: float
-    unwatched: tuple[tuple[float, float], ...]
-    untold: tuple[tuple[float, float, str], ...]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class UnseenLine:
     """A stretch of flight in which a blocked line "could hide", or "was not looked for", and why."""
 
@@ -105,13 +88,13 @@ class Holds:
         line, at most 1000, its threshold 1; of a pitot line that leaks, the share of the impact pressure that was lost,
         its threshold 85 %; of a static line that leaks, the change of its vertical speed at the onset, m/s, its
         threshold 4 m/s. The evidence of a leak holds its time constant, s.
-    lines : how each was watched.
+    untold : by pressure, (from_s, to_s, why) of stretches that are still, but not told from calm air.
     unseen : stretches of flight in which a blocked line would not have been seen.
     lacking : sentences on what the log lacks for a line.
     """
 
     findings: tuple[Finding, ...]
-    lines: tuple[LineReport, ...]
+    untold: Mapping[str, tuple[Untold, ...]]
     unseen: tuple[UnseenLine, ...]
     lacking: tuple[str, ...]
 
@@ -143,7 +126,8 @@ def find_holds(
     phases : of the log, None to find them.
     """
     lines = lines_of(log, phases) if lines is None else lines
-    reports: list[LineReport] = []
+    untold: dict[str, tuple[Untold, ...]] = {}
+    unseen: list[UnseenLine] = []
     findings: list[Finding] = []
     to_cabin = static_leaks(log, lines, from_s, to_s)
     leaks, landings = pitot_leaks(log, lines, from_s, to_s)
@@ -152,13 +136,14 @@ def find_holds(
         if line is None:
             continue
         other = lines.of("p_static" if pressure == "p_total" else "p_total")
-        report, held = _holds_of(log, lines, line, other, from_s, to_s)
+        held, unwatched, still = _holds_of(log, lines, line, other, from_s, to_s)
         if pressure == "p_total":
             # A leaking tube ends at the static pressure, which may rest.
             low_at = [low_s for _, low_s in leaks]
             held = [finding for finding in held if not any(low_s <= finding.onset_s + POINT_S for low_s in low_at)]
-            report = replace(report, untold=(*report.untold, *landings))
-        reports.append(report)
+            still += landings
+        untold[pressure] = tuple(still)
+        unseen += _unseen(lines, line, unwatched, still)
         findings += held
         # A trapped tube loses its airspeed in a descent, a trapped port in a climb.
         leaks = [(leak, low_s) for leak, low_s in leaks if not any(finding.onset_s < low_s for finding in held)]
@@ -170,18 +155,19 @@ def find_holds(
         finding for finding in findings if not any(begins_within(finding, leak) for leak in to_cabin)
     ] + to_cabin
     findings.sort(key=lambda finding: finding.onset_s)
-    unseen = tuple(unseen_line for report in reports for unseen_line in _unseen(lines, report))
-    return Holds(findings=tuple(findings), lines=tuple(reports), unseen=unseen, lacking=lines.missing)
+    return Holds(findings=tuple(findings), untold=untold, unseen=tuple(unseen), lacking=lines.missing)
 
 
-def _unseen(lines: Lines, report: LineReport) -> Iterator[UnseenLine]:
+def _unseen(
+    lines: Lines, line: PressureLine, unwatched: Sequence[tuple[float, float]], untold: Sequence[Untold]
+) -> Iterator[UnseenLine]:
     """Yield where in flight a blocked line would not have been seen."""
-    fault, channels, length_s = FAULT[report.pressure], " and ".join(report.made_of), LENGTH_S[report.pressure]
+    fault, channels, length_s = FAULT[line.pressure], " and ".join(line.made_of), LENGTH_S[line.pressure]
     gaps = f"gaps and missing samples of {channels} leave less than {length_s:.0f} s at once"
-    for first_s, last_s in report.unwatched:
+    for first_s, last_s in unwatched:
         yield UnseenLine(fault=fault, what="was not looked for", from_s=first_s, to_s=last_s, why=gaps)
     hides = np.zeros(len(lines.time_s), dtype=bool)
-    for start_s, end_s, why in report.untold:
+    for start_s, end_s, why in untold:
         if why not in (LANDED, LANDING, STEADY):
             hides |= (lines.time_s >= start_s) & (lines.time_s <= end_s)
     calm = f"{channels} moved no more than in calm air, or than the steps of the record hide"
@@ -213,14 +199,14 @@ def _or_blocked_port(log: FlightLog, lines: Lines, line: PressureLine, leak: Fin
 
 def _holds_of(
     log: FlightLog, lines: Lines, line: PressureLine, other: PressureLine | None, from_s: float, to_s: float
-) -> tuple[LineReport, list[Finding]]:
-    """Return how a line was watched, and where it held."""
+) -> tuple[list[Finding], tuple[tuple[float, float], ...], list[Untold]]:
+    """Return where a line held, where gaps leave no stretch in flight, and where it is still but may be in calm air."""
     length_s = LENGTH_S[line.pressure]
     stretches = stretches_of(lines, line, length_s, from_s, to_s)
     other_stretches = None if other is None else stretches_of(lines, other, length_s, from_s, to_s)
     calm = _calm(lines, line, stretches, stretches.still)
     findings: list[Finding] = []
-    untold: list[tuple[float, float, str]] = []
+    untold: list[Untold] = []
     for first, last in touching_runs(stretches.still & stretches.inside, stretches.n):
         # The stillest stretch of a run tells whether the line holds, and where: of a tube one in which the aircraft
         # moves, where the hold lasts until it has landed.
@@ -263,16 +249,8 @@ def _holds_of(
             evidence=evidence,
         )
         findings.append(hold)
-    watched = stretches.inside & ~stretches.still
     flies = lines.flies & (lines.time_s >= from_s) & (lines.time_s < to_s)
-    report = LineReport(
-        pressure=line.pressure,
-        made_of=line.made_of,
-        watched_s=float(np.count_nonzero(_covered(lines, watched, stretches.n)) * lines.step_s),
-        unwatched=_stretches(lines, flies & ~_covered(lines, stretches.inside, stretches.n)),
-        untold=tuple(untold),
-    )
-    return report, findings
+    return findings, _stretches(lines, flies & ~_covered(lines, stretches.inside, stretches.n)), untold
 
 
 def _doubt_of_whole(

@@ -50,7 +50,9 @@ def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
     if contradicted is not None:
         return contradicted
     declared = [event for event in result.events if event.state == "declared"]
+    # The surest suspicion first: what a healthy flight shows as well may begin before it.
     suspected = [event for event in result.events if event.state == "suspected"]
+    suspected.sort(key=lambda event: -(event.margin or 0.0))
     small = [*result.deviations]
     listed = [
         *(event_in_words(event, units) for event in declared),

@@ -120,6 +120,7 @@ CONSTANTS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
         (PARITY.format("static_relations"), PARITY.format("relation_limits")),
     ),
     ("flight/parity/explain.py", ("RARER",), (PARITY.format("explain"),)),
+    ("flight/parity/windows.py", ("DEFLECTED",), (PARITY.format("windows"),)),
     ("flight/parity/holds.py", ("STILL", "HIDDEN", "LEVEL_M"), (PARITY.format("holds"),)),
     ("flight/parity/leaks.py", ("LEFT", "BRAKING", "SAME_LEVEL"), (PARITY.format("holds"),)),
     ("flight/parity/relaxation.py", ("MISFIT_OF_CHANGE",), (PARITY.format("relaxation"), PARITY.format("holds"))),

@@ -138,7 +138,7 @@ def test_a_vane_that_does_not_move_tells_none():
 
 def test_recorded_flaps_say_when_they_are_out():
     time_s = np.arange(3000.0) + 0.5
-    flaps = np.where((time_s > 400.0) & (time_s < 600.0), 0.2, 0.01 * np.sin(time_s))
+    flaps = np.where((time_s > 400.0) & (time_s < 600.0), 0.024, 0.01 * np.sin(time_s))
     record = Record(time_s=time_s, channels={"flaps": flaps}, gained=None, airspeed="")
     ((first_s, last_s),) = configuration_changes(FLIGHT, record)
     assert (first_s, last_s) == (pytest.approx(400.0, abs=1.5), pytest.approx(600.0, abs=1.5))

@@ -221,7 +221,16 @@ def _swinging_events(flight: Flight, bench: Bench, events: Sequence[Event]) -> I
             swinging = _event_of_gross(flight, bench, gross)
             if swinging is not None:
                 yield swinging
-    yield from oscillating_events(flight, bench, DECLARED)
+    # Behind a tube that is trapped, heights that swing make airspeeds swing.
+    holds = [event for event in events if "holds" in event.stages and event.state == "declared"]
+    held = [(event.onset_s, _last_s(event)) for event in holds]
+    for swinging in oscillating_events(flight, bench, DECLARED):
+        if not overlaps((swinging.onset_s, _last_s(swinging)), held):
+            yield swinging
+
+
+def _last_s(event: Event) -> float:
+    return np.inf if event.offset_s is None else event.offset_s
 
 
 def _sudden_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[Event]:
@@ -377,7 +386,7 @@ def _follows(bench: Bench, event: Event, known: Event) -> bool:
     """
     rows = rows_of(bench, event.channels)
     measured = bool(rows) and set(rows) <= set(rows_of(bench, known.channels))
-    until_s = np.inf if known.offset_s is None else known.offset_s
+    until_s = _last_s(known)
     if known.frequency_hz is not None:
         # A window that swings shows whatever slow course the phases of its ends make.
         return measured and overlaps(event.window_s, [(known.onset_s, until_s)])

@@ -155,3 +155,15 @@ def test_where_recorded_flaps_move_a_change_of_lift_is_theirs(is_recorded: bool)
     answer = weigh_events(flight_of(log, Config()), (), Config().diagnose)
     assert answer.events == ()
     assert [event.cause for event in answer.ordinary] == ([] if is_recorded else ["flaps"])
+
+
+def test_what_swings_behind_a_trapped_tube_is_no_water_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    blocked = [parse_spec(f"pitot_blocked,onset_s={ONSET_S},offset_s={END_S}")]
+    log = inject(made_journey(rate_hz=1.0).window(200.0, 640.0), blocked)
+    water = replace(event_of("pitot_water", ONSET_S + 30.0, "declared"), shape="sine", offset_s=END_S - 20.0)
+    monkeypatch.setattr(weighing, "oscillating_events", lambda *args: [water])
+    hold = replace(
+        event_of("pitot_blocked", ONSET_S, "declared"), stages=("holds",), shape="pitot_blocked", offset_s=END_S
+    )
+    events = weigh_events(flight_of(log, Config()), [hold], Config().diagnose).events
+    assert [event.fault for event in events] == ["pitot_blocked"]

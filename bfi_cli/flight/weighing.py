@@ -370,10 +370,9 @@ def _bench(flight: Flight, events: Iterable[Event], causes: Iterable[KnownCause]
 
 def _moves_s(log: FlightLog) -> Iterator[float]:
     """Yield when recorded flaps or gear begin to move and when they stop, between which no more than JUMP_S passes."""
-    seconds, n = seconds_of_samples(log)
     for name in ("flaps", "gear"):
         if name in log.channels:
-            position = filled(over_seconds(log.channels[name].values, seconds, n, log.rate_hz))
+            position = filled(over_seconds(log.channels[name].values, *seconds_of_samples(log), log.rate_hz))
             for first, end in runs(np.abs(np.diff(position)) > MOVING * np.ptp(position)):
                 yield from (float(log.time_s[0]) + at for at in dict.fromkeys((first, end)))
 

@@ -105,7 +105,9 @@ def weighed(monkeypatch: pytest.MonkeyPatch) -> Callable[[Model, Sequence[Event]
         }
         for name, stub in replaced.items():
             monkeypatch.setattr(weighing, name, stub)
-        flight: Any = SimpleNamespace(log=SimpleNamespace(rate_hz=10.0), phases=(), from_s=0.0, to_s=float(N))
+        flight: Any = SimpleNamespace(
+            log=SimpleNamespace(rate_hz=10.0, channels={}), phases=(), from_s=0.0, to_s=float(N)
+        )
         return weigh_events(flight, events, Config().diagnose)
 
     return answer

@@ -134,9 +134,8 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     # line is before a channel about its onset, which may be its own.
     order = [k for k, event in enumerate(events) if _can_be_weighed(event)]
     earlier_s = {k: APART_S if _line(events[k]) else 0.0 for k in order}
-    order.sort(
-        key=lambda k: (events[k].state != "declared", events[k].stages == (MODEL,), events[k].onset_s - earlier_s[k])
-    )
+    seen_s = {k: returns.get(k, events[k].onset_s) for k in order}
+    order.sort(key=lambda k: (events[k].state != "declared", events[k].stages == (MODEL,), seen_s[k] - earlier_s[k]))
     for k in order:
         event = events[k]
         cause = next((cause for cause in known if _follows(bench, event, cause)), None)
@@ -153,7 +152,7 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
                 answers[k] = _after(event, cause)
                 continue
         others = [other.onset_s for other in (*hiding, *(each for each in rest if not line or _line(each) != line))]
-        beside = [other.onset_s for other in (*known, *(events[j] for j in order if j != k))]
+        beside = [*(other.onset_s for other in known), *(seen_s[j] for j in order if j != k)]
         later_s = min((at_s for at_s in beside if at_s > event.onset_s + APART_S), default=np.inf)
         alone = not any(event.onset_s - APART_S < at_s < event.onset_s + AFTER_S for at_s in others)
         answer = answers[k] = _weighed(
@@ -172,21 +171,41 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
         if event.beyond_tolerance is False and _is_course(event):
             answers[k] = _weighed_deviation(bench, event, known, flight.to_s)
     gains = gains if bench is unweighed else change_gains(bench)
-    return _weighing(flight, bench, (*swinging, *answers), gains)
+    stand = [*swinging, *(answer for answer in answers if isinstance(answer, Event))]
+    late = _weighed_again(flight, bench, stand, causes, known, gains)
+    return _weighing(flight, bench, (*swinging, *answers, *late), gains)
+
+
+def _weighed_again(
+    flight: Flight,
+    bench: Bench,
+    stand: Sequence[Event],
+    causes: Sequence[KnownCause],
+    known: Sequence[Event],
+    gains: ChangeGains,
+) -> Iterator[Event]:
+    """Yield the steps that the model suspects where what a finder proposed has not stood."""
+    for step in _sudden_errors(flight, bench, stand, gains):
+        later_s = min((other.onset_s for other in stand if other.onset_s > step.onset_s), default=np.inf)
+        until_s = min(later_s - BEFORE_NEXT_S, flight.to_s)
+        step = replace(step, state="suspected")
+        answer = _weighed(flight, bench, step, until_s, causes, known, may_be_sure=False)
+        if isinstance(answer, Event):
+            yield answer
 
 
 def _placed_events(
     flight: Flight, bench: Bench, events: Sequence[Event], swinging: Sequence[Event], gains: ChangeGains
-) -> tuple[list[Event], set[int]]:
-    """Return the events of all finders and of the model, each from its fault's onset, and which were a return of it."""
+) -> tuple[list[Event], dict[int, float]]:
+    """Return all events, each from its fault's onset, and by the number of each that was a return when that was."""
     placed = [*events, *_sudden_losses(flight, bench, (*swinging, *events), gains)]
-    returns: set[int] = set()
+    returns: dict[int, float] = {}
     for k, event in enumerate(placed):
         if _can_be_weighed(event):
             placed[k] = _as_trapped(bench, event, flight.to_s)
             begun = _begun_before(bench, placed[k], flight.to_s)
             if begun is not None:
-                returns.add(k)
+                returns[k] = placed[k].onset_s
                 placed[k] = _from_its_onset(bench, placed[k], begun)
     steps = _sudden_errors(flight, bench, (*swinging, *placed), gains)
     return [*placed, *(_as_trapped(bench, step, flight.to_s) for step in steps)], returns

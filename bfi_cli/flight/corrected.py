@@ -190,7 +190,7 @@ def corrected_log(log: FlightLog, events: Sequence[Event]) -> FlightLog:
         airspeed="tas" if "tas" in values else "",
     )
     for k, event in enumerate(sorted(events, key=lambda event: event.onset_s), start=1):
-        inside = (t >= event.onset_s) & (t < (np.inf if event.offset_s is None else event.offset_s))
+        inside = (t >= event.onset_s) & (t < event.until_s)
         name = f"event_{k}_{event.fault}"
         flags[name] = Channel(name=name, values=frozen_array(inside), unit="1", source=name)
         if event.state != "declared":

@@ -24,7 +24,7 @@ def events_of_defects(flight: Flight) -> tuple[Event, ...]:
     events = []
     for defect in _in_part(flight):
         lines = [line for line in flight.held.findings if defect.channel in line.channels and not line.doubt]
-        held = [(line.onset_ci95[0], np.inf if line.offset_s is None else line.offset_s) for line in lines]
+        held = [(line.onset_ci95[0], line.until_s) for line in lines]
         outside = [
             k
             for k, time_s in enumerate(defect.times_s)

@@ -280,10 +280,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
 
 def held_stretches(held: Sequence[Finding]) -> list[Window]:
     """Return the stretches in which a pressure line is held, or leaks."""
-    return [
-        (finding.onset_ci95[0] - BRIDGE_S, np.inf if finding.offset_s is None else finding.offset_s + BRIDGE_S)
-        for finding in held
-    ]
+    return [(finding.onset_ci95[0] - BRIDGE_S, finding.until_s + BRIDGE_S) for finding in held]
 
 
 def _check_causes(log: FlightLog, config: Diagnose) -> None:

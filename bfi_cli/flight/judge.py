@@ -317,7 +317,7 @@ def rows_of(bench: Bench, channels: Sequence[str]) -> tuple[str, ...]:
 
 def with_known(bench: Bench, event: Event) -> Bench:
     """Return the bench without the rows that a known fault makes wrong, while it lasts."""
-    until_s = np.inf if event.offset_s is None else event.offset_s + AFTER_END_S
+    until_s = event.until_s + AFTER_END_S
     return bench.without(rows_of(bench, event.channels), event.onset_ci95[0] - BEFORE_NEXT_S, until_s)
 
 

@@ -133,7 +133,7 @@ def _wrong_for(event: Event) -> tuple[float, float] | None:
     """Return when air data are wrong by an event, None where none are."""
     if event.state != "declared" or not DEPENDS_ON.keys() & {*event.channels}:
         return None
-    return event.onset_ci95[0] - SAME_S, (np.inf if event.offset_s is None else event.offset_s) + SAME_S
+    return event.onset_ci95[0] - SAME_S, event.until_s + SAME_S
 
 
 def _is_of(bench: Bench, event: Event, surprise: OrdinaryEvent) -> bool:

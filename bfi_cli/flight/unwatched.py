@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-import numpy as np
-
 from ..decision import two_digits
 from ..flightlog.phases import HOVER, NO_AIRSPEED, PARTS, TRANSITION, note_on_rotors
 from ..kernels.runs import left_of, union
@@ -81,7 +79,7 @@ def unwatched_by_scan(
         for piece in left_of(flown_of(flight), watched):
             if piece[1] - piece[0] >= LEAST_S:
                 unbounded.append((piece, "the pitot line" if name == PITOT_LINE else name))
-    lasting = [(event.onset_s, np.inf if event.offset_s is None else event.offset_s) for event in stand]
+    lasting = [(event.onset_s, event.until_s) for event in stand]
     masked = [
         (
             window,

@@ -242,14 +242,10 @@ def _swinging_events(flight: Flight, bench: Bench, events: Sequence[Event]) -> I
                 yield swinging
     # Behind a tube that is trapped, heights that swing make airspeeds swing.
     holds = [event for event in events if "holds" in event.stages and event.state == "declared"]
-    held = [(event.onset_s, _last_s(event)) for event in holds]
+    held = [(event.onset_s, event.until_s) for event in holds]
     for swinging in oscillating_events(flight, bench, DECLARED):
-        if not overlaps((swinging.onset_s, _last_s(swinging)), held):
+        if not overlaps((swinging.onset_s, swinging.until_s), held):
             yield swinging
-
-
-def _last_s(event: Event) -> float:
-    return np.inf if event.offset_s is None else event.offset_s
 
 
 def _sudden_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[Event]:
@@ -404,13 +400,12 @@ def _follows(bench: Bench, event: Event, known: Event) -> bool:
     """
     rows = rows_of(bench, event.channels)
     measured = bool(rows) and set(rows) <= set(rows_of(bench, known.channels))
-    until_s = _last_s(known)
     if known.frequency_hz is not None:
         # A window that swings shows whatever slow course the phases of its ends make.
-        return measured and overlaps(event.window_s, [(known.onset_s, until_s)])
+        return measured and overlaps(event.window_s, [(known.onset_s, known.until_s)])
     if known.stages == (MODEL,):
-        return known.onset_s - BESIDE_S < event.onset_s < until_s + BESIDE_S
-    return measured and known.onset_ci95[0] - BEFORE_NEXT_S <= event.onset_s < until_s
+        return known.onset_s - BESIDE_S < event.onset_s < known.until_s + BESIDE_S
+    return measured and known.onset_ci95[0] - BEFORE_NEXT_S <= event.onset_s < known.until_s
 
 
 def _weighed(

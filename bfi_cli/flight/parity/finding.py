@@ -53,6 +53,11 @@ class Explanation:
     effect: Mapping[str, float] = field(default_factory=dict)
     evidence: Mapping[str, float] = field(default_factory=dict)
 
+    @property
+    def until_s(self) -> float:
+        """When it ends, infinite where it lasts."""
+        return np.inf if self.offset_s is None else self.offset_s
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding(Explanation):

@@ -66,8 +66,7 @@ FLYING_M, AFTER_S, DESCENT_S = 15.0, 60.0, 60.0
 
 def begins_within(finding: Finding, leak: Finding) -> bool:
     """Say whether a finding begins while a static line leaks."""
-    end_s = np.inf if leak.offset_s is None else leak.offset_s
-    return leak.onset_s - BEFORE_LEAK_S <= finding.onset_s <= end_s
+    return leak.onset_s - BEFORE_LEAK_S <= finding.onset_s <= leak.until_s
 
 
 def brakes(log: FlightLog, from_s: float, to_s: float, level: float, p_static: float) -> bool | None:

@@ -644,8 +644,7 @@ def without_frozen(log: FlightLog, findings: Sequence[Finding]) -> FlightLog:
     """Return a log without the samples in which a channel is frozen."""
     channels = dict(log.channels)
     for finding in findings:
-        until_s = np.inf if finding.offset_s is None else finding.offset_s
-        gone = (log.time_s >= finding.onset_ci95[0]) & (log.time_s <= until_s)
+        gone = (log.time_s >= finding.onset_ci95[0]) & (log.time_s <= finding.until_s)
         values = np.where(gone, np.nan, channels[finding.fault].values)
         values.setflags(write=False)
         channels[finding.fault] = replace(channels[finding.fault], values=values)

@@ -15,7 +15,7 @@ from ..faults.ordinary import Occurrence
 from ..flightlog import FlightLog
 from ..flightlog.defects import Defect, find_defects, with_bridges, without_defects
 from ..flightlog.ordinary import check_within
-from ..flightlog.phases import NO_AIRSPEED, STEADY_PARTS, Disagreement, Phase, find_phases, spans_of
+from ..flightlog.phases import AIRBORNE, NO_AIRSPEED, Disagreement, Phase, find_phases, spans_of
 from ..flightlog.plausible import IN_FLIGHT, impossible_median, sentence_of_impossible
 from ..flightlog.quality import with_seen_recorder
 from ..model.preprocessing.defaults import AIRSPEEDS, FIXED, tolerance_of
@@ -227,7 +227,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     _check_channels(log, config)
     _check_causes(log, config.diagnose)
     phases, disagreements = find_phases(whole)
-    if not spans_of(phases, (*STEADY_PARTS, "approach", NO_AIRSPEED)):
+    if not spans_of(phases, AIRBORNE):
         raise LogError(
             f"{log.path}: no part of the log is in flight between take-off and landing; give a log of a flight, or "
             "map its airspeed with --channel"

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from ..decision import two_digits
-from ..flightlog.phases import HOVER, NO_AIRSPEED, PARTS, TRANSITION, note_on_rotors
+from ..flightlog.phases import AIRBORNE, NO_AIRSPEED, PARTS, note_on_rotors
 from ..kernels.runs import left_of, union
 from .flight import Flight
 from .limits import AIRSPEEDS, PITOT_LINE, Bounds
@@ -18,8 +18,6 @@ from .result import Event, FlightLimit
 
 # Half a minute of flight: what is shorter narrows a claim by less than the onsets of slow faults are uncertain.
 LEAST_S = 30.0
-NOT_ON_WING = ("ground", "take-off", "landing", HOVER, TRANSITION)
-AIRBORNE = tuple(phase for phase in PARTS if phase not in NOT_ON_WING)
 # A step is told where it lies so far inside of a window of the scan: the overlap of these is twice that.
 STEP_MARGIN_S = 15.0
 

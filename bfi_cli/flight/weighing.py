@@ -11,7 +11,7 @@ import numpy as np
 from ..airdata import DEPENDS_ON
 from ..config import Diagnose, KnownCause
 from ..flightlog import FlightLog
-from ..flightlog.phases import NO_AIRSPEED, airborne_phases, spans_of
+from ..flightlog.phases import AIRBORNE, NO_AIRSPEED, spans_of
 from ..kernels import TWO_SIDED_95
 from ..kernels.runs import runs, within
 from ..notes import Note
@@ -263,7 +263,7 @@ def _sudden_errors(flight: Flight, bench: Bench, events: Sequence[Event], gains:
 
     The flight has to show a step surer by the logarithm of how many were tried, one of every channel at every second.
     """
-    events, flown = list(events), [*airborne_phases(flight.phases), *spans_of(flight.phases, (NO_AIRSPEED,))]
+    events, flown = list(events), spans_of(flight.phases, AIRBORNE)
     for fault, at_s, gain in sudden_errors(bench, events, gains):
         event = _proposed(flight, fault, at_s, {fault: gain})
         if _is_about(at_s, events) or any(_follows(bench, event, other) for other in events):
@@ -367,7 +367,7 @@ def _bench(flight: Flight, events: Iterable[Event], causes: Iterable[KnownCause]
     seconds = seconds_of(flight.log)
     if seconds is None:
         return None
-    lost = [(phase.from_s, phase.to_s) for phase in flight.phases if phase.phase == NO_AIRSPEED]
+    lost = spans_of(flight.phases, (NO_AIRSPEED,))
     model = flight_model(seconds, flown=within(seconds.time_s, [*flight_stretches(flight.phases), *lost]))
     if model is None:
         return None

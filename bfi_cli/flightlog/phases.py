@@ -82,6 +82,8 @@ STALLING, NOSE_DROP, WITHIN = np.radians(12.0), np.radians(5.0), 2.0
 STALL_SPEED, LOADED = 0.85, 0.5
 # What an aircraft flies steadily in.
 STEADY_PARTS = ("climb", "cruise", "descent", "flight")
+# From screen height to screen height, with an airspeed or without.
+AIRBORNE = (*STEADY_PARTS, "approach", NO_AIRSPEED)
 # Seconds to both sides of a parabola: pull-up and pull-out are flown at the limits of the wing.
 RECOVERY_S = 30.0
 APART_S = 1.0  # of two parts that follow each other

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...airdata import IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of, zero_lift_angle
-from ...flightlog.phases import Phase
+from ...flightlog.phases import Phase, airborne_phases
 from ...flightlog.phases import flight_stretches as flight_stretches
 from ...kernels.runs import runs
 from ...kernels.runs import within as within
@@ -67,9 +67,10 @@ def configuration_changes(phases: Sequence[Phase], record: Record | None = None)
     """
     if record is not None and "flaps" in record.channels:
         position = record.channels["flaps"]
-        usual = np.nanmedian(position[within(record.time_s, flight_stretches(phases)) & np.isfinite(position)])
-        out = runs(np.abs(position - usual) > DEFLECTED)
-        return [(float(record.time_s[first]) - 0.5, float(record.time_s[end - 1]) + 0.5) for first, end in out]
+        flown = position[within(record.time_s, airborne_phases(phases)) & np.isfinite(position)]
+        if flown.size:
+            out = runs(np.abs(position - np.median(flown)) > DEFLECTED)
+            return [(float(record.time_s[first]) - 0.5, float(record.time_s[end - 1]) + 0.5) for first, end in out]
     speeds = np.empty(0)
     if record is not None and "tas" in record.channels:
         speeds = record.channels["tas"][within(record.time_s, flight_stretches(phases))]

@@ -142,3 +142,5 @@ def test_recorded_flaps_say_when_they_are_out():
     record = Record(time_s=time_s, channels={"flaps": flaps}, gained=None, airspeed="")
     ((first_s, last_s),) = configuration_changes(FLIGHT, record)
     assert (first_s, last_s) == (pytest.approx(400.0, abs=1.5), pytest.approx(600.0, abs=1.5))
+    unread = replace(record, channels={"flaps": np.full(time_s.size, np.nan)})
+    assert configuration_changes(FLIGHT, unread) == configuration_changes(FLIGHT)

@@ -80,6 +80,11 @@ class Fault:
         """Its name, or its shape where it has none."""
         return self.name or self.shape
 
+    @property
+    def parameter(self) -> float | None:
+        """Its frequency, time constant or duration; None where it has none."""
+        return self.frequency_hz or self.time_constant_s or self.duration_s
+
     def later(self, shift_s: float) -> Fault:
         """Return the fault that begins and ends later by some seconds."""
         return replace(

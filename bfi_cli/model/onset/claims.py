@@ -12,7 +12,7 @@ likelier it is without such a fault than with one, whatever its onset. Limits ar
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -27,12 +27,11 @@ from ...decision import (
     Candidate,
     candidate_of,
     finite,
-    kind_of,
     untested,
     with_limit,
 )
 from ...faults import Fault
-from ...faults.shapes import ADDITIVE, SHAPES, Kind, Shape, scanned_shape
+from ...faults.shapes import SCANNED, SHAPES, Kind, Shape
 from ...kernels import ONE_SIDED_90, ONE_SIDED_95, BoolArray, FloatArray, IntArray
 from ...kernels.onset.frequency import PEAKS, frequency_grid, screen_grid
 from ...kernels.onset.profile import peaks
@@ -42,7 +41,6 @@ from ...kernels.onset.scan import (
     STARTING,
     Profile,
     Scan,
-    default_onsets,
     excluded_error,
     likelihood_ratios,
     mean_ratios,
@@ -58,7 +56,7 @@ from .decision import Rule
 from .estimate import Estimate
 from .scan import HypothesisScan, Peak
 from .scan_record import ScanRecord
-from .shapes import LARGEST_SHARE, ShapeHypothesis, fault_of, waveform
+from .shapes import LARGEST_SHARE, ShapeHypothesis, fault_of, hypothesis_of, waveform
 
 # A claim of no oscillation holds for those with at least so many cycles in the window, of which two are left after the
 # onset: slower ones are bends, which a change of thrust or wind makes as well. With four cycles in place of six the
@@ -79,9 +77,7 @@ BUILT_UP: tuple[Shape, ...] = tuple(name for name, shape in SHAPES.items() if sh
 # many onsets and frequencies that is several times the tolerance, while the record as a whole leaves no doubt: the
 # claim that there is no oscillation can be made in all instead of half of the fault-free windows of two recorded
 # flights (docs/theory.md, 8.5).
-WEIGHED: tuple[Shape, ...] = tuple(
-    name for name in ADDITIVE if SHAPES[name].kind != "slow" and scanned_shape(name) is not None
-)
+WEIGHED: tuple[Shape, ...] = tuple(name for name in SCANNED if SHAPES[name].kind != "slow")
 # A size is excluded where the record is at most so many times as likely with such a fault as without, in the mean over
 # onsets and signs. Where one onset is known, a fault of z standard deviations is excluded with a probability of up to
 # Phi(-z / 2 - q^2 / 2 z), at most Phi(-q) = 5 %, which unknown onsets meet too (docs/theory.md, 8.5). A shape is
@@ -98,8 +94,7 @@ class Limits:
 
     Attributes
     ----------
-    record : of the scan; profile : over the onsets that a claim covers.
-    parameter : of the hypothesis: frequency, time constant or duration, 0 where it has none.
+    record : of the scan; form : the hypothesis; profile : over the onsets that a claim covers.
     sized : over the onsets, all or some, at which there are (n_sized,):
     declared : magnitude that is declared with 90 % power, infinite where none is.
     seen : largest error of the magnitude that is declared or suspected with 90 % power.
@@ -110,8 +105,8 @@ class Limits:
     """
 
     record: ScanRecord
+    form: ShapeHypothesis
     profile: Profile
-    parameter: float
     sized: Profile
     declared: FloatArray
     seen: FloatArray
@@ -125,11 +120,6 @@ class Limits:
         """(n_onsets,) the onsets that a claim covers, on the log's axis."""
         return self.record.onsets_s(self.profile.onsets + self.record.sampling.lead)
 
-    @cached_property
-    def sized_s(self) -> FloatArray:
-        """(n_sized,) those of `sized`."""
-        return self.record.onsets_s(self.sized.onsets + self.record.sampling.lead)
-
     def hidden(self, near: BoolArray | None = None) -> tuple[float, float]:
         """Return magnitude and error that are excluded at the worst of the onsets, those `near` (n_onsets,) or all.
 
@@ -142,16 +132,13 @@ class Limits:
         error = excluded_error(self.tolerance * ERRORS, ratios.mean(axis=1), EXCLUDED)
         return error, error
 
-    def near(self, onset_s: float, near_s: float) -> tuple[float, float, float] | None:
-        """Return the magnitude that is excluded near an onset, the error that it makes, and the error that is seen.
-
-        Infinite where there is none; None where no onset near it is covered.
-        """
+    def near(self, onset_s: float, near_s: float) -> tuple[tuple[float, float], FloatArray] | None:
+        """Return what is `hidden` at the onsets near one, and the errors that are `seen` there; None without any."""
         near = np.abs(self.onset_s - onset_s) <= near_s
         if not near.any():
             return None
-        nearest = np.abs(self.onset_s[near][:, None] - self.sized_s).argmin(axis=1)
-        return *self.hidden(near), mostly(self.seen[nearest])
+        sized_s = self.record.onsets_s(self.sized.onsets + self.record.sampling.lead)
+        return self.hidden(near), self.seen[np.abs(self.onset_s[near][:, None] - sized_s).argmin(axis=1)]
 
     @property
     def beyond(self) -> float:
@@ -161,11 +148,6 @@ class Limits:
         errors = self.tolerance * ERRORS
         means = mean_ratios(errors, self.ratios)
         return float(np.interp(np.log(self.tolerance), np.log(errors[: len(means)]), means))
-
-
-def mostly(errors: FloatArray) -> float:
-    """Return the error that is no less than most of some."""
-    return float(np.quantile(errors, MOSTLY, method="higher"))
 
 
 def claims_of(
@@ -196,7 +178,7 @@ def claims_of(
     doubted : why a shape on an output that stands out is not declared.
     report : called with the fraction that is done.
     """
-    settings = record.settings
+    settings, covered = record.settings, covered_s(record, order)
     # A claim about steps covers lags and ramps too.
     beside = [shape for shape in BUILT_UP if shape not in settings.shapes and "bias" in settings.shapes]
     candidates = []
@@ -206,61 +188,53 @@ def claims_of(
     for (shape, output), share in parts(report, wanted):
         channel, scale, unit = record.output(output)
         alike = (fault for fault in estimates if (fault.form.shape, fault.form.output) == (shape, output))
-        declared = next(alike, None)
-        peak = None if shape in beside else first.of(shape, output)
-        form = _built_up(record, shape, output)[0] if peak is None else peak.form
-        form = form if declared is None else declared.form
-        fault = fault_of(form, channel)
-        kind = SHAPES[shape].kind if shape in WEIGHED else kind_of(fault, declared=declared is not None)
+        declared, peak = next(alike, None), None if shape in beside else first.of(shape, output)
+        if peak is None:
+            constant_s = claimed_constants_s(shape, settings.duration_s)[0]
+            form = ShapeHypothesis(shape=shape, output=output, parameter=constant_s)
+        else:
+            form = peak.form if declared is None else declared.form
         called = shape if len(settings.outputs) == 1 else f"{shape} on {channel}"
         candidate = candidate_of(
-            fault,
+            fault_of(form, channel),
             unit,
             name=record.names.get((shape, output), called),
-            kind=kind,
+            kind=SHAPES[shape].kind,
             declared=declared is not None,
             magnitude=None if declared is None else scale * declared.z,
             sd=None if declared is None else scale * declared.sd,
             tolerance=tolerances[channel],
         )
-        if declared is not None:
-            candidates.append(replace(candidate, note=_narrowed(record, shape, output, order, None)))
-            continue
-        suspicion = doubted.get((shape, output))
-        if suspicion is None and peak is not None:
-            suspicion = _suspicion(rule, first, estimates, peak, order)
-        if suspicion is None and (shape, output) in rivals:
-            suspicion = f"a {shape} in place of what is declared would explain the log nearly as well"
-        if kind in claims:
-            seen = last.standing_out.get(output)
-            candidate = _bounded(record, scans[output], rule, candidate, form, peak, seen, share)
-        elif suspicion is None:
-            continue
-        if suspicion is not None:
-            candidate = replace(candidate, state="suspected", note=suspicion)
-        elif candidate.state != "suspected":
-            candidate = replace(candidate, note=_narrowed(record, shape, output, order, candidate.note))
-        candidates.append(replace(candidate, onsets_checked=_checked(record, shape, output, order)))
+        first_s, last_s = record.onsets_of(shape, output)
+        span_s = max(covered[0], first_s), min(covered[1], last_s)
+        if declared is None:
+            suspicion = doubted.get((shape, output))
+            if suspicion is None and peak is not None:
+                suspicion = _suspicion(rule, first, estimates, peak)
+            if suspicion is None and (shape, output) in rivals:
+                suspicion = f"a {shape} in place of what is declared would explain the log nearly as well"
+            if candidate.kind in claims:
+                seen = last.standing_out.get(output)
+                candidate = _bounded(record, scans[output], rule, candidate, form, peak, seen, share)
+            elif suspicion is None:
+                continue
+            if suspicion is not None:
+                candidate = replace(candidate, state="suspected", note=suspicion)
+            candidate = replace(candidate, onsets_checked=(span_s,) if span_s[0] <= span_s[1] else ())
+        if candidate.state != "suspected":
+            candidate = replace(candidate, note=_narrowed(candidate, span_s, covered))
+        candidates.append(candidate)
     return tuple(candidates)
 
 
-def _narrowed(record: ScanRecord, shape: Shape, output: int, order: int, note: str | None) -> str | None:
+def _narrowed(candidate: Candidate, span_s: tuple[float, float], covered: tuple[float, float]) -> str | None:
     """Return the note of a claim, with its onsets where the dictionary asks for fewer than the window could tell."""
-    spans = _checked(record, shape, output, order)
-    if not spans:
+    if span_s[0] > span_s[1]:
         return UNTESTED
-    if spans[0] == covered_s(record, order):
-        return note
-    onsets = f"that begins from {instant(spans[0][0])} to {instant(spans[0][1])} s"
-    return f"{note} {onsets}" if note and shape == "sine" else onsets
-
-
-def _checked(record: ScanRecord, shape: Shape, output: int, order: int) -> tuple[tuple[float, float], ...]:
-    """Return the onsets at which a fault was looked for: (from, to), s, or nothing."""
-    earliest_s, latest_s = covered_s(record, order)
-    first_s, last_s = record.onsets_of(shape, output)
-    span = (max(earliest_s, first_s), min(latest_s, last_s))
-    return (span,) if span[0] <= span[1] else ()
+    if span_s == covered:
+        return candidate.note
+    onsets = f"that begins from {instant(span_s[0])} to {instant(span_s[1])} s"
+    return f"{candidate.note} {onsets}" if candidate.note and candidate.shape == "sine" else onsets
 
 
 def _bounded(
@@ -277,56 +251,71 @@ def _bounded(
 
     Parameters
     ----------
-    peak : of the shape where it is looked for; seen : see `standing_out_hz`.
+    form : its hypothesis; peak : of the shape where it is looked for; seen : see `standing_out_hz`.
     """
     searching, looking = shares(report, 1, 2)
-    shape, forms = form.shape, _claimed(record, scan, form, peak, seen, searching)
+    forms, is_weighed = _claimed(record, scan, form, seen, searching), form.shape in WEIGHED
     if not forms:
         return replace(candidate, note="the window is too short for an oscillation")
     assert candidate.tolerance is not None
-    tolerance, is_weighed = candidate.tolerance / float(record.unit[form.output]), shape in WEIGHED
     # Every onset counts for the hypotheses that hide most only: fewer onsets tell which these are.
-    every, statistics = (
-        GLANCED if is_weighed and len(forms) > FULL else 1,
-        (rule.threshold(shape), rule.suspicion(shape)),
-    )
-    glances = {
-        claimed: limits
+    every = GLANCED if is_weighed and len(forms) > FULL else 1
+    looks = glances = [
+        limits
         for claimed, _ in parts(looking, forms)
-        if (limits := _limits(record, scan, claimed, tolerance, statistics, every=every)) is not None
-    }
+        if (limits := _limits(record, scan, claimed, rule, candidate.tolerance, every=every)) is not None
+    ]
     if not glances:
-        return candidate if is_weighed or peak is None else _with_magnitude(record, candidate, form, peak.profile)
-    looks = list(glances.values())
+        return candidate if peak is None or is_weighed else _with_magnitude(record, candidate, form, peak.profile)
     if every > 1:
-        worst = {
-            claimed
-            for most in (lambda at: glances[at].hidden(), lambda at: glances[at].beyond)
-            for claimed in sorted(glances, key=most)[-FULL:]
-        }
+        keys: tuple[Callable[[Limits], Any], ...] = (Limits.hidden, lambda limits: limits.beyond)
+        worst = {limits for key in keys for limits in sorted(glances, key=key)[-FULL:]}
         looks = []
-        for claimed in [claimed for claimed in glances if claimed in worst]:
-            wave, onsets = _wave(record, scan, claimed), _covered(record, scan, claimed)
-            looks.append(replace(glances[claimed], **_weighed(scan, wave, onsets, tolerance)))
+        for limits in (limits for limits in glances if limits in worst):
+            wave, onsets = waveform(limits.form, record.sampling), _covered(record, scan, limits.form)
+            profile, ratios = _weighed(scan, wave, onsets, limits.tolerance)
+            looks.append(replace(limits, profile=profile, ratios=ratios))
     likeliest = max(looks, key=lambda limits: (limits.beyond, float(limits.profile.statistic.max())))
-    covers, named = _in_words(shape, [claimed.parameter or 0.0 for claimed in forms], likeliest.parameter)
+    covers, named = _in_words(
+        form.shape, [claimed.parameter or 0.0 for claimed in forms], likeliest.form.parameter or 0.0
+    )
     candidate = replace(_with_magnitude(record, candidate, form, likeliest.profile), note=covers)
     if likeliest.beyond >= SUSPECTED:
         note = (
             f"the log is {likeliest.beyond:.2g} times as likely with {named} beyond the tolerance as without, most of "
-            f"all from {instant(likeliest.onset_s[likeliest.profile.best])} s on; see --shape {shape}"
+            f"all from {instant(likeliest.onset_s[likeliest.profile.best])} s on; see --shape {form.shape}"
         )
         candidate = replace(candidate, state="suspected", note=note)
+    if form.shape in record.settings.shapes:
+        median = float(np.median([np.median(limits.declared) for limits in glances]))
+        candidate = replace(candidate, minimal_detectable_scan=finite(float(record.unit[form.output]) * median))
+    hidden = max((limits.hidden() for limits in looks), key=lambda hidden: hidden[1])
+    return _with_hidden(record, candidate, form, hidden, np.concatenate([limits.seen for limits in glances]))
+
+
+def _with_hidden(
+    record: ScanRecord,
+    candidate: Candidate,
+    form: ShapeHypothesis,
+    hidden: tuple[float, float],
+    seen: FloatArray,
+    slope: float = 1.0,
+) -> Candidate:
+    """Return a candidate with the limits of a scan; with none where its channel may read nothing but the fault.
+
+    Parameters
+    ----------
+    hidden, seen : scaled magnitude and error that are excluded, and errors that are seen, see `Limits`.
+    slope : magnitude of the hypothesis for a magnitude of 1 of the candidate.
+    """
+    excluded, effect = hidden
+    scale, tolerance = float(record.unit[form.output]), candidate.tolerance or 0.0
     # What is scanned as another shape is seen by the likelihood of faults beyond the tolerance.
-    scale, least = float(record.unit[form.output]), 0.0 if peak is not None else tolerance
-    if not least:
-        median = float(np.median([np.median(limits.declared) for limits in glances.values()]))
-        candidate = replace(candidate, minimal_detectable_scan=finite(scale * median))
-    excluded, effect = max((limits.hidden() for limits in looks), key=lambda hidden: hidden[1])
+    least = 0.0 if form.shape in record.settings.shapes else tolerance / scale
     if is_any(scale * effect, record.window.log, candidate.channel):
         return with_limit(candidate, None, None)
-    seen_above = max(least, effect, mostly(np.concatenate([limits.seen for limits in glances.values()])))
-    return with_limit(candidate, scale * effect, finite(scale * excluded), finite(scale * seen_above))
+    seen_above = scale * max(least, effect, float(np.quantile(seen, MOSTLY, method="higher")))
+    return with_limit(candidate, scale * effect, finite(scale / slope * excluded), finite(seen_above))
 
 
 def _with_magnitude(record: ScanRecord, candidate: Candidate, form: ShapeHypothesis, profile: Profile) -> Candidate:
@@ -370,45 +359,27 @@ def claims_near_onsets(
     earliest_s, latest_s = covered_s(record, order)
     candidates = []
     for fault, _ in parts(report, faults):
-        shape = scanned_shape(fault.shape) if fault.shape in ADDITIVE else None
         candidate = candidate_of(fault, "", tolerance=tolerances.get(fault.channel), onset_s=fault.onset_s)
+        form = hypothesis_of(fault, record.settings.outputs)
         if not earliest_s <= fault.onset_s <= latest_s:
             candidates.append(untested(candidate))
-            continue
-        if shape not in (*record.settings.shapes, *BUILT_UP) or fault.channel not in record.settings.outputs:
+        elif form is None or form.shape not in (*record.settings.shapes, *BUILT_UP):
             candidates.append(replace(candidate, note=NOT_EXACT.format(": the scan does not look for it")))
-            continue
-        output = record.settings.outputs.index(fault.channel)
-        parameter = fault.frequency_hz or fault.time_constant_s or fault.duration_s
-        form = ShapeHypothesis(shape=shape, output=output, parameter=parameter, file=fault.file)
-        scale, slope = float(record.unit[output]), abs(fault.slope or 1.0)  # a slope is so many times the hypothesis's
-        if form not in form_limits:
-            statistics, tolerance = (rule.threshold(shape), rule.suspicion(shape)), tolerances[fault.channel] / scale
-            form_limits[form] = _limits(record, scans[output], form, tolerance, statistics, is_suspected=False)
-        limits = form_limits[form]
-        hidden = None if limits is None else limits.near(fault.onset_s, near_s)
-        if hidden is None:
-            candidates.append(untested(candidate))
-            continue
-        excluded, effect, seen_above = hidden
-        if shape not in record.settings.shapes:
-            seen_above = max(seen_above, tolerances[fault.channel] / scale)
-        seen_above = scale * max(seen_above, effect)
-        if is_any(scale * effect, record.window.log, fault.channel):
-            candidates.append(with_limit(candidate, None, None, finite(seen_above)))
         else:
-            bounded = with_limit(candidate, scale * effect, scale / slope * excluded, finite(seen_above))
-            candidates.append(bounded)
+            if form not in form_limits:
+                scan, tolerance = scans[form.output], tolerances[fault.channel]
+                form_limits[form] = _limits(record, scan, form, rule, tolerance, is_suspected=False)
+            limits = form_limits[form]
+            near = None if limits is None else limits.near(fault.onset_s, near_s)
+            slope = abs(fault.slope or 1.0)
+            candidates.append(
+                untested(candidate) if near is None else _with_hidden(record, candidate, form, *near, slope)
+            )
     return tuple(candidates)
 
 
 def _claimed(
-    record: ScanRecord,
-    scan: Scan,
-    form: ShapeHypothesis,
-    peak: Peak | None,
-    seen: Sequence[float] | None,
-    report: Report,
+    record: ScanRecord, scan: Scan, form: ShapeHypothesis, seen: Sequence[float] | None, report: Report
 ) -> list[ShapeHypothesis]:
     """Return the hypotheses that a claim about a shape must cover: its frequencies, time constants or durations.
 
@@ -417,20 +388,20 @@ def _claimed(
 
     Parameters
     ----------
-    peak : of the shape where it is looked for; seen : see `standing_out_hz`.
+    form : the likeliest of the shape; seen : see `standing_out_hz`.
     """
-    shape, output = form.shape, form.output
-    if shape in BUILT_UP:
-        return _built_up(record, shape, output)
-    if shape != "sine":
-        return [scanned for scanned in record.forms if (scanned.shape, scanned.output) == (shape, output)]
-    low, high = claimed_band_hz(record.band_hz, record.settings.duration_s)
-    if low >= high:
-        return []
-    values = {*np.geomspace(low, high, FREQUENCIES).tolist(), *standing_out_hz(record, scan, report, seen=seen)}
-    likeliest = None if peak is None else peak.form.parameter
-    values |= set() if likeliest is None or not low <= likeliest <= high else {likeliest}
-    return [ShapeHypothesis(shape=shape, output=output, parameter=f) for f in sorted(values)]
+    if form.shape in BUILT_UP:
+        values = claimed_constants_s(form.shape, record.settings.duration_s)
+    elif form.shape == "sine":
+        low, high = claimed_band_hz(record.band_hz, record.settings.duration_s)
+        if low >= high:
+            return []
+        likeliest = [form.parameter] if form.parameter is not None and low <= form.parameter <= high else []
+        spread, stand_out = np.geomspace(low, high, FREQUENCIES), standing_out_hz(record, scan, report, seen=seen)
+        values = sorted({*spread.tolist(), *stand_out, *likeliest})
+    else:
+        return [scanned for scanned in record.forms if (scanned.shape, scanned.output) == (form.shape, form.output)]
+    return [replace(form, parameter=value) for value in values]
 
 
 def claimed_band_hz(band_hz: tuple[float, float], duration_s: float) -> tuple[float, float]:
@@ -464,16 +435,10 @@ def standing_out_hz(
         return []
     if seen is not None:
         return [rate_hz * frequency for frequency in seen if rate_hz * frequency >= low][:PEAKS]
-    grid = frequency_grid(scan, (record.band_hz[0] / rate_hz, high / rate_hz))
+    grid = frequency_grid(scan, record.band)
     claimed = rate_hz * grid >= low
     stands_out = peaks(np.where(claimed, screen_grid(scan, grid, report), 0.0), PEAKS)
     return [float(rate_hz * grid[k]) for k in stands_out if claimed[k]]
-
-
-def _built_up(record: ScanRecord, shape: Shape, output: int) -> list[ShapeHypothesis]:
-    """Return the lags or ramps that a claim about steps covers."""
-    constants_s = claimed_constants_s(shape, record.settings.duration_s)
-    return [ShapeHypothesis(shape=shape, output=output, parameter=seconds) for seconds in constants_s]
 
 
 def _covered(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> IntArray:
@@ -482,8 +447,7 @@ def _covered(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> IntArray:
     Every sample is an onset, for a sample beside it a fault is hardly seen: with every third sample a sixth of the lags
     and ramps of five standard deviations that were in simulated records were excluded.
     """
-    onsets = default_onsets(scan)
-    onsets = onsets[record.admits(form, onsets + record.sampling.lead)]
+    onsets = record.admitted_onsets(scan, form)
     if form.shape == "sine" and form.parameter is not None:
         onsets = onsets[onsets <= scan.n_samples - CYCLES_LEFT * record.sampling.rate_hz / form.parameter]
     return onsets
@@ -505,8 +469,8 @@ def _limits(
     record: ScanRecord,
     scan: Scan,
     form: ShapeHypothesis,
+    rule: Rule,
     tolerance: float,
-    statistics: tuple[float, float],
     *,
     every: int = 1,
     is_suspected: bool = True,
@@ -515,55 +479,23 @@ def _limits(
 
     Parameters
     ----------
-    tolerance : of the channel, scaled.
-    statistics : above which a fault is declared, and suspected.
+    rule : above whose statistics a fault is declared, and suspected; tolerance : of the channel.
     every : of so many onsets one is looked at.
     is_suspected : whether a fault is suspected too where the record is likelier with it.
     """
-    wave, onsets, (threshold, suspicion) = _wave(record, scan, form), _covered(record, scan, form)[::every], statistics
+    wave, onsets = waveform(form, record.sampling), _covered(record, scan, form)[::every]
     if onsets.size == 0:
         return None
+    suspicion, least, ratios = rule.suspicion(form.shape), 0.0, None
     if form.shape in WEIGHED:
-        shown, least = _weighed(scan, wave, onsets, tolerance), tolerance
-        profile: Profile = shown["profile"]
+        least = tolerance / float(record.unit[form.output])
+        profile, ratios = _weighed(scan, wave, onsets, least)
         sized = profile.take(np.linspace(0, len(onsets) - 1, min(SIZED, len(onsets))).astype(np.intp))
         if is_suspected:
             suspicion = min(suspicion, profile.dispersion * likelier_by(every * len(onsets)) ** 2)
     else:
         profile = sized = scan_shape(scan, wave, onsets)
-        shown, least = {"profile": profile}, 0.0
-    sizes = _sizes(scan, wave, sized, threshold, suspicion, profile.dispersion, least=least)
-    return Limits(record=record, parameter=form.parameter or 0.0, tolerance=tolerance, **shown, **sizes)
-
-
-def _weighed(scan: Scan, wave: Waveform, onsets: IntArray, tolerance: float) -> dict[str, Any]:
-    """Return what `Limits` has of a waveform over (n_onsets,) onsets that a claim covers, with likelihood ratios."""
-    magnitudes = tolerance * ERRORS[:, None] / wave.largest(scan.n_samples - onsets)
-    profile, both_signs = profile_with_deviances(scan, wave, onsets, magnitudes)
-    ratios = likelihood_ratios(both_signs, dispersion=profile.dispersion)
-    return {"profile": profile, "ratios": ratios}
-
-
-def _wave(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> Waveform:
-    return waveform(form, replace(record.sampling, n_samples=scan.n_samples))
-
-
-def _sizes(
-    scan: Scan,
-    wave: Waveform,
-    profile: Profile,
-    threshold: float,
-    suspicion: float,
-    dispersion: float,
-    *,
-    least: float = 0.0,
-) -> dict[str, Any]:
-    """Return what `Limits` has at the onsets of a profile: declared with 90 % power, and excluded at 95 %.
-
-    Parameters
-    ----------
-    threshold, suspicion : statistics above which it is declared, and suspected where its error is at least `least`.
-    """
+    dispersion = profile.dispersion
 
     def with_power(statistic: float) -> float:
         return (math.sqrt(statistic) + ONE_SIDED_90 * math.sqrt(dispersion)) ** 2
@@ -571,39 +503,48 @@ def _sizes(
     declared, suspected, admitted = undeclared_magnitudes(
         scan,
         wave,
-        profile,
-        power=with_power(threshold),
+        sized,
+        power=with_power(rule.threshold(form.shape)),
         suspicion=with_power(suspicion),
         doubt=ONE_SIDED_95**2 * dispersion,
     )
-    excluded, largest = np.maximum(declared, admitted), wave.largest(scan.n_samples - profile.onsets)
-    return {
-        "sized": profile,
-        "declared": declared,
-        "seen": np.minimum(declared * largest, np.maximum(suspected * largest, least)),
-        "excluded": excluded,
-        "effect": excluded * largest,
-    }
+    excluded, largest = np.maximum(declared, admitted), wave.largest(scan.n_samples - sized.onsets)
+    return Limits(
+        record=record,
+        form=form,
+        profile=profile,
+        sized=sized,
+        declared=declared,
+        seen=np.minimum(declared * largest, np.maximum(suspected * largest, least)),
+        excluded=excluded,
+        effect=excluded * largest,
+        ratios=ratios,
+        tolerance=tolerance / float(record.unit[form.output]),
+    )
 
 
-def _suspicion(rule: Rule, first: HypothesisScan, estimates: Sequence[Estimate], peak: Peak, order: int) -> str | None:
+def _weighed(scan: Scan, wave: Waveform, onsets: IntArray, tolerance: float) -> tuple[Profile, FloatArray]:
+    """Return profile and likelihood ratios of a waveform over (n_onsets,) onsets, see `Limits`."""
+    magnitudes = tolerance * ERRORS[:, None] / wave.largest(scan.n_samples - onsets)
+    profile, both_signs = profile_with_deviances(scan, wave, onsets, magnitudes)
+    return profile, likelihood_ratios(both_signs, dispersion=profile.dispersion)
+
+
+def _suspicion(rule: Rule, first: HypothesisScan, estimates: Sequence[Estimate], peak: Peak) -> str | None:
     """Return why a shape that is not declared is suspected, None where it is not.
 
     A shape that stood out in the record as measured is suspected where it explains the record worse than the declared
     faults by less than fault-free records show.
     """
-    shape, threshold = peak.form.shape, rule.threshold(peak.form.shape)
-    if peak.statistic <= threshold:
-        if not estimates and peak.statistic > rule.suspicion(shape):
-            return (
-                f"its statistic {peak.statistic:.3g} exceeds the threshold {rule.suspicion(shape):.3g} of the nearest "
-                f"calibration, but not {threshold:.3g}, which counts where none fits"
-            )
-        return None
+    shape, threshold, suspicion = peak.form.shape, rule.threshold(peak.form.shape), rule.suspicion(peak.form.shape)
+    exceeds = f"its statistic {peak.statistic:.3g} exceeds the threshold"
+    if not estimates and peak.statistic > threshold:
+        return f"{exceeds} {threshold:.3g}, but it was declined"
+    if not estimates and peak.statistic > suspicion:
+        nearest = f"{suspicion:.3g} of the nearest calibration"
+        return f"{exceeds} {nearest}, but not {threshold:.3g}, which counts where none fits"
     explained = max((other.statistic for other in first.peaks if other.form.output == peak.form.output), default=0.0)
-    if not estimates:
-        return f"its statistic {peak.statistic:.3g} exceeds the threshold {threshold:.3g}, but it was declined"
-    if explained - peak.statistic < threshold:
+    if estimates and peak.statistic > threshold > explained - peak.statistic:
         return (
             f"a {shape} alone would explain the log nearly as well (statistic {peak.statistic:.3g}, the best "
             f"{explained:.3g})"

@@ -20,17 +20,17 @@ import numpy as np
 from ...config import Config, merge
 from ...errors import LogError
 from ...faults import FaultEstimate
-from ...faults.shapes import ADDITIVE, SCANNED, SCANNED_AS, SHAPES, Shape, scanned_shape
+from ...faults.shapes import SCANNED, SCANNED_AS, SHAPES, Shape
 from ...flightlog import FlightLog
 from ...kernels import ONE_SIDED_95, FloatArray
-from ...kernels.onset.scan import Scan, default_onsets, largest_statistic
+from ...kernels.onset.scan import Scan, largest_statistic
 from ...quantities.text import instant
 from ..preprocessing.window import with_inputs_of
 from .claims import standing_out_hz
 from .estimate import Estimate, as_scanned, estimate, subtract_faults, unit_signals
 from .scan import lasting_peak, scan_of
 from .scan_record import ScanRecord, prepare_record
-from .shapes import ShapeHypothesis, constants_s, signal, subsample_index, waveform
+from .shapes import ShapeHypothesis, constants_s, hypothesis_of, signal, subsample_index, waveform
 
 # Shapes, of kinds of their own, that may stand in place of a declared fault.
 RIVALS: tuple[Shape, ...] = tuple(name for name in SCANNED if name != "samples")
@@ -53,22 +53,14 @@ def known_faults(record: ScanRecord, faults: Sequence[FaultEstimate]) -> list[Es
 
     Those are left out whose signal no scan has, and that begin before the record.
     """
-    factor, outputs = record.sampling.factor, record.settings.outputs
-    known = []
+    factor, known = record.sampling.factor, []
     for declared in faults:
         fault, start = declared.fault, record.native(declared.fault.onset_s)
-        shape = scanned_shape(fault.shape) if fault.shape in ADDITIVE else None
-        if fault.channel not in outputs or shape is None or start < 0:
+        form = hypothesis_of(fault, record.settings.outputs)
+        if form is None or start < 0:
             continue
-        output = outputs.index(fault.channel)
-        form = ShapeHypothesis(
-            shape=shape,
-            output=output,
-            parameter=fault.frequency_hz or fault.time_constant_s or fault.duration_s,
-            file=fault.file,
-            phase_rad=fault.phase_rad + (QUARTER if fault.shape == "cosine" else 0.0),
-        )
-        z = declared.magnitude * (fault.slope or 1.0) / float(record.unit[output])
+        form = replace(form, phase_rad=fault.phase_rad + (QUARTER if fault.shape == "cosine" else 0.0))
+        z = declared.magnitude * (fault.slope or 1.0) / float(record.unit[form.output])
         end = None if fault.offset_s is None else subsample_index(record.native(fault.offset_s), factor)
         known.append(
             Estimate(
@@ -214,8 +206,7 @@ def _forms(
 
 def _statistic(record: ScanRecord, scan: Scan, form: ShapeHypothesis) -> float:
     """Return the largest statistic of a hypothesis over the onsets that the scan covers."""
-    onsets = default_onsets(scan)
-    onsets = onsets[record.admits(form, onsets + record.sampling.lead)]
+    onsets = record.admitted_onsets(scan, form)
     return largest_statistic(scan, waveform(form, record.sampling), onsets) if onsets.size else 0.0
 
 

@@ -183,14 +183,13 @@ def _bic_with_fault(
     all trials made. The statistic of a sine at these frequencies is a lower bound.
     """
     looking, comparing = shares(report, 3, 6 if record.settings.ends else 1)
-    low, high = (f / record.sampling.rate_hz for f in record.band_hz)
     candidates: dict[int, FloatArray] = {}
     for form, form_share in parts(looking, record.forms):
         if form.shape == "sine" and form.output not in candidates:
             frequencies = set[float]()
             for k, order_share in parts(form_share, _screened(without_fault)):
                 scan = scans[k][form.output]
-                frequencies.update(standing_out(scan, frequency_grid(scan, (low, high)), order_share))
+                frequencies.update(standing_out(scan, frequency_grid(scan, record.band), order_share))
             candidates[form.output] = np.array(sorted(frequencies))
     best, seen = [np.inf] * len(scans), [dict[int, tuple[float, ...]]() for _ in scans]
     begin, order_shares = int(np.argmin(without_fault)), iter(shares(comparing, *[1.0] * len(scans)))
@@ -304,11 +303,10 @@ def scan_hypothesis(
     rate_hz, ends = record.sampling.rate_hz, record.settings.ends
     if form.shape == "sine" and form.parameter is None:
         searching, report = shares(report, SEARCH, 1)
-        band = (record.band_hz[0] / rate_hz, record.band_hz[1] / rate_hz)
         if ends:
-            frequency = scan_frequency_ends(scan, band, report=searching)
+            frequency = scan_frequency_ends(scan, record.band, report=searching)
         else:
-            frequency = scan_frequency(scan, band, report=searching, begin=begin)
+            frequency = scan_frequency(scan, record.band, report=searching, begin=begin)
         form = replace(form, parameter=float(rate_hz * frequency))
     if ends:
         pair = _scan_with_ends(record, scan, form, report)
@@ -326,13 +324,10 @@ def _scan_with_ends(record: ScanRecord, scan: Scan, form: ShapeHypothesis, repor
 
 def lasting_peak(record: ScanRecord, scan: Scan, form: ShapeHypothesis, report: Report = silent) -> Peak:
     """Return the exact scan of a hypothesis, a sine with its frequency, of a fault that does not end."""
-    onsets = default_onsets(scan)
-    admitted = record.admits(form, onsets + record.sampling.lead)
-    if not admitted.any():  # too near an end for a claim: it neither stands out nor is excluded
-        profile = scan_shape(scan, waveform(form, record.sampling), onsets[:1], report=report)
+    admitted, wave = record.admitted_onsets(scan, form), waveform(form, record.sampling)
+    profile = scan_shape(scan, wave, admitted if admitted.size else default_onsets(scan)[:1], report=report)
+    if not admitted.size:  # too near an end for a claim: it neither stands out nor is excluded
         profile = replace(profile, statistic=np.zeros(1))
-    else:
-        profile = scan_shape(scan, waveform(form, record.sampling), onsets[admitted], report=report)
     return Peak(form=form, profile=replace(profile, onsets=profile.onsets + record.sampling.lead), end=None)
 
 
@@ -362,20 +357,15 @@ def promise_of(record: ScanRecord, y: FloatArray, form: ShapeHypothesis) -> floa
     if form.shape != "sine" or form.parameter is not None:
         return np.inf
     scan = scan_of(record, y, record.orders[0], output=form.output)
-    low, high = (f / record.sampling.rate_hz for f in record.band_hz)
-    return float(promised(scan, frequency_grid(scan, (low, high))).max())
+    return float(promised(scan, frequency_grid(scan, record.band)).max())
 
 
 def screened(record: ScanRecord, y: FloatArray, form: ShapeHypothesis) -> float:
     """Return the largest statistic of a hypothesis by its screen, at the first order and for a fault that lasts."""
     scan = scan_of(record, y, record.orders[0], output=form.output)
     if form.shape == "sine" and form.parameter is None:
-        low, high = (f / record.sampling.rate_hz for f in record.band_hz)
-        return float(screen_grid(scan, frequency_grid(scan, (low, high))).max())
-    onsets = default_onsets(scan)
-    return screen_shape(
-        scan, waveform(form, record.sampling), onsets[record.admits(form, onsets + record.sampling.lead)]
-    )
+        return float(screen_grid(scan, frequency_grid(scan, record.band)).max())
+    return screen_shape(scan, waveform(form, record.sampling), record.admitted_onsets(scan, form))
 
 
 def bic_change(peak: Peak) -> float:

@@ -16,9 +16,9 @@ from ...errors import ConfigError, LogError
 from ...faults import Fault, magnitude_unit
 from ...faults.shapes import SCANNED_AS, Shape, sample_bytes
 from ...flightlog import FlightLog
-from ...kernels import BoolArray, FloatArray, IntArray
+from ...kernels import FloatArray, IntArray
 from ...kernels.covariance import FitRows, Layout, unfold
-from ...kernels.onset.scan import ENDING, FLOOR, STARTING, Scan
+from ...kernels.onset.scan import ENDING, FLOOR, STARTING, Scan, default_onsets
 from ...kernels.progress import Report, Step, silent
 from ...kernels.variable_projection import Fit, fit_magnitudes, project_inputs
 from ..preprocessing.window import PreparedWindow, prepare_window, regression_of, with_inputs_of
@@ -69,6 +69,11 @@ class ScanRecord:
     def orders(self) -> tuple[int, ...]:
         """Of the model, to choose from."""
         return self.settings.orders
+
+    @property
+    def band(self) -> tuple[float, float]:
+        """Lowest and highest frequency of an oscillation, cycles per sample."""
+        return self.band_hz[0] / self.sampling.rate_hz, self.band_hz[1] / self.sampling.rate_hz
 
     @property
     def u(self) -> FloatArray:
@@ -122,13 +127,12 @@ class ScanRecord:
         ]
         return min((first for first, _ in alike), default=-np.inf), max((last for _, last in alike), default=np.inf)
 
-    def admits(self, form: ShapeHypothesis, onsets: IntArray) -> BoolArray:
-        """Return (n_onsets,) whether faults of a hypothesis may begin at onsets, conditioned samples."""
-        first_s, last_s = self.onsets_of(form.shape, form.output)
-        at_s = float(self.time_s[0]) + onsets / self.sampling.rate_hz
+    def admitted_onsets(self, scan: Scan, form: ShapeHypothesis) -> IntArray:
+        """Return (n_onsets,) the onsets of a scan at which faults of a hypothesis may begin."""
+        onsets, (first_s, last_s) = default_onsets(scan), self.onsets_of(form.shape, form.output)
+        at_s = float(self.time_s[0]) + (onsets + self.sampling.lead) / self.sampling.rate_hz
         near_s = 0.5 / self.sampling.rate_hz
-        admitted: BoolArray = (at_s >= first_s - near_s) & (at_s <= last_s + near_s)
-        return admitted
+        return onsets[(at_s >= first_s - near_s) & (at_s <= last_s + near_s)]
 
     def without_fault(self, y: FloatArray, order: int) -> FitRows:
         """Return the fault-free model of scaled outputs y (n_samples, n_outputs), evaluated on its rows."""

@@ -15,7 +15,7 @@ import numpy as np
 from ...config import StartTime
 from ...decision import KINDS
 from ...faults import Fault, unit_signal
-from ...faults.shapes import SCANNED_AS, SHAPES, Shape, scanned_shape
+from ...faults.shapes import ADDITIVE, SCANNED_AS, SHAPES, Shape, scanned_shape
 from ...kernels import FloatArray
 from ...kernels.low_pass import IDENTITY, Lowpass, Response, decimate, lost_samples, lowpass_taps
 from ...kernels.onset import waveform as waveforms
@@ -146,7 +146,7 @@ def kinds_of_entries(
         ranges_s[key] = (min(first, entry.onset_range_s[0]), max(last, entry.onset_range_s[1]))
         names.setdefault(key, entry.called)
         detected.append(SCANNED_AS.get(shape, shape))
-        stated = entry.frequency_hz or entry.time_constant_s or entry.duration_s
+        stated = entry.parameter
         if shape == "sine":
             bands.append(None if stated is None else (SAME_FREQUENCY[0] * stated, SAME_FREQUENCY[1] * stated))
             bands[-1] = entry.parameter_range or bands[-1]
@@ -242,6 +242,14 @@ def _ideal(form: ShapeHypothesis, n: int, rate_hz: float) -> Waveform:
 @lru_cache(maxsize=8)
 def _sampled(form: ShapeHypothesis, n: int, rate_hz: float) -> FloatArray:
     return unit_signal(fault_of(form, ""), np.arange(n) / rate_hz, window_start_s=0.0)
+
+
+def hypothesis_of(fault: Fault, outputs: Sequence[str]) -> ShapeHypothesis | None:
+    """Return the hypothesis of a fault that begins with its phase 0; None where no scan of the outputs looks for it."""
+    shape = scanned_shape(fault.shape) if fault.shape in ADDITIVE else None
+    if shape is None or fault.channel not in outputs:
+        return None
+    return ShapeHypothesis(shape=shape, output=outputs.index(fault.channel), parameter=fault.parameter, file=fault.file)
 
 
 def fault_of(

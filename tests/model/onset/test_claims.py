@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from scipy import optimize, stats
 from bfi_cli import kernels
 from bfi_cli.config import Config, merge
 from bfi_cli.decision import candidate_of
-from bfi_cli.kernels.onset.scan import Scan, scan_shape
+from bfi_cli.kernels.onset.scan import Scan
 from bfi_cli.model.onset import claims
 from bfi_cli.model.onset.scan import scan_of
 from bfi_cli.model.onset.scan_record import ScanRecord, prepare_record
@@ -40,10 +41,16 @@ def signal_of(record: ScanRecord, form: ShapeHypothesis, onset: int) -> np.ndarr
 
 def sized(record: ScanRecord, scan: Scan, threshold: float, suspicion: float) -> claims.Limits:
     """Return the sizes of a step at every onset, whatever the record says of them by its likelihood."""
-    wave = waveform(BIAS, record.sampling)
-    profile = scan_shape(scan, wave, claims._covered(record, scan, BIAS))
-    sizes = claims._sizes(scan, wave, profile, threshold, suspicion, profile.dispersion)
-    return claims.Limits(record=record, profile=profile, parameter=0.0, tolerance=1.0, **sizes)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(claims, "WEIGHED", ())
+        limits = claims._limits(record, scan, BIAS, rule_of(threshold, suspicion), 1.0)
+    assert limits is not None
+    return limits
+
+
+def rule_of(threshold: float, suspicion: float) -> Any:
+    """Return a rule that declares and suspects every shape from two statistics on."""
+    return SimpleNamespace(threshold=lambda _shape: threshold, suspicion=lambda _shape: suspicion)
 
 
 @pytest.mark.parametrize("threshold", [30.0, 90.0])
@@ -103,7 +110,7 @@ def test_no_onset_that_is_covered_is_passed_over(record: ScanRecord, form: Shape
 
 def test_oscillations_that_are_claimed_have_six_cycles_of_which_two_are_left(record: ScanRecord):
     scan = scan_of(record, record.y, ORDER, output=0)
-    forms = claims._claimed(record, scan, replace(BIAS, shape="sine"), None, None, lambda _: None)
+    forms = claims._claimed(record, scan, replace(BIAS, shape="sine"), None, lambda _: None)
     lowest = min(form.parameter or 0.0 for form in forms)
     assert lowest == pytest.approx(6.0 / record.settings.duration_s, rel=1e-9)
     slow = replace(BIAS, shape="sine", parameter=lowest)
@@ -118,7 +125,7 @@ def test_a_lag_is_suspected_where_the_record_is_likelier_with_one_beyond_the_tol
 
     def beyond(z: float) -> float:
         scan = scan_of(record, record.y + z * theta, ORDER, output=0)
-        limits = claims._limits(record, scan, LAG, scaled, (30.0, 20.0))
+        limits = claims._limits(record, scan, LAG, rule_of(30.0, 20.0), tolerance)
         assert limits is not None
         return limits.beyond
 
@@ -127,9 +134,8 @@ def test_a_lag_is_suspected_where_the_record_is_likelier_with_one_beyond_the_tol
         assert (beyond(z) >= 1.0) is suspected
         assert 0.5 < beyond(z) < 2.0
         scan = scan_of(record, record.y + z * theta, ORDER, output=0)
-        rule = SimpleNamespace(threshold=lambda _shape: 30.0, suspicion=lambda _shape: 20.0)
         looked_for = candidate_of(fault_of(LAG, "tas", magnitude=1.0, onset_s=0.0), "m/s", tolerance=tolerance)
-        candidate = claims._bounded(record, scan, rule, looked_for, LAG, None, None, lambda _: None)
+        candidate = claims._bounded(record, scan, rule_of(30.0, 20.0), looked_for, LAG, None, None, lambda _: None)
         assert (candidate.state == "suspected") is suspected
         # What is scanned as a step is seen as a fault beyond the tolerance, or not at all.
         assert candidate.minimal_detectable_scan is None
@@ -144,5 +150,6 @@ def test_limits_near_an_onset_are_of_the_onsets_within_the_tolerance(record: Sca
     near = np.abs(np.arange(len(limits.onset_s)) - i) <= 10
     found = limits.near(float(limits.onset_s[i]), 10.5 / RATE_HZ)
     assert found is not None
-    assert found[1] == limits.effect[near].max()
+    (_, effect), _ = found
+    assert effect == limits.effect[near].max()
     assert limits.near(float(limits.onset_s[-1]) + 5.0, 1.0) is None

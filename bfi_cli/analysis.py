@@ -15,6 +15,7 @@ from . import flightlog, model
 from .config import Config, merge
 from .decision import (
     KINDS,
+    ONSET_SAMPLES,
     Evidence,
     at_entries,
     decide,
@@ -42,9 +43,6 @@ if TYPE_CHECKING:
     from .model.onset import OnsetResult, OnsetSearch
     from .model.preprocessing import Purpose
 
-# Samples by which an estimated onset may miss the injected one: one for the estimate, half a one for the resampling.
-# Chosen without a tuning record; only the comparison with an injected truth depends on it.
-ONSET_SAMPLES = 1.5
 # Variance accounted for, %, beyond which the prediction errors at the log's own rate are round-off.
 EXPLAINED = 100.0 - 1e-9
 

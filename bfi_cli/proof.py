@@ -18,9 +18,8 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from .analysis import ONSET_SAMPLES
 from .config import Config
-from .decision import KINDS, Candidate, Proof
+from .decision import KINDS, ONSET_SAMPLES, Candidate, Proof
 from .engine import in_order
 from .errors import BfiError
 from .faults import Fault, build_up_s, has_channel, unit_signal
@@ -286,7 +285,7 @@ def window_claims(
     ----------
     entries : of a dictionary with their onsets, by name.
     """
-    asked = [candidate for candidate in result.candidates if candidate.state in ("excluded", "not_seen")]
+    asked = [candidate for candidate in result.candidates if candidate.is_unseen]
     claims = []
     for kind in KINDS:
         for channel in dict.fromkeys(candidate.channel for candidate in asked if candidate.kind == kind):

@@ -5,6 +5,7 @@ from .candidate import (
     KINDS,
     MOSTLY,
     NOT_EXACT,
+    ONSET_SAMPLES,
     STEPS,
     UNTESTED,
     Candidate,
@@ -20,20 +21,21 @@ from .candidate import (
     finite,
     kind_of,
     not_excluded,
+    share_of,
     shown_limit,
-    state_of,
-    two_digits,
     untested,
     with_limit,
     with_limit_of_scan,
 )
-from .conclude import WITHHELD, Conclusion, conclude, decide, summarise, verdicts_of
+from .conclude import NOUNS, WITHHELD, Conclusion, conclude, decide, summarise, verdicts_of
 
 __all__ = [
     "BUILD_UP_S",
     "KINDS",
     "MOSTLY",
     "NOT_EXACT",
+    "NOUNS",
+    "ONSET_SAMPLES",
     "STEPS",
     "UNTESTED",
     "WITHHELD",
@@ -46,5 +48,5 @@ __all__ = [
     "State",
 ]
 __all__ += ["at_entries", "beyond_tolerance", "candidate_of", "conclude", "decide", "estimate_of", "finite", "kind_of"]
-__all__ += ["not_excluded", "shown_limit", "state_of", "summarise", "two_digits", "untested"]
+__all__ += ["not_excluded", "share_of", "shown_limit", "summarise", "untested"]
 __all__ += ["verdicts_of", "with_limit", "with_limit_of_scan"]

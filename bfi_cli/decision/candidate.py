@@ -26,7 +26,7 @@ from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.runs import runs
 from ..notes import Note
 from ..quantities.channels import LARGEST_ERROR
-from ..quantities.text import SI, Units
+from ..quantities.text import SI, Units, change
 from .implausible import Implausible
 
 State = Literal["declared", "suspected", "excluded", "not_seen"]
@@ -34,6 +34,8 @@ KINDS: tuple[Kind, ...] = get_args(Kind)
 # A lag of 5 s reaches nine tenths of its size in 11.5 s, a ramp over 10 s in 9 s: those that a claim about steps covers
 # (`onset.claims.BUILT_UP`). What takes longer cannot be told from a drift in a window of a minute or two.
 BUILD_UP_S = 12.0
+# Attributes of a candidate that are None where they are not finite.
+SIZES = ("magnitude", "sd", "minimal_detectable", "minimal_detectable_scan", "excluded_above", "effect", "seen_above")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,12 +83,19 @@ class Candidate:
     physical_unit: str | None = None
     onsets_checked: tuple[tuple[float, float], ...] | None = None
 
+    def __post_init__(self) -> None:
+        for name in SIZES:
+            object.__setattr__(self, name, finite(getattr(self, name)))
+
+    @property
+    def is_unseen(self) -> bool:
+        """Whether it is neither declared nor suspected nor left out, so that its limit counts."""
+        return self.state in ("excluded", "not_seen")
+
     @property
     def limit(self) -> float | None:
         """The largest error that may hide, None where that is as large as any reading of the channel can be wrong."""
-        if self.effect is None or not math.isfinite(self.effect):
-            return None
-        return None if self.effect > LARGEST_ERROR.get(self.channel, math.inf) else self.effect
+        return self.effect if (self.effect or 0.0) <= LARGEST_ERROR.get(self.channel, math.inf) else None
 
     @property
     def meaning(self) -> tuple[float, str]:
@@ -126,7 +135,7 @@ def with_limit(
 ) -> Candidate:
     """Return a candidate with another limit and the state that follows; a declared or suspected one keeps its own."""
     state = candidate.state
-    if state in ("excluded", "not_seen"):
+    if candidate.is_unseen:
         state = state_of(declared=False, suspected=False, effect=effect, tolerance=candidate.tolerance)
     limits = {"effect": effect, "excluded_above": excluded_above, "seen_above": seen_above}
     return replace(candidate, **{"state": state, **limits, **changes})
@@ -169,16 +178,16 @@ def candidate_of(
     """
     scale, unit = meaning(fault, channel_unit)
     defaults = {
-        "name": fault.name or fault.shape,
+        "name": fault.called,
         "kind": kind_of(fault, declared=declared),
         "state": state_of(declared=declared, suspected=suspected, effect=effect, tolerance=tolerance),
     }
     return Candidate(
         shape=fault.shape,
         channel=fault.channel,
-        magnitude=finite(magnitude),
+        magnitude=magnitude,
         unit=magnitude_unit(fault, channel_unit),
-        sd=finite(sd),
+        sd=sd,
         effect=effect,
         tolerance=tolerance,
         channel_unit=channel_unit,
@@ -208,7 +217,7 @@ def estimate_of(
     others : further attributes of `FaultEstimate`; the name is that of the fault, or its shape, where none is given.
     """
     value, physical_unit = physical(fault, magnitude, channel_unit)
-    defaults = {"name": fault.name or fault.shape, "unit": magnitude_unit(fault, channel_unit)} | others
+    defaults = {"name": fault.called, "unit": magnitude_unit(fault, channel_unit)} | others
     return FaultEstimate(
         fault=fault,
         magnitude=magnitude,
@@ -226,19 +235,17 @@ def shown_limit(candidate: Candidate, units: Units = SI) -> str | None:
     """Return the largest error that may hide, to two digits with its unit; None where any may."""
     if candidate.limit is None:
         return None
-    shown = units.of(candidate.channel_unit, channel=candidate.channel)
-    value = candidate.limit / shown.factor
-    return two_digits(value) if shown.unit == "1" else f"{two_digits(value)} {shown.unit}".rstrip()
+    return change(candidate.limit, units.of(candidate.channel_unit, channel=candidate.channel))
+
+
+def share_of(effect: float | None, tolerance: float | None) -> float:
+    """Return an error that may hide over its tolerance: infinite where any may, itself where there is no tolerance."""
+    return math.inf if effect is None else effect / tolerance if tolerance else effect
 
 
 def finite(value: float | None) -> float | None:
     """Return a number, None for one that is unknown or not finite."""
     return None if value is None or not math.isfinite(value) else float(value)
-
-
-def two_digits(value: float) -> str:
-    """Return a size to two digits, from a hundred on to the whole number: it has no exponent."""
-    return f"{value:.0f}" if abs(value) >= 99.5 else f"{value:.2g}"
 
 
 # The note of an entry of a dictionary that counts for no verdict, since no analysis of the window could tell.
@@ -271,9 +278,7 @@ def untested(candidate: Candidate) -> Candidate:
 
     One that is declared or suspected stays so.
     """
-    if candidate.state not in ("excluded", "not_seen"):
-        return candidate
-    return with_limit(candidate, None, None, state=None, note=UNTESTED)
+    return with_limit(candidate, None, None, state=None, note=UNTESTED) if candidate.is_unseen else candidate
 
 
 def with_limit_of_scan(candidate: Candidate, scanned: Candidate | None) -> Candidate:
@@ -283,7 +288,7 @@ def with_limit_of_scan(candidate: Candidate, scanned: Candidate | None) -> Candi
     ----------
     scanned : what became of the same fault in the scan; None where the window is not scanned.
     """
-    if candidate.state not in ("excluded", "not_seen"):
+    if not candidate.is_unseen:
         return candidate
     if scanned is None:
         bounded = with_limit(candidate, None, None, note=NOT_EXACT.format(" and the window is not scanned"))
@@ -407,8 +412,8 @@ class Evidence:
     findings: tuple[Implausible, ...] = ()
 
 
-# Samples by which an estimated onset may lie outside of its interval: one for the estimate, half a one for the
-# resampling. Cycles in the window by which a frequency may miss: half of what a window resolves.
+# Samples by which an estimated onset may miss the true one: one for the estimate, half a one for the resampling. Cycles
+# in the window by which a frequency may: half of what a window resolves.
 ONSET_SAMPLES, FREQUENCY_CYCLES = 1.5, 0.5
 
 

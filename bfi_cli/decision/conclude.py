@@ -17,7 +17,7 @@ from ..faults import Decision, FaultEstimate, build_up_s
 from ..faults.shapes import LINE_SHAPES, SHAPES, Kind
 from ..notes import Note
 from ..quantities.text import instant, quantity
-from .candidate import KINDS, STEPS, Candidate, Evidence, Manoeuvre, State, shown_limit, with_limit
+from .candidate import KINDS, STEPS, Candidate, Evidence, Manoeuvre, State, share_of, shown_limit, with_limit
 from .implausible import Implausible, in_words
 
 NOUNS: Mapping[Kind, tuple[str, str]] = {
@@ -64,7 +64,7 @@ def _kind_summary(kind: Kind, verdict: Decision, candidates: Sequence[Candidate]
     suspects = [
         candidate.name for candidate in sorted(alike, key=_prominence, reverse=True) if candidate.state == "suspected"
     ]
-    worst = max(alike, key=_share)
+    worst = max(alike, key=lambda candidate: share_of(candidate.effect, candidate.tolerance))
     on = f" on {worst.channel}" if len({candidate.channel for candidate in alike}) > 1 else ""
     limit = shown_limit(worst)
     if verdict == "no_fault":
@@ -86,13 +86,6 @@ def _prominence(candidate: Candidate) -> float:
     if candidate.minimal_detectable is None or candidate.magnitude is None:
         return math.inf
     return abs(candidate.magnitude) / candidate.minimal_detectable if candidate.minimal_detectable else math.inf
-
-
-def _share(candidate: Candidate) -> float:
-    """Return the largest hidden error over the tolerance."""
-    if candidate.effect is None or not math.isfinite(candidate.effect):
-        return math.inf
-    return candidate.effect / candidate.tolerance if candidate.tolerance else candidate.effect
 
 
 # Sources that explain the window by a linear model of the aircraft.
@@ -168,16 +161,13 @@ def conclude(
         **verdicts_of(candidates),
         **dict.fromkeys([SHAPES[estimate.fault.shape].kind for estimate in faults], "fault"),
     }
-    decision, summary = "fault" if fires else decide(verdicts, required), failed or says(verdicts, candidates)
-    if failed:
-        decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
+    summary = failed or says(verdicts, candidates)
     findings, notes = tuple(finding for source in evidence for finding in source.findings), list(refuted.values())
     to_state = [finding for finding in findings if finding.is_open]
     if to_state:
         declared = [candidate for candidate in candidates if candidate.state == "declared"]
         names = [named.name for named in faults or declared]
         notes += [Note.limit(f"what would be declared is {WITHHELD}: {', '.join(names)}")] if names else []
-        decision, verdicts = "inconclusive", dict.fromkeys(KINDS, "inconclusive")
         summary, faults = in_words(to_state), []
         candidates = tuple(
             replace(candidate, state="suspected", note=WITHHELD) if candidate.state == "declared" else candidate
@@ -191,10 +181,12 @@ def conclude(
             for finding in findings
             if finding.what == "unrelated" or (finding.is_constant and not finding.is_installation)
         ]:
-            decision, summary = _not_excluded(decision), "; ".join(filter(None, (*errors, summary)))
-            verdicts = {kind: _not_excluded(verdict) for kind, verdict in verdicts.items()}
+            summary = "; ".join(filter(None, (*errors, summary)))
+            verdicts = {kind: "fault" if verdict == "fault" else "inconclusive" for kind, verdict in verdicts.items()}
+    if failed or to_state:
+        fires, verdicts = False, dict.fromkeys(KINDS, "inconclusive")
     return Conclusion(
-        decision=decision,
+        decision="fault" if fires else decide(verdicts, required),
         verdicts=verdicts,
         summary=summary,
         faults=tuple(faults),
@@ -209,14 +201,16 @@ def conclude(
 def _refuted(evidence: Sequence[Evidence]) -> dict[int, Note]:
     """Return by `id` why faults are only suspected: another source excludes them, or they begin in a manoeuvre."""
     refuted: dict[int, Note] = {}
-    manoeuvres = [manoeuvre for source in evidence for manoeuvre in source.manoeuvres]
     for source in evidence:
-        others = [other for other in evidence if other is not source]
         for fault in source.faults:
-            if (by := _excluded_by(fault, others)) is not None:
-                refuted[id(fault)] = _disagreement(fault, source.source, by)
-            elif source.source in MODELS and (within := _within(fault, manoeuvres)) is not None:
-                refuted[id(fault)] = _beside(fault, source.source, within)
+            why = _excluded_by(fault, [other for other in evidence if other is not source])
+            if why is None and source.source in MODELS:
+                why = _within(fault, [manoeuvre for other in evidence for manoeuvre in other.manoeuvres])
+            if why is not None:
+                label, channel = SHAPES[fault.fault.shape].label, fault.fault.channel
+                size, from_s = quantity(fault.magnitude, fault.unit), instant(fault.fault.onset_s)
+                what = f"a {label} of {size} on {channel} from {from_s} s, which the {source.source} declares"
+                refuted[id(fault)] = Note.limit(f"only suspected: {what}; {why}")
     return refuted
 
 
@@ -265,10 +259,6 @@ def _notes_on(findings: Sequence[Implausible]) -> list[Note]:
     ]
 
 
-def _not_excluded(verdict: Decision) -> Decision:
-    return "inconclusive" if verdict == "no_fault" else verdict
-
-
 def _is_of(fault: FaultEstimate, candidate: Candidate) -> bool:
     """Say whether a fault is of a candidate: an entry that states its onset, or a kind at any onset."""
     alike = (fault.fault.shape, fault.fault.channel) == (candidate.shape, candidate.channel)
@@ -315,8 +305,8 @@ def _same_fault(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> int | N
     return None
 
 
-def _excluded_by(fault: FaultEstimate, others: Sequence[Evidence]) -> tuple[str, Candidate] | None:
-    """Return the source, and its candidate, that excludes the error which a slow fault makes on its channel.
+def _excluded_by(fault: FaultEstimate, others: Sequence[Evidence]) -> str | None:
+    """Return what excludes the error that a slow fault makes on its channel, None where no other source does.
 
     What is excluded from an onset that is stated says nothing of a fault that begins at another.
     """
@@ -325,44 +315,24 @@ def _excluded_by(fault: FaultEstimate, others: Sequence[Evidence]) -> tuple[str,
     first_s, last_s = fault.onset_ci95 or (fault.fault.onset_s, fault.fault.onset_s)
     for other in others:
         for candidate in other.candidates:
-            alike = (
-                candidate.kind == "slow"
-                and candidate.channel == fault.fault.channel
-                and candidate.state in ("excluded", "not_seen")
-            )
+            alike = candidate.kind == "slow" and candidate.channel == fault.fault.channel and candidate.is_unseen
             there = candidate.onset_s is None or first_s <= candidate.onset_s <= last_s
             if alike and there and candidate.limit is not None and candidate.limit < fault.effect:
-                return other.source, candidate
+                return (
+                    f"the {other.source} excludes more than {quantity(candidate.limit, candidate.channel_unit)} there"
+                )
     return None
 
 
-def _within(fault: FaultEstimate, manoeuvres: Sequence[Manoeuvre]) -> Manoeuvre | None:
-    """Return the manoeuvre in or beside which a fault begins; a reading that is held is told without a model."""
-    if _is_held(fault):
-        return None
-    return next(
-        (manoeuvre for manoeuvre in manoeuvres if manoeuvre.reach_s[0] <= fault.fault.onset_s <= manoeuvre.reach_s[1]),
-        None,
-    )
-
-
-def _beside(fault: FaultEstimate, source: str, manoeuvre: Manoeuvre) -> Note:
-    return Note.limit(
-        f"{_suspicion(fault, source)}; it begins within {manoeuvre.beside_s:.3g} s of a {manoeuvre.name} "
-        f"({instant(manoeuvre.from_s)} to {instant(manoeuvre.to_s)} s), which no linear model follows"
-    )
-
-
-def _disagreement(fault: FaultEstimate, source: str, excluded_by: tuple[str, Candidate]) -> Note:
-    other, candidate = excluded_by
-    limit = quantity(candidate.limit or 0.0, candidate.channel_unit)
-    return Note.limit(f"{_suspicion(fault, source)}; the {other} excludes more than {limit} there")
-
-
-def _suspicion(fault: FaultEstimate, source: str) -> str:
-    label, channel = SHAPES[fault.fault.shape].label, fault.fault.channel
-    size, from_s = quantity(fault.magnitude, fault.unit), instant(fault.fault.onset_s)
-    return f"only suspected: a {label} of {size} on {channel} from {from_s} s, which the {source} declares"
+def _within(fault: FaultEstimate, manoeuvres: Sequence[Manoeuvre]) -> str | None:
+    """Return in or beside which manoeuvre a fault begins; a reading that is held is told without a model."""
+    for manoeuvre in () if _is_held(fault) else manoeuvres:
+        if manoeuvre.reach_s[0] <= fault.fault.onset_s <= manoeuvre.reach_s[1]:
+            return (
+                f"it begins within {manoeuvre.beside_s:.3g} s of a {manoeuvre.name} ({instant(manoeuvre.from_s)} to "
+                f"{instant(manoeuvre.to_s)} s), which no linear model follows"
+            )
+    return None
 
 
 def _while_it_read(candidate: Candidate, faults: Sequence[FaultEstimate]) -> Candidate:
@@ -376,24 +346,20 @@ def _while_it_read(candidate: Candidate, faults: Sequence[FaultEstimate]) -> Can
 
 def _with_least_limit(candidate: Candidate, evidence: Sequence[Evidence]) -> Candidate:
     """Return a candidate with the smallest error that any source leaves of a slow fault or a step of its channel."""
-    if candidate.state not in ("excluded", "not_seen"):
+    if not candidate.is_unseen:
         return candidate
     if candidate.kind == "abrupt":
         return _with_least_step(candidate, evidence)
     if candidate.kind == "oscillating":
-        shown = (
+        shown = [
             source.since_start[candidate.channel] for source in evidence if candidate.channel in source.since_start
-        )
-        why = next(shown, None)
-        return candidate if why is None else with_limit(candidate, None, None, state="suspected", note=why)
+        ]
+        return with_limit(candidate, None, None, state="suspected", note=shown[0]) if shown else candidate
     bounds = [
         (other.effect, other.seen_above)
         for source in evidence
         for other in source.candidates
-        if other.kind == "slow"
-        and other.channel == candidate.channel
-        and other.state in ("excluded", "not_seen")
-        and other.effect is not None
+        if other.kind == "slow" and other.channel == candidate.channel and other.is_unseen and other.effect is not None
     ]
     least = min((effect for effect, _ in bounds), default=math.inf)
     seen_above = min((seen for _, seen in bounds if seen is not None), default=None)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..config import Config
-from ..decision import Candidate, Evidence, candidate_of, conclude, finite, shown_limit
+from ..decision import Candidate, Evidence, candidate_of, conclude, shown_limit
 from ..decision.implausible import Implausible
 from ..faults import Fault
 from ..flightlog import FlightLog
@@ -118,10 +118,10 @@ def _candidates(
         size, sd, detectable, hidden, checked = declared.get(channel), None, None, None, None
         if limits is not None and bounded:
             checked = ((float(limits.onset_s[0]), float(limits.onset_s[-1])),)
-            detectable, hidden = finite(np.median(limits.detectable[:, i])), finite(limits.hidden[:, i].max())
+            detectable, hidden = float(np.median(limits.detectable[:, i])), float(limits.hidden[:, i].max())
             clearest = int(np.argmax(np.abs(limits.size[:, i]) / np.maximum(limits.sd[:, i], np.finfo(float).tiny)))
             if limits.sd[clearest, i] > 0.0:
-                size, sd = finite(limits.size[clearest, i]), finite(limits.sd[clearest, i])
+                size, sd = float(limits.size[clearest, i]), float(limits.sd[clearest, i])
         candidate = candidate_of(
             Fault(shape="bias", channel=channel),
             unit,
@@ -135,7 +135,7 @@ def _candidates(
             tolerance=tolerances[channel],
             onsets_checked=checked,
         )
-        if limits is not None and candidate.state == "not_seen" and hidden is not None:
+        if limits is not None and candidate.state == "not_seen" and candidate.effect is not None:
             worst = instant(limits.onset_s[limits.hidden[:, i].argmax()])
             usual = shown_limit(replace(candidate, effect=float(np.quantile(limits.hidden[:, i], USUAL))))
             note = f"worst for a step at {worst} s; {usual} at most for {100.0 * USUAL:g} % of the onsets"

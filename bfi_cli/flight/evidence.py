@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..config import Config, merge
-from ..decision import MOSTLY, Candidate, Evidence, estimate_of, finite, state_of
+from ..decision import MOSTLY, Candidate, Evidence, candidate_of, estimate_of
 from ..errors import LogError
 from ..faults import Fault, FaultEstimate
 from ..faults.shapes import CONSTANTS, SHAPES
@@ -22,7 +22,7 @@ from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.progress import Progress, unseen
 from ..model.onset.claims import CLAIMED_CYCLES
 from ..notes import Note
-from ..quantities.channels import STANDARD, per_second
+from ..quantities.channels import STANDARD
 from ..quantities.text import instant, quantity
 from ..threads import one_thread
 from .diagnose import events_of, lasting_faults
@@ -257,27 +257,24 @@ def _candidate(
             effect = float(errors[worst])
             slope = effect / (flight.to_s - float(starts[worst]))
             seen = np.quantile(declared_errors[known[0] : known[-1] + 1], MOSTLY, method="higher")
-            seen_above = finite(max(float(seen), effect))
+            seen_above = max(float(seen), effect)
         last_s = float(starts[known[-1]]) + BIN_S
         note = note or f"for onsets from {instant(starts[known[0]])} to {instant(last_s)} s"
     elif not suspected:
         return None
-    unit = STANDARD[channel].unit
     drift = declared if declared is not None and declared.fault.shape == "drift" else None
-    return Candidate(
+    return candidate_of(
+        Fault(shape="drift", channel=channel),
+        STANDARD[channel].unit,
         name=f"slow fault of {channel} (physics)",
-        shape="drift",
-        channel=channel,
-        kind="slow",
-        state=state_of(declared=declared is not None, suspected=bool(suspected), effect=effect, tolerance=tolerance),
+        declared=declared is not None,
+        suspected=bool(suspected),
         magnitude=None if drift is None else drift.magnitude,
-        unit=per_second(unit),
-        sd=None if drift is None or not np.isfinite(drift.sd) else drift.sd,
+        sd=None if drift is None else drift.sd,
         excluded_above=slope,
         effect=effect,
         seen_above=seen_above,
         tolerance=tolerance,
-        channel_unit=unit,
         note=note,
     )
 

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from ..decision import two_digits
 from ..flightlog.phases import AIRBORNE, NO_AIRSPEED, PARTS, note_on_rotors
 from ..kernels.runs import left_of, union
+from ..quantities.text import quantity
 from .flight import Flight
 from .limits import AIRSPEEDS, PITOT_LINE, Bounds
 from .looks import GLANCE_S, Scanned
@@ -175,7 +175,7 @@ def missing_sentences(flight: Flight, scanned: Sequence[Scanned], limits: Sequen
     mostly = next((limit for limit in limits if limit.fault == PITOT_LINE and limit.holds_in < 1.0), None)
     cost = ""
     if mostly is not None and mostly.effect is not None:
-        within = f"{two_digits(mostly.effect)} m/s in {mostly.to_s - mostly.from_s:.0f} s"
+        within = f"{quantity(mostly.effect, 'm/s')} in {mostly.to_s - mostly.from_s:.0f} s"
         cost = f"; in most of the flight a slow fault of the airspeed below {within} passes unseen"
     sentences = [note.text for note in note_on_rotors(flight.part_phases)]
     if without := [

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 
-from ..decision import Candidate, Evidence, State, two_digits
+from ..decision import NOUNS, Candidate, Evidence, State, share_of
 from ..decision.implausible import Implausible
 from ..faults import Decision
 from ..faults.shapes import Kind
+from ..quantities.text import quantity
 from .limits import AIRSPEEDS, PITOT_LINE
 from .result import Event, FlightLimit
 from .unwatched import Unwatched
 
-STEPS: Mapping[Kind, tuple[str, str]] = {"abrupt": ("step", "a step"), "oscillating": ("oscillation", "an oscillation")}
+SUDDEN: tuple[Kind, ...] = ("abrupt", "oscillating")
 SPEEDS = ("tas", "cas", "ias")
 SHOWN = 3  # of what was not watched, in a sentence
 
@@ -42,7 +43,7 @@ def evidence_of(
         return Candidate(name=name, shape=shape, channel=name, kind=kind, state=state, magnitude=None, unit="", sd=None)
 
     candidates = [candidate(event.fault, event.kind, event.state) for event in events]
-    only_found = [candidate(noun, kind, "not_seen") for kind, (noun, _) in STEPS.items()]
+    only_found = [candidate(NOUNS[kind][0], kind, "not_seen") for kind in SUDDEN]
     needed = (PITOT_LINE, *(name for name in AIRSPEEDS if name in recorded))
     bounded = {}
     for name in needed:
@@ -68,7 +69,7 @@ def sentence_of(
     sentences = []
     if verdicts["slow"] != "fault":
         sentences.append(_slow_faults_sentence(limits, excluded=verdicts["slow"] == "no_fault") + _except(unwatched))
-    kinds = [noun for kind, noun in STEPS.items() if verdicts[kind] == "inconclusive"]
+    kinds = [NOUNS[kind] for kind in SUDDEN if verdicts[kind] == "inconclusive"]
     if kinds and looked_for_steps:
         other = "no other" if events else "no"
         sentences.append(f"{other} {' or '.join(noun for noun, _ in kinds)} found{_except(unwatched_by_steps)}")
@@ -82,7 +83,7 @@ def _slow_faults_sentence(limits: Sequence[FlightLimit], *, excluded: bool) -> s
     worst, most, last = (
         max(
             (limit for limit in slow if limit.grows_on == grows and (limit.holds_in == 1.0) == always),
-            key=_share,
+            key=lambda limit: share_of(limit.effect, limit.tolerance),
             default=None,
         )
         for grows, always in ((False, True), (False, False), (True, True))
@@ -98,14 +99,7 @@ def _slow_faults_sentence(limits: Sequence[FlightLimit], *, excluded: bool) -> s
 
 
 def _size(limit: FlightLimit) -> str:
-    return "any size" if limit.effect is None else f"{two_digits(limit.effect)} m/s on {limit.channel}"
-
-
-def _share(limit: FlightLimit) -> float:
-    """Return the hidden error over the tolerance."""
-    if limit.effect is None:
-        return float("inf")
-    return limit.effect / limit.tolerance if limit.tolerance else limit.effect
+    return "any size" if limit.effect is None else f"{quantity(limit.effect, 'm/s')} on {limit.channel}"
 
 
 def _except(unwatched: Sequence[Unwatched]) -> str:

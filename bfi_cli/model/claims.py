@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ..decision import Candidate, candidate_of, finite, untested
+from ..decision import Candidate, candidate_of, untested
 from ..dictionary import dead_reason, dead_sentences
 from ..faults.shapes import SHAPES
 from ..kernels import ONE_SIDED_95, FloatArray
@@ -91,17 +91,15 @@ def _claim(
     fault, declared, suspected = window.faults[entry], n in outcome.atoms, n in outcome.declined
     channel = window.log.channel(fault.channel)
     z, sd = float(magnitudes.value[n]), float(np.sqrt(magnitudes.variance[n])) if seen else np.nan
-    detectable = float(magnitudes.minimal_detectable[n]) if seen else np.nan
     limit = effect = note = None
-    if not declared and METHODS[method].intervals and seen:
-        limit = finite(excluded)
-        if limit is None:
-            note = "the inputs and lags of the model can explain a fault of any size"
-        else:
-            effect = limit * float(window.largest[entry])
-            if is_any(effect, window.log, channel.name):
-                limit = effect = None
-                note = "a fault as large as all that the channel reads could hide"
+    bounds = METHODS[method].intervals and seen
+    if bounds and not declared:
+        limit, effect = excluded, excluded * float(window.largest[entry])
+        if is_any(effect, window.log, channel.name):
+            note = "a fault as large as all that the channel reads could hide"
+            if not np.isfinite(excluded):
+                note = "the inputs and lags of the model can explain a fault of any size"
+            limit = effect = None
     claim = candidate_of(
         fault,
         channel.unit,
@@ -109,7 +107,7 @@ def _claim(
         suspected=suspected,
         magnitude=z,
         sd=sd,
-        minimal_detectable=finite(detectable),
+        minimal_detectable=float(magnitudes.minimal_detectable[n]) if seen else None,
         excluded_above=limit,
         effect=effect,
         seen_above=effect,
@@ -120,7 +118,7 @@ def _claim(
     # As of a scan over all onsets, none is made some samples from the ends of the window.
     rate_hz, time_s, order = window.signals.rate_hz, window.signals.time_s, outcome.order
     tested = time_s[0] + STARTING * order / rate_hz <= fault.onset_s <= time_s[-1] - ENDING * order / rate_hz
-    return claim if tested or not (METHODS[method].intervals and seen) else untested(claim)
+    return claim if tested or not bounds else untested(claim)
 
 
 def _excluded_above(regression: RegressionData, outcome: MethodResult, method: str) -> FloatArray:

@@ -88,7 +88,7 @@ def hidden_drawing(candidates: Sequence[Candidate], units: Units = SI) -> tuple[
             [candidate for candidate in candidates if candidate.channel == channel and candidate.state is not None]
         )
         tolerance = next((candidate.tolerance for candidate in shown if candidate.tolerance), None)
-        if tolerance is not None and any(candidate.state in ("excluded", "not_seen") for candidate in shown):
+        if tolerance is not None and any(candidate.is_unseen for candidate in shown):
             panels.append(_panel(channel, shown, tolerance, units))
     return (Drawing(name="hidden", caption=HIDDEN_CAPTION, panels=tuple(panels)),) if panels else ()
 

@@ -189,7 +189,7 @@ def candidate_lines(candidates: Sequence[Candidate], units: Units) -> dict[Label
         noun, nouns = NOUNS[kind]
         same_kind = [candidate for candidate in candidates if candidate.kind == kind and candidate.state is not None]
         declared = any(candidate.state == "declared" for candidate in same_kind)
-        asked = [candidate for candidate in same_kind if candidate.state in ("excluded", "not_seen")]
+        asked = [candidate for candidate in same_kind if candidate.is_unseen]
         if not same_kind:
             unchecked.append(nouns)
         if not asked:
@@ -202,11 +202,7 @@ def candidate_lines(candidates: Sequence[Candidate], units: Units) -> dict[Label
         else:
             article = "another" if declared else "an" if noun[0] in "aeiou" else "a"
             possible.append(f"{article} {noun}{on} of {'any size' if limit is None else f'up to {limit}'}")
-    spans = [
-        candidate.onsets_checked
-        for candidate in candidates
-        if candidate.onsets_checked and candidate.state in ("excluded", "not_seen")
-    ]
+    spans = [candidate.onsets_checked for candidate in candidates if candidate.onsets_checked and candidate.is_unseen]
     if spans:
         first_s, last_s = max(span[0][0] for span in spans), min(span[-1][1] for span in spans)
         within = {(a[1], b[0]) for span in spans for a, b in pairwise(span)}

@@ -26,7 +26,6 @@ from ...decision import (
     UNTESTED,
     Candidate,
     candidate_of,
-    finite,
     untested,
     with_limit,
 )
@@ -288,7 +287,7 @@ def _bounded(
         candidate = replace(candidate, state="suspected", note=note)
     if form.shape in record.settings.shapes:
         median = float(np.median([np.median(limits.declared) for limits in glances]))
-        candidate = replace(candidate, minimal_detectable_scan=finite(float(record.unit[form.output]) * median))
+        candidate = replace(candidate, minimal_detectable_scan=float(record.unit[form.output]) * median)
     hidden = max((limits.hidden() for limits in looks), key=lambda hidden: hidden[1])
     return _with_hidden(record, candidate, form, hidden, np.concatenate([limits.seen for limits in glances]))
 
@@ -315,14 +314,13 @@ def _with_hidden(
     if is_any(scale * effect, record.window.log, candidate.channel):
         return with_limit(candidate, None, None)
     seen_above = scale * max(least, effect, float(np.quantile(seen, MOSTLY, method="higher")))
-    return with_limit(candidate, scale * effect, finite(scale / slope * excluded), finite(seen_above))
+    return with_limit(candidate, scale * effect, scale / slope * excluded, seen_above)
 
 
 def _with_magnitude(record: ScanRecord, candidate: Candidate, form: ShapeHypothesis, profile: Profile) -> Candidate:
     """Return a candidate with the magnitude of the likeliest onset of a profile."""
     scale, best = float(record.unit[form.output]), profile.best
-    z, sd = float(profile.z[best]), float(profile.sd[best])
-    return replace(candidate, magnitude=finite(scale * z), sd=finite(scale * sd))
+    return replace(candidate, magnitude=scale * float(profile.z[best]), sd=scale * float(profile.sd[best]))
 
 
 def _in_words(shape: Shape, values: Sequence[float], likeliest: float) -> tuple[str | None, str]:

@@ -258,7 +258,8 @@ def _identify_entries(
     if not fit.outcome.converged:
         why = "not scanned: the solver did not converge"
         conclusion = model.conclusion_of(log, config, [entries, arithmetic], fit.outcome)
-        return model.result_of(log, config, fit, conclusion, _not_scanned(why), first=first, notes=[Note.limit(why)])
+        scan = model.ScanSummary.not_made(why)
+        return model.result_of(log, config, fit, conclusion, scan, first=first, notes=[Note.limit(why)])
     summary = fit.window.summary
     exact = summary.rate_hz == summary.native_rate_hz and all(vaf > EXPLAINED for vaf in fit.vaf_output.values())
     looked_for = {candidate.kind for candidate in entries.candidates if candidate.state is not None}
@@ -283,8 +284,8 @@ def _identify_entries(
     if isinstance(searched, str):
         entries = entries if exact else _within_tolerance(entries, None, config)
         conclusion = model.conclusion_of(log, config, [entries, physics, arithmetic], fit.outcome)
-        notes = (*physics.notes, Note.limit(searched))
-        return model.result_of(log, config, fit, conclusion, _not_scanned(searched), first=first, notes=notes)
+        scan, notes = model.ScanSummary.not_made(searched), (*physics.notes, Note.limit(searched))
+        return model.result_of(log, config, fit, conclusion, scan, first=first, notes=notes)
     entries = _within_tolerance(entries, searched, config)
     entries = replace(
         entries,
@@ -434,10 +435,6 @@ def _summary_of(evidence: Evidence, note: str) -> ScanSummary:
     verdicts = verdicts_of(evidence.candidates)
     faults = tuple(_sentence(fault) for fault in evidence.faults)
     return model.ScanSummary(decision=decide(verdicts, KINDS), verdicts=verdicts, faults=faults, note=note)
-
-
-def _not_scanned(why: str) -> ScanSummary:
-    return model.ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=why)
 
 
 def _sentence(estimate: FaultEstimate) -> str:

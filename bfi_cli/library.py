@@ -77,7 +77,7 @@ def with_findings(log: FlightLog, config: Config, tell: Tell = _silent) -> tuple
     if config.fix_units:
         log, findings = with_fixed_units(log, findings, config.units)
     for finding in findings:
-        tell(f"{finding.advice}: {finding.text}" if not finding.fixed else f"--fix-units: {finding.text}")
+        tell(f"--fix-units: {finding.text}" if finding.fixed else finding.sentence)
     return log, findings
 
 

@@ -177,7 +177,7 @@ def conclude(
         notes += _notes_on(findings)
         # Those that are set aside, or err by more than an installation makes them.
         if errors := [
-            f"{finding.advice}: {finding.text}"
+            finding.sentence
             for finding in findings
             if finding.what == "unrelated" or (finding.is_constant and not finding.is_installation)
         ]:
@@ -223,7 +223,8 @@ def _joined(evidence: Sequence[Evidence], refuted: Collection[int]) -> list[Faul
         for fault in source.faults
         if id(fault) not in refuted
     ]
-    for fault in sorted(declared, key=_rank):
+    declared.sort(key=lambda fault: math.inf if fault.statistic is None else fault.statistic, reverse=True)
+    for fault in sorted(declared, key=_is_lost, reverse=True):
         same = _same_fault(fault, faults)
         if same is None:
             faults.append(replace(fault, evidence={fault.source: fault.statistic}))
@@ -255,7 +256,7 @@ def _notes_on(findings: Sequence[Implausible]) -> list[Note]:
     there = [finding for finding in findings if not finding.fixed]
     return [
         *(Note.limit(f"throughout the flight: {finding.text}") for finding in there if finding.is_constant),
-        *(Note.method(f"{finding.advice}: {finding.text}") for finding in there if finding.is_stated),
+        *(Note.method(finding.sentence) for finding in there if finding.is_stated),
     ]
 
 
@@ -276,11 +277,6 @@ def _is_lost(estimate: FaultEstimate) -> bool:
     """
     is_line = estimate.fault.shape in LINE_SHAPES and not SHAPES[estimate.fault.shape].has_magnitude
     return _is_held(estimate) or (is_line and estimate.source not in MODELS)
-
-
-def _rank(estimate: FaultEstimate) -> tuple[bool, float]:
-    """Return what sorts faults by their evidence, most first."""
-    return not _is_lost(estimate), -math.inf if estimate.statistic is None else -estimate.statistic
 
 
 def _same_fault(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> int | None:

@@ -75,6 +75,11 @@ class Implausible:
     setting: Setting | None = None
 
     @property
+    def sentence(self) -> str:
+        """What to do about it, and why: "state the unit with --unit tas=kt: tas looks like kt, ..."."""
+        return f"{self.advice}: {self.text}"
+
+    @property
     def is_constant(self) -> bool:
         """Whether it is an error of size alone, from the first sample on: told beside what the flight shows."""
         return self.what in ("offset", "scale")
@@ -102,7 +107,5 @@ class Implausible:
 
 
 def in_words(findings: Sequence[Implausible]) -> str:
-    """Return what to state first, and why: "state the unit with --unit tas=kt: tas looks like kt, ..."."""
-    return "; ".join(
-        f"{finding.advice}: {finding.text}" for finding in findings if not (finding.fixed or finding.is_stated)
-    )
+    """Return what to state first, and why."""
+    return "; ".join(finding.sentence for finding in findings if not (finding.fixed or finding.is_stated))

@@ -17,7 +17,7 @@ from operator import attrgetter
 import numpy as np
 
 from ..config import Config, merge
-from ..decision import KINDS, Conclusion, Evidence, conclude, estimate_of
+from ..decision import Conclusion, Evidence, conclude, estimate_of
 from ..dictionary import Dictionary
 from ..errors import ConfigError, DictionaryError, LogError
 from ..faults import Fault, FaultEstimate, active_samples, unit_signal, unit_signals
@@ -131,9 +131,8 @@ def identify_faults(
     """
     config = with_inputs_of(log, config)
     identified = identification(log, dictionary, config, progress, given=given)
-    scan = ScanSummary(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=NOT_SCANNED)
     conclusion = conclusion_of(log, config, [identified.evidence], identified.outcome)
-    return result_of(log, config, identified, conclusion, scan)
+    return result_of(log, config, identified, conclusion, ScanSummary.not_made(NOT_SCANNED))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

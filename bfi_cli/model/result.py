@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..decision import Candidate, Proof
+from ..decision import KINDS, Candidate, Proof
 from ..decision.implausible import Implausible
 from ..epoch import Epoch
 from ..errors import ConfigError
@@ -74,6 +74,11 @@ class ScanSummary:
     verdicts: Mapping[Kind, Decision]
     faults: tuple[str, ...]
     note: str
+
+    @classmethod
+    def not_made(cls, why: str) -> ScanSummary:
+        """Return what there is to say where the scan was not made."""
+        return cls(decision=None, verdicts=dict.fromkeys(KINDS, "inconclusive"), faults=(), note=why)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -256,10 +256,9 @@ def _identify_entries(
     fit = model.identification(log, dictionary.exact, config, progress)
     entries = fit.evidence
     if not fit.outcome.converged:
-        why = "not scanned: the solver did not converge"
+        scan = model.ScanSummary.not_made("not scanned: the solver did not converge")
         conclusion = model.conclusion_of(log, config, [entries, arithmetic], fit.outcome)
-        scan = model.ScanSummary.not_made(why)
-        return model.result_of(log, config, fit, conclusion, scan, first=first, notes=[Note.limit(why)])
+        return model.result_of(log, config, fit, conclusion, scan, first=first, notes=[Note.limit(scan.note)])
     summary = fit.window.summary
     exact = summary.rate_hz == summary.native_rate_hz and all(vaf > EXPLAINED for vaf in fit.vaf_output.values())
     looked_for = {candidate.kind for candidate in entries.candidates if candidate.state is not None}

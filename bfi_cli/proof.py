@@ -245,7 +245,7 @@ def sightings_of(result: OnsetResult | IdentifyResult | DiagnoseResult) -> tuple
         Sighting(
             kinds=frozenset(SHAPES[shape].kind for shape in (estimate.fault.shape, *estimate.among) if shape in SHAPES),
             names=frozenset((estimate.fault.channel, estimate.fault.shape)),
-            onset_s=estimate.onset_ci95 or (estimate.fault.onset_s, estimate.fault.onset_s),
+            onset_s=estimate.onset_span_s,
         )
         for estimate in result.faults
     )

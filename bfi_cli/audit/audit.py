@@ -176,7 +176,7 @@ def _audit_entries(log: FlightLog, clean: FlightLog, dictionary: Dictionary, con
     first = fitted.regression.layout.first
     span = AuditWindow(
         start_s=window.window_start_s,
-        stop_s=float(window.log.time_s[-1]) + 1.0 / window.log.rate_hz,
+        stop_s=window.log.span_s[1],
         rate_hz=given.rate_hz,
         lags=first,
     )

@@ -464,7 +464,7 @@ def _is_of_entry(fault: FaultEstimate, entry: Fault, *, rate_hz: float, duration
     beside_hz = (entry.frequency_hz or 0.0) - (estimated.frequency_hz or 0.0)
     if both_oscillate and abs(beside_hz) * duration_s > FREQUENCY_CYCLES:
         return False
-    low, high = fault.onset_ci95 or (estimated.onset_s, estimated.onset_s)
+    low, high = fault.onset_span_s
     return low - ONSET_SAMPLES / rate_hz <= entry.onset_s <= high + ONSET_SAMPLES / rate_hz
 
 

@@ -286,7 +286,7 @@ def _same_fault(fault: FaultEstimate, known: Sequence[FaultEstimate]) -> int | N
     """
 
     def span(estimate: FaultEstimate) -> tuple[float, float]:
-        low, high = estimate.onset_ci95 or (estimate.fault.onset_s, estimate.fault.onset_s)
+        low, high = estimate.onset_span_s
         return low, high + (build_up_s(estimate.fault) or 0.0)
 
     low, high = span(fault)
@@ -308,7 +308,7 @@ def _excluded_by(fault: FaultEstimate, others: Sequence[Evidence]) -> str | None
     """
     if SHAPES[fault.fault.shape].kind != "slow" or fault.effect is None:
         return None
-    first_s, last_s = fault.onset_ci95 or (fault.fault.onset_s, fault.fault.onset_s)
+    first_s, last_s = fault.onset_span_s
     for other in others:
         for candidate in other.candidates:
             alike = candidate.kind == "slow" and candidate.channel == fault.fault.channel and candidate.is_unseen

@@ -129,6 +129,16 @@ class FaultEstimate:
     source: str = ""
     evidence: Mapping[str, float | None] = field(default_factory=dict)
 
+    @property
+    def onset_span_s(self) -> tuple[float, float]:
+        """Earliest and latest onset, the one that was stated where there is no interval."""
+        return self.onset_ci95 or (self.fault.onset_s, self.fault.onset_s)
+
+    @property
+    def physical_scale(self) -> float:
+        """What a magnitude of 1 means."""
+        return self.physical_value / self.magnitude if self.magnitude else 1.0
+
 
 def has_channel(shape: Shape) -> bool:
     """Say whether faults of this shape are of one channel; those of a pressure line are of all that follow from it."""

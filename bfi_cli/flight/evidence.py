@@ -149,10 +149,10 @@ def _flight_about(log: FlightLog, config: Config) -> Flight:
     ------
     LogError : it is not in flight.
     """
-    first, last = float(log.time_s[0]), float(log.time_s[-1])
-    from_s = first if config.window.from_s is None else config.window.from_s
-    to_s = last + 1.0 / log.rate_hz if config.window.to_s is None else config.window.to_s
-    about = log.window(max(from_s - BESIDE_S, first), to_s + BESIDE_S)
+    first_s, stop_s = log.span_s
+    from_s = first_s if config.window.from_s is None else config.window.from_s
+    to_s = stop_s if config.window.to_s is None else config.window.to_s
+    about = log.window(max(from_s - BESIDE_S, first_s), to_s + BESIDE_S)
     tolerances = {name: size for name, size in config.tolerances.items() if name in log.channels}
     rate = SHARE * config.start_time.false_alarm
     flight = flight_of(about, merge(config, {"tolerances": tolerances, "diagnose.false_alarm": rate}))

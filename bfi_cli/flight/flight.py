@@ -220,7 +220,7 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     log = with_seen_recorder(log)
     defects = find_defects(log)
     whole, log = with_bridges(log, defects), without_defects(log, defects)
-    start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1]) + 1.0 / log.rate_hz
+    start_s, stop_s = log.span_s
     from_s = start_s if config.window.from_s is None else config.window.from_s
     to_s = stop_s if config.window.to_s is None else config.window.to_s
     log.window(from_s, to_s)  # refuses one without samples

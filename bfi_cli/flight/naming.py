@@ -170,7 +170,7 @@ def findings_of_search(
             unit=estimate.unit,
             effect={output: size},
             onset_s=fault.onset_s,
-            onset_ci95=estimate.onset_ci95 or (fault.onset_s, fault.onset_s),
+            onset_ci95=estimate.onset_span_s,
             statistic=estimate.statistic,
             threshold=search.rule.threshold(fault.shape),
             p_value=estimate.p_value,

@@ -256,8 +256,8 @@ def _phases_without(log: FlightLog, suspects: Collection[str]) -> tuple[tuple[Ph
     cruises = {name: cruise_of(speed) for name, speed in speeds.items()}
     first = next((name for name, cruise in cruises.items() if cruise > WALK), None)
     if first is None:
-        end_s = round(float(log.time_s[-1]) + 1.0 / log.rate_hz, 3)
-        ground = Phase(phase="ground", from_s=round(float(log.time_s[0]), 3), to_s=end_s)
+        start_s, stop_s = log.span_s
+        ground = Phase(phase="ground", from_s=round(start_s, 3), to_s=round(stop_s, 3))
         return tuple(_around((ground,), hovering, (), 0.0)), ()
     ordered = {first: speeds.pop(first), **speeds}
     if over_ground is not None:
@@ -415,7 +415,7 @@ def _on_grid(
         path = np.arcsin(np.clip(rate / np.maximum(speed, TAXI * cruise), -1.0, 1.0))
         aoa = (pitch - path) / (1.0 if bank is None else np.maximum(np.cos(bank), 0.5))
     out = [values for name in ("flaps", "gear") if (values := channel(name)) is not None]
-    start_s, stop_s = float(log.time_s[0]), float(log.time_s[-1]) + 1.0 / log.rate_hz
+    start_s, stop_s = log.span_s
     return _Flight(
         start_s=start_s,
         step_s=step_s,

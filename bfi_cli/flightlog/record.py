@@ -285,6 +285,11 @@ class FlightLog:
             self._rate_hz.append(float(f"{1.0 / float(np.median(np.diff(self.time_s), overwrite_input=True)):.10g}"))
         return self._rate_hz[0]
 
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """Times of the first sample, and of the one that would follow the last."""
+        return float(self.time_s[0]), float(self.time_s[-1]) + 1.0 / self.rate_hz
+
     def ends(self, from_s: float | None = None, to_s: float | None = None) -> tuple[float, float]:
         """Return first and last time, s, of a window; None for those of the log."""
         first, last = float(self.time_s[0]), float(self.time_s[-1])

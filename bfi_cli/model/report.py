@@ -108,8 +108,7 @@ def identify_content(result: IdentifyResult, units: Units = SI) -> ReportContent
 
 def identify_screen(result: IdentifyResult, units: Units = SI) -> Screen:
     """Return the first screen of an identification, in `units`."""
-    channel_units = {series.channel: series.unit for series in result.outputs}
-    return window_screen(result, units, channel_units=channel_units, named=True)
+    return window_screen(result, units, channel_units=result.channel_units, named=True)
 
 
 def content_of_document(document: object, units: Units = SI, *, where: str = "result") -> ReportContent:
@@ -190,7 +189,7 @@ def _facts(result: IdentifyResult, units: Units) -> tuple[tuple[str, str], ...]:
 
 
 def _tables(result: IdentifyResult, units: Units) -> Iterator[Table]:
-    faults, channel_units = [], {series.channel: series.unit for series in result.outputs}
+    faults, channel_units = [], result.channel_units
     for estimate in result.faults:
         fault = estimate.fault
         scale, shown = meaning(estimate, units, channel_units.get(fault.channel, ""))
@@ -479,8 +478,7 @@ def _draw_orders(result: IdentifyResult) -> tuple[Drawing, ...]:
 
 
 def _data(result: IdentifyResult) -> dict[str, dict[str, Any] | Callable[[], dict[str, Any]]]:
-    model = result.model
-    channel_units = {output.channel: output.unit for output in result.outputs}
+    model, channel_units = result.model, result.channel_units
     residuals = {
         "output": [residual.channel for residual in result.residuals],
         "unit": [channel_units.get(residual.channel, "") for residual in result.residuals],

@@ -209,6 +209,11 @@ class IdentifyResult(Presented):
     proved: tuple[Proof, ...] = ()
 
     @property
+    def channel_units(self) -> dict[str, str]:
+        """Units of the outputs."""
+        return {series.channel: series.unit for series in self.outputs}
+
+    @property
     def is_trusted(self) -> bool:
         """Whether the log could tell."""
         return self.decision != "inconclusive"
@@ -255,7 +260,7 @@ def plain_estimate(entry: object, *, where: str) -> dict[str, Any]:
 def meaning(estimate: FaultEstimate, units: Units, channel_unit: str) -> tuple[float, Conversion]:
     """Return the physical value of a magnitude of 1, in the unit that is shown, and that unit."""
     shown = units.of(estimate.physical_unit, channel=estimate.fault.channel, channel_unit=channel_unit)
-    return (estimate.physical_value / estimate.magnitude if estimate.magnitude else 1.0) / shown.factor, shown
+    return estimate.physical_scale / shown.factor, shown
 
 
 def kind_in_words(shape: str, frequency_hz: float | None) -> str:
@@ -337,9 +342,7 @@ def identify_document(result: IdentifyResult, provenance: Provenance) -> dict[st
     body = {
         "log": whole["log"],
         "decision": whole["decision"],
-        "headline": window_screen(
-            result, channel_units={output.channel: output.unit for output in result.outputs}
-        ).headline,
+        "headline": window_screen(result, channel_units=result.channel_units).headline,
         "verdicts": whole["verdicts"],
         "summary": whole["summary"],
         "plausibility": whole["plausibility"],

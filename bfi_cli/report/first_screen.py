@@ -153,8 +153,7 @@ def estimate_in_words(estimate: FaultEstimate, units: Units, channel_unit: str, 
     fault, entry = estimate.fault, SHAPES[estimate.fault.shape]
     shown = units.of(estimate.physical_unit, channel=fault.channel, channel_unit=channel_unit)
     sized = entry.has_magnitude or entry.acts_on == "course"
-    scale = estimate.physical_value / estimate.magnitude if estimate.magnitude else 1.0
-    low, high = (scale * end for end in estimate.ci95)
+    low, high = (estimate.physical_scale * end for end in estimate.ci95)
     effect, size = error_in_words(
         fault.shape,
         fault.channel,

@@ -244,7 +244,7 @@ def _scan_of(shapes: Sequence[str]) -> Config:
 @lru_cache(maxsize=4)
 def _thresholds(shapes: tuple[str, ...], seed: int) -> str:
     clean = thesis_record(Settings())
-    whole = (float(clean.time_s[0]), float(clean.time_s[-1]) + 1.0 / clean.rate_hz)
+    whole = clean.span_s
     seeds = np.random.SeedSequence([seed, COPIES]).generate_state(COPIES).tolist()
     copies = [(with_noise(clean, NOISE_M_S, seed=noise_seed), whole) for noise_seed in seeds]
     return save_tables([table_of_windows(copies, _scan_of(shapes))], provenance(log_sha256="", seed=seed))

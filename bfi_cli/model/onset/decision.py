@@ -378,8 +378,7 @@ def earlier_windows(log: FlightLog, config: Config) -> Windows:
 
 
 def _analysed(log: FlightLog, config: Config) -> tuple[float, float]:
-    part = log.window(config.window.from_s, config.window.to_s)
-    return float(part.time_s[0]), float(part.time_s[-1]) + 1.0 / part.rate_hz
+    return log.window(config.window.from_s, config.window.to_s).span_s
 
 
 def _tiles(start_s: float, stop_s: float, length_s: float, step_s: float) -> Windows:

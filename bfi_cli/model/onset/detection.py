@@ -435,7 +435,7 @@ def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], rule: Rule, p_va
     large = changes >= MOST * changes.max(axis=0, initial=0.0)
     moves_s = record.time_s[1:][large[:, large.mean(axis=0) <= RARE].any(axis=1)]
     for fault in faults:
-        low, high = fault.onset_ci95 or (fault.fault.onset_s, fault.fault.onset_s)
+        low, high = fault.onset_span_s
         if ((moves_s >= low - BESIDE_S) & (moves_s <= high + BESIDE_S)).any():
             notes.append(
                 Note.limit(

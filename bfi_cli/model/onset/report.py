@@ -114,7 +114,7 @@ def onset_content(document: Plain, units: Units = SI, *, where: str = "result") 
     ConfigError : the document, named by `where`, is damaged.
     """
     result = onset_from_document(document, where=where)
-    candidates, channel_units = result.candidates, {series.channel: series.unit for series in result.series}
+    candidates, channel_units = result.candidates, result.channel_units
     screen, hidden = onset_screen(result, units), hidden_drawing(candidates, units)
     drawn = []
     for profile in result.profiles:
@@ -142,7 +142,7 @@ def onset_content(document: Plain, units: Units = SI, *, where: str = "result") 
 
 def onset_screen(result: OnsetResult, units: Units = SI) -> Screen:
     """Return the first screen of a scan over all onsets, in `units`."""
-    return window_screen(result, units, channel_units={series.channel: series.unit for series in result.series})
+    return window_screen(result, units, channel_units=result.channel_units)
 
 
 def _data(result: OnsetResult) -> dict[str, dict[str, Any]]:
@@ -252,7 +252,7 @@ def _profile_drawing(profiles: Sequence[ShapeProfile], faults: Sequence[FaultEst
         spans: list[Span] = []
         for fault in faults:
             if fault.fault.shape == profile.shape:
-                low, high = fault.onset_ci95 or (fault.fault.onset_s, fault.fault.onset_s)
+                low, high = fault.onset_span_s
                 spans.append(Span(label="onset", low=low, high=high))
                 if fault.fault.offset_s is not None:
                     spans.append(Span(label="end", low=fault.fault.offset_s, high=fault.fault.offset_s))

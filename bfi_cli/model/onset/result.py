@@ -104,6 +104,11 @@ class OnsetResult(Presented):
     proved: tuple[Proof, ...] = ()
 
     @property
+    def channel_units(self) -> dict[str, str]:
+        """Units of the outputs."""
+        return {series.channel: series.unit for series in self.series}
+
+    @property
     def is_trusted(self) -> bool:
         """Whether the log could tell, and the p-value of the statistic is known."""
         return self.decision != "inconclusive" and self.p_value is not None

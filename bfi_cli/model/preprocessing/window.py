@@ -166,8 +166,8 @@ def prepare_window(
     log = with_derived(log, used, from_s=from_s, to_s=to_s)
     part = log.window(from_s, to_s)
     report(0.0)
-    span = float(part.time_s[0]), float(part.time_s[-1]) + 1.0 / part.rate_hz
-    native_rate_hz, faults = part.rate_hz, dictionary.resolved(span[0])
+    native_rate_hz, span = part.rate_hz, part.span_s
+    faults = dictionary.resolved(span[0])
     filters, about_recorder = recorder_filters(log, config.recorder.edge_hz, config.recorder.kind)
     resamples = must_resample(part, used, rate_hz)
     native, reasons, free = _signals_of_entries(

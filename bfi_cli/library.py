@@ -52,15 +52,19 @@ def ready_log(
     The log with units that are mended, where the configuration asks for that; this with channels of the log in place
     of defaults that it lacks; notes on these channels and on the log; findings on channels that contradict each other.
     """
-    from .flightlog.quality import advice_on_the_ground, advice_on_windows
+    from .flightlog.quality import advice_on_the_ground, is_long
     from .model.preprocessing.defaults import with_defaults_of
 
     log, findings = with_findings(log, config, tell)
     stated = (config.window.from_s, config.window.to_s) != (None, None)
     config, notes = with_defaults_of(log, config)
-    on_windows = None if stated else advice_on_windows(log)
-    if on_windows and (config.window.from_s, config.window.to_s) == (None, None):
-        on_windows += "; the whole record is analysed"
+    on_windows = None
+    if not stated and is_long(log):
+        from .flightlog.excitation import advice_on_windows
+
+        on_windows = advice_on_windows(log)
+        if (config.window.from_s, config.window.to_s) == (None, None):
+            on_windows += "; the whole record is analysed"
     on_ground = advice_on_the_ground(log, config.window.from_s, config.window.to_s, suspects=config.outputs)
     notes = (*map(Note.advice, filter(None, (on_ground, on_windows))), *notes)
     for note in notes:

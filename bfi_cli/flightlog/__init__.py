@@ -12,7 +12,8 @@ from ..first_use import import_on_first_use
 if TYPE_CHECKING:
     from .formats import digest_of_log, is_log_folder
     from .injection import inject, without_line_fault
-    from .quality import LogReport, inspect_log, is_told_by_physics, recorder_filters, require_usable
+    from .inspection import LogReport, inspect_log
+    from .quality import is_told_by_physics, recorder_filters, require_usable
     from .read import read_log
     from .record import Channel, FlightLog, Segment, Truth
     from .resampling import resample, resample_with
@@ -27,7 +28,8 @@ __getattr__ = import_on_first_use(
     {
         "formats": ("digest_of_log", "is_log_folder"),
         "injection": ("inject", "without_line_fault"),
-        "quality": ("LogReport", "inspect_log", "is_told_by_physics", "recorder_filters", "require_usable"),
+        "inspection": ("LogReport", "inspect_log"),
+        "quality": ("is_told_by_physics", "recorder_filters", "require_usable"),
         "read": ("read_log",),
         "record": ("Channel", "FlightLog", "Segment", "Truth"),
         "resampling": ("resample", "resample_with"),

@@ -10,7 +10,9 @@ from ..decision.implausible import Implausible, in_words
 from ..faults import Fault, fault_from_dict, fault_to_dict, magnitude_unit, physical
 from ..faults.shapes import SHAPES
 from ..flightlog.defects import Defect, sentence_of_defect
-from ..flightlog.quality import UNEVEN, ChannelReport, DerivableChannel, Excitation, LogReport
+from ..flightlog.excitation import Excitation
+from ..flightlog.inspection import ChannelReport, DerivableChannel, LogReport
+from ..flightlog.quality import UNEVEN
 from ..flightlog.record import FlightLog
 from ..notes import unique
 from ..quantities.channels import STANDARD, Conversion

@@ -13,8 +13,8 @@ import numpy as np
 
 from ..errors import ConfigError, LogError
 from ..flightlog.derived import DERIVED, with_derived
+from ..flightlog.excitation import ExcitedWindow, ranked_windows
 from ..flightlog.phases import Phase, phases_of
-from ..flightlog.quality import ExcitedWindow, ranked_windows
 from ..flightlog.record import LARGEST_VALUE, Channel, FlightLog, FloatArray
 from ..kernels import IntArray
 from ..notes import Note

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from ..flightlog.excitation import ExcitedWindow
 from ..flightlog.phases import HOVER, MANOEUVRES, NO_AIRSPEED, PARTS, TRANSITION, Phase
-from ..flightlog.quality import ExcitedWindow
 from ..flightlog.record import Segment
 from ..quantities.text import instant
 from .content import Block, Lane, Shade, Table

@@ -33,7 +33,7 @@ from ...flightlog.phases import (
     airborne_stretches,
     phases_of,
 )
-from ...flightlog.quality import advice_on_windows, gap_starts, held_hz
+from ...flightlog.quality import gap_starts, held_hz, is_long
 from ...flightlog.signs import HEIGHTS, cruise_of
 from ...kernels import FloatArray
 from ...kernels.runs import left_of, runs, within
@@ -263,7 +263,7 @@ def require_one_trim(window: FlightLog, faults: Sequence[Fault], config: Config)
     ------
     LogError : naming windows to take.
     """
-    if (advice := advice_on_windows(window)) is None:
+    if not is_long(window):
         return
     start_s, stop_s = float(window.time_s[0]), float(window.time_s[-1])
     last_s = max((fault.onset_s for fault in faults if start_s <= fault.onset_s <= stop_s), default=start_s)
@@ -273,9 +273,12 @@ def require_one_trim(window: FlightLog, faults: Sequence[Fault], config: Config)
         if phase.phase in TRIMS and phase.from_s > last_s and phase.to_s - phase.from_s > last_s - start_s
     ]
     if later:
+        from ...flightlog.excitation import advice_on_windows
+
+        named = ", ".join(dict.fromkeys(later))
         raise LogError(
-            f"{window.path}: {advice}; after {instant(last_s)} s, where the last entry of the dictionary begins, come "
-            f"{len(later)} phases ({', '.join(dict.fromkeys(later))}) that a model of one trim does not describe; give "
+            f"{window.path}: {advice_on_windows(window)}; after {instant(last_s)} s, where the last entry of the "
+            f"dictionary begins, come {len(later)} phases ({named}) that a model of one trim does not describe; give "
             "--from and --to within one of them"
         )
 

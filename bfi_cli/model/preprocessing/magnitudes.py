@@ -116,8 +116,7 @@ def estimate_magnitudes(
     start = estimates.value[active] / coarse.magnitude_unit[active]
     scored = []
     for order, _ in parts(fitting, coarse.orders):
-        fit = fit_magnitudes(coarse.problem(order), active, start)
-        scored.append(coarse_penalty.scored(fit))
+        scored.append(coarse_penalty.scored(coarse.fitted(order, active, start)))
     other = averaged_magnitudes(coarse, scored, coarse_penalty, dispersion, report=there)
     # What sampling does not explain of the change between the rates.
     excess = (other.value - estimates.value) ** 2 - np.maximum(estimates.variance, other.variance)
@@ -278,13 +277,16 @@ def limits_within_tolerance(
     def limits_at(moves: dict[int, float], report: Report) -> FloatArray:
         moving, sizing = shares(report, 1, 1)
         moved = with_onsets(window, moves)
-        there = regression.with_dictionary(moved.signals.theta, regression.atoms, moving, slopes=moved.signals.slopes)
+        there = regression.with_dictionary(
+            moved.signals.theta, regression.atoms, moving, slopes=moved.signals.slopes, same=best.atoms
+        )
         charged = searched(penalty, max(shifts_s.size for shifts_s in shifts.values()))
         at_half = None
         if coarse is not None:
             native, rate = moved.native, (coarse.signals.factor, window.lowpass)
             theta, _ = native.theta_decimated(*rate)
-            at_half = coarse.with_dictionary(theta, coarse.atoms, slopes=native.slopes_at(*rate))
+            slopes = native.slopes_at(*rate)
+            at_half = coarse.with_dictionary(theta, coarse.atoms, slopes=slopes, same=best.atoms)
         estimates = estimate_magnitudes(there, fits, charged, overdispersion, at_half, sizing)
         return profiled_limits(there, best, estimates, charged, overdispersion)
 
@@ -338,7 +340,7 @@ def _with_unit_root(
 ) -> tuple[FloatArray, FloatArray]:
     """Average (n_live,) magnitudes and variances of a fit, scaled, with those of the same order with a root at 1."""
     n_outputs, problem = regression.layout.y.shape[1], with_unit_root(regression.problem(fit.order))
-    held = fit_magnitudes(problem, fit.atoms, fit.z)
+    held = regression.fitted(fit.order, fit.atoms, fit.z, unit_root=True)
     value, value_variance = single_magnitudes(problem, held, len(z))
     ratio = penalty.n_effective * (held.log_det - fit.log_det) / overdispersion
     weight = special.expit(0.5 * (n_outputs * UNIT_ROOT - ratio))

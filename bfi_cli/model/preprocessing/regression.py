@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ from ...kernels.model_selection import Penalty
 from ...kernels.progress import Report, StoppingRule, silent
 from ...kernels.risro_varx import SparseStage, VarxSolution, risro_varx
 from ...kernels.runs import running_weights
-from ...kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes, project_inputs
+from ...kernels.variable_projection import Fit, ProjectedRegression, fit_magnitudes, project_inputs, with_unit_root
 from ...kernels.whiteness import effective_rows
 from .signals import EXACT, Signals
 
@@ -61,6 +61,7 @@ class RegressionData:
     floor: float
     centred: bool
     _problems: dict[int, ProjectedRegression] = field(init=False, repr=False, default_factory=dict)
+    _fits: dict[tuple[int, tuple[int, ...], bool], Fit] = field(init=False, repr=False, default_factory=dict)
 
     @property
     def n_rows(self) -> int:
@@ -97,6 +98,19 @@ class RegressionData:
             problem = project_inputs(self.at_order(order), order, floor=self.floor)
             self._problems[order] = replace(problem, scaling=self.scaling, slopes=self.slopes)
         return self._problems[order]
+
+    def fitted(self, order: int, atoms: Sequence[int], start: FloatArray, *, unit_root: bool = False) -> Fit:
+        """Return the fit of a support at an order, made from `start` at the first call.
+
+        Parameters
+        ----------
+        unit_root : of the model that holds a root at 1.
+        """
+        key = order, tuple(atoms), unit_root
+        if key not in self._fits:
+            problem = self.problem(order)
+            self._fits[key] = fit_magnitudes(with_unit_root(problem) if unit_root else problem, key[1], start)
+        return self._fits[key]
 
     @property
     def scaling(self) -> dict[int, tuple[int, float]]:
@@ -148,6 +162,7 @@ class RegressionData:
         report: Report = silent,
         *,
         slopes: Mapping[int, FloatArray],
+        same: Collection[int] = (),
     ) -> RegressionData:
         """Return the regression of the same record with other signals.
 
@@ -156,10 +171,11 @@ class RegressionData:
         theta : (n_samples, n_outputs, n_entries) in SI units, of all entries; atoms : those that may act.
         report : receives the progress.
         slopes : of the signals, see `Signals.slopes`.
+        same : atoms whose signals are as before, of whose supports the fits are kept.
         """
         scaled, magnitude_unit = _scaled_signals(theta, atoms, self.unit)
         layout = self.layout.with_signals(scaled)
-        return replace(
+        other = replace(
             self,
             signals=replace(self.signals, slopes=slopes),
             atoms=tuple(atoms),
@@ -167,6 +183,8 @@ class RegressionData:
             data=layout.factor(report),
             magnitude_unit=magnitude_unit,
         )
+        other._fits.update((key, fit) for key, fit in self._fits.items() if {*fit.atoms} <= {*same})
+        return other
 
     def with_fault(self, magnitudes: FloatArray) -> RegressionData:
         """Return the regression of the same record with the fault ``theta @ magnitudes`` added to its outputs.

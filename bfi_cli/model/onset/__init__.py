@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 from ...first_use import import_on_first_use
 
 if TYPE_CHECKING:
-    from .decision import CalibrationUse, calibration_windows, table_of_windows, windows_of
+    from .decision import calibration_windows, table_of_windows, windows_of
     from .detection import find_onset, search_onsets
     from .report import onset_content, onset_document
-    from .result import OnsetResult, OnsetSeries, ShapeProfile
+    from .result import CalibrationUse, OnsetResult, OnsetSeries, ShapeProfile
     from .search import OnsetSearch
 
 __all__ = ["CalibrationUse", "OnsetResult", "OnsetSearch", "OnsetSeries", "ShapeProfile"]
@@ -20,10 +20,10 @@ __all__ += ["search_onsets", "table_of_windows", "windows_of"]
 __getattr__ = import_on_first_use(
     __name__,
     {
-        "decision": ("CalibrationUse", "calibration_windows", "table_of_windows", "windows_of"),
+        "decision": ("calibration_windows", "table_of_windows", "windows_of"),
         "detection": ("find_onset", "search_onsets"),
         "report": ("onset_content", "onset_document"),
-        "result": ("OnsetResult", "OnsetSeries", "ShapeProfile"),
+        "result": ("CalibrationUse", "OnsetResult", "OnsetSeries", "ShapeProfile"),
         "search": ("OnsetSearch",),
     },
 )

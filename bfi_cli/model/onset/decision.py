@@ -56,36 +56,21 @@ SHORTER = tuple(float(share) for share in np.arange(0.95, 0.24, -0.05))
 FEWEST_SAMPLES = 60
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CalibrationUse:
-    """Which null distribution the decision rests on.
-
-    Attributes
-    ----------
-    source : "shipped", "self" (windows of the log itself), "gaussian", or the path of a table.
-    matches : whether the table was made for the settings in use.
-    n_windows : number of fault-free windows, or of simulated records, behind it.
-    length_s : of each, after conditioning.
-    """
-
-    source: str
-    matches: bool
-    n_windows: int
-    length_s: float
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Rule:
     """A null distribution, and the rate of false alarms at which it decides.
 
     Attributes
     ----------
-    use : where the distribution comes from; notes : what limits it.
+    table : that was counted; source : of it, "shipped", "self" (windows of the log itself), "gaussian", or its path.
+    matches : whether it was made for the settings in use; notes : what limits it.
     counted : the distribution as it was counted; `null` has the wider tail of other settings where these do not fit.
     """
 
     null: Null
-    use: CalibrationUse
+    table: CalibrationTable
+    source: str
+    matches: bool
     shapes: tuple[str, ...]
     false_alarm: float
     notes: tuple[Note, ...]
@@ -100,7 +85,7 @@ class Rule:
         """Return the peak that stands out most, and the p-value of that; None where the table is of other settings."""
         standardised = {shape: self.null.standardised(shape, scan.of(shape).statistic) for shape in self.shapes}
         shape = max(standardised, key=lambda shape: standardised[shape])
-        return scan.of(shape), self.null.p_value(standardised[shape]) if self.use.matches else None
+        return scan.of(shape), self.null.p_value(standardised[shape]) if self.matches else None
 
     def threshold(self, shape: str) -> float:
         """Return the statistic of a shape above which it is a fault; lags and ramps show as steps."""
@@ -164,7 +149,7 @@ def rule_for(log: FlightLog, record: ScanRecord, config: Config, *, order: int, 
 
 def _rule(table: CalibrationTable, source: str, config: Config, *notes: Note, matches: bool = True) -> Rule:
     shapes, false_alarm = config.start_time.shapes, config.start_time.false_alarm
-    null, length_s = null_of(table, shapes), table.settings.duration_s
+    null = null_of(table, shapes)
     if matches and false_alarm < null.rarest:
         notes = (
             *notes,
@@ -176,7 +161,9 @@ def _rule(table: CalibrationTable, source: str, config: Config, *notes: Note, ma
     return Rule(
         null=null if matches else replace(null, tail=null.tail.widened),
         counted=null,
-        use=CalibrationUse(source=source, matches=matches, n_windows=table.n_windows, length_s=length_s),
+        table=table,
+        source=source,
+        matches=matches,
         shapes=shapes,
         false_alarm=false_alarm,
         notes=notes,

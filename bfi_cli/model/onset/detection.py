@@ -171,7 +171,7 @@ def search_onsets(
     highest, p_value = (estimates[0].highest, estimates[0].p_value) if estimates else rule.highest(first)
     faults, covered = declared_faults(record, estimates, tolerances), covered_s(record, order)
     notes = [*(Note.limit(why) for _, why in doubted), *rule.notes, *_notes(record, faults, rule, p_value)]
-    if not estimates and not rule.use.matches:
+    if not estimates and not rule.matches:
         notes.append(_strongest_suspect(record, rule, first))
     return OnsetSearch(
         method="scan",
@@ -427,7 +427,7 @@ def _notes(record: ScanRecord, faults: Sequence[FaultEstimate], rule: Rule, p_va
     """Return notes on p-value and record, and on onsets that are hardly known or beside large moves of the inputs."""
     notes = []
     if p_value is not None and p_value <= rule.null.rarest:
-        n_windows = rule.use.n_windows
+        n_windows = rule.table.n_windows
         notes.append(Note.method(f"the p-value is at most {p_value:.2g}, the least that {n_windows} windows can show"))
     notes.append(Note.method(f"rate {record.settings.rate_hz:.4g} Hz: {record.window.rate_reason}"))
     notes += [Note.method(record.window.recorder)] if record.window.recorder else []

@@ -15,11 +15,29 @@ from ...kernels.whiteness import exceedances, robust_sd
 from ...notes import Note
 from ...report.presented import Presented
 from ..result import LogSummary, ModelSummary
-from .decision import CalibrationUse, Rule
+from .decision import Rule
 from .estimate import subtract_faults
 from .scan import Peak
 from .scan_record import ScanRecord
 from .search import OnsetSearch
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationUse:
+    """Which null distribution the decision rests on.
+
+    Attributes
+    ----------
+    source : "shipped", "self" (windows of the log itself), "gaussian", or the path of a table.
+    matches : whether the table was made for the settings in use.
+    n_windows : number of fault-free windows, or of simulated records, behind it.
+    length_s : of each, after conditioning.
+    """
+
+    source: str
+    matches: bool
+    n_windows: int
+    length_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -135,7 +153,14 @@ def onset_result(search: OnsetSearch, conclusion: Conclusion, false_alarm: float
         p_value=search.p_value,
         statistic=highest.statistic if highest else statistic,
         threshold=rule.threshold(highest.form.shape) if rule and highest else None,
-        calibration=rule.use if rule else None,
+        calibration=None
+        if rule is None
+        else CalibrationUse(
+            source=rule.source,
+            matches=rule.matches,
+            n_windows=rule.table.n_windows,
+            length_s=rule.table.settings.duration_s,
+        ),
         faults=conclusion.faults,
         model=search.model,
         method=search.method,

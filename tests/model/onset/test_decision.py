@@ -115,7 +115,9 @@ def test_auto_is_the_default(log: FlightLog):
     record = prepare_record(log, CONFIG)
     named = merge(CONFIG, {"start_time.calibration": "auto"})
     one, other = (rule_for(log, record, config, order=4) for config in (CONFIG, named))
-    assert (one.use, texts(one.notes)) == (other.use, texts(other.notes))
+    assert (one.source, one.matches, one.table.n_windows, texts(one.notes)) == (
+        (other.source, other.matches, other.table.n_windows, texts(other.notes))
+    )
     assert one.threshold("bias") == other.threshold("bias")
 
 
@@ -123,8 +125,8 @@ def test_auto_is_the_default(log: FlightLog):
 def test_a_flight_too_short_for_its_windows_lends_shorter_ones(log: FlightLog):
     longer = merge(CONFIG, {"window": {"from_s": FROM_S, "to_s": FROM_S + 60.0}})
     rule = rule_for(log, prepare_record(log, longer), longer, order=4)
-    assert (rule.use.source, rule.use.matches) == ("self", False)
-    assert rule.use.length_s < 45.0
+    assert (rule.source, rule.matches) == ("self", False)
+    assert rule.table.settings.duration_s < 45.0
     assert rule.threshold("bias") > 1.1 * rule.suspicion("bias")
     assert "this log has" in texts(rule.notes)[1]
     assert "window length" in texts(rule.notes)[1]
@@ -134,7 +136,7 @@ def test_a_flight_too_short_for_its_windows_lends_shorter_ones(log: FlightLog):
 def test_without_a_flight_the_nearest_table_has_a_wider_tail(log: FlightLog):
     short = without_a_past(log)
     rule = rule_for(short, prepare_record(short, CONFIG), CONFIG, order=4)
-    assert (rule.use.source, rule.use.matches) == ("shipped", False)
+    assert (rule.source, rule.matches) == ("shipped", False)
     assert rule.null.tail == rule.counted.tail.widened
     assert rule.threshold("bias") > 1.1 * rule.suspicion("bias")
     assert "20 further windows of 20 s in flight are needed, this log has 4" in texts(rule.notes)[1]

@@ -3,10 +3,6 @@
 One step solves the least squares over the tangent space of the rank-r matrices at the current X and maps the answer
 back onto them. The published sketch splits the tangent space into the parts (U, V), (U_perp, V) and (U, V_perp); the
 first two together are any matrix times V^T, so U_perp is never needed and X_U is solved for at once.
-
-The form of several outputs is in coordinates in which a prediction error has unit covariance (`WhitenedOutputs`): a
-fault may act on any output there, so its signals are dense. Least squares in these coordinates does not depend on the
-units of the outputs nor on their order. One output is left as it is.
 """
 
 from __future__ import annotations
@@ -17,14 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import EPS, FloatArray
-from .compiled import einsum, lapack
-from .lagged import PANEL
+from .compiled import lapack
 from .progress import Iterate, StoppingRule, Termination, iterate
-from .variable_projection import ProjectedRegression, without_signal
-
-# Condition number, inverted, beyond which a least squares is taken to be rank deficient: its solution has four digits.
-DEFICIENT = 1e-12
-NO_SKETCH = np.zeros((1, 1))
+from .triangular import DEFICIENT, NO_SKETCH, least_squares
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -122,36 +113,6 @@ def risro(
     )
 
 
-def least_squares(S: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return the least-squares solution of ``S x = y``, and S with columns of unit norm as a triangular factor.
-
-    What lies below the factor's diagonal is not part of it. By QR; where S is rank deficient (condition number
-    above 1e12), the solution of least norm in the scaled columns.
-    """
-    if not S.shape[1]:
-        return np.zeros(0), np.zeros((0, 0))
-    n = S.shape[1]
-    norms = np.sqrt(einsum("ij,ij->j", S, S))
-    norms[norms <= EPS * norms.max(initial=0.0)] = 1.0
-    stacked = np.empty((max(len(S), n + 1), n + 1), order="F")
-    stacked[: len(S), :n] = S / norms
-    stacked[: len(S), n] = y
-    stacked[len(S) :] = 0.0
-    R = lapack.dgeqrt(min(PANEL, n + 1), stacked, overwrite_a=True)[0][:n]
-    triangle, right = R[:, :n], R[:, n]
-    if lapack.dtrcon(triangle)[0] > DEFICIENT:
-        x = lapack.dtrtrs(triangle, right)[0]
-    else:
-        try:
-            x = np.linalg.lstsq(np.triu(triangle), right, rcond=DEFICIENT)[0]
-        except np.linalg.LinAlgError:
-            # The SVD need not converge (seen with 40 noisy steps); a pivoted QR always ends.
-            from scipy import linalg
-
-            x = linalg.lstsq(np.triu(triangle), right, cond=DEFICIENT, lapack_driver="gelsy")[0]
-    return x / norms, triangle
-
-
 def _start(A: FloatArray, y: FloatArray, rank: int) -> Factors:
     """Return the unconstrained least squares, or where it is undetermined sum_k y_k A_k, cut to the rank."""
     n, p1, p2 = A.shape
@@ -195,68 +156,3 @@ def _orthonormal(M: FloatArray) -> FloatArray:
     square = np.zeros((len(M), len(M)), order="F")
     square[:, : M.shape[1]] = reflectors
     return np.asarray(lapack.dorgqr(square, tau, overwrite_a=True)[0])
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class WhitenedOutputs:
-    """The regression of `ProjectedRegression` with rows (m) last.
-
-    Attributes
-    ----------
-    y : (order + 1, n_outputs, m) outputs at lags 0..order.
-    theta : (order + 1, n_outputs, n, m) signals of the atoms.
-    atoms : (n,) of the dictionary, those with a signal.
-    whiten : (n_outputs, n_outputs), measured outputs @ whiten are these.
-    """
-
-    y: FloatArray
-    theta: FloatArray
-    atoms: np.ndarray[tuple[int], np.dtype[np.intp]]
-    whiten: FloatArray
-
-    def coefficients(self, K: FloatArray) -> FloatArray:
-        """Return (order n_outputs, n_outputs), past corrected outputs to outputs, of K in the outputs' own units.
-
-        Of one output K is (order,), of several (order, n_outputs, n_outputs).
-        """
-        n_y = len(self.whiten)
-        turned = np.linalg.solve(self.whiten, K.reshape(-1, n_y, n_y).transpose(0, 2, 1)) @ self.whiten
-        return turned.reshape(-1, n_y)
-
-    def predictor(self, H: FloatArray) -> FloatArray:
-        """Return K in the outputs' own units of its coefficients here: the inverse of `coefficients`."""
-        n_y = len(self.whiten)
-        turned = self.whiten @ H.reshape(-1, n_y, n_y) @ np.linalg.inv(self.whiten)
-        return turned.ravel() if n_y == 1 else turned.transpose(0, 2, 1)
-
-
-def whitened_outputs(problem: ProjectedRegression, z: FloatArray, K: FloatArray) -> WhitenedOutputs:
-    """Return the regression in coordinates in which the prediction errors of (z, K) are orthonormal.
-
-    Where these depend on each other, as they do at round-off, each output is divided by its norm.
-
-    Parameters
-    ----------
-    z : (n_atoms,) of the dictionary.
-    K : (order,) of one output, which is left as it is; (order, n_outputs, n_outputs) of several.
-    """
-    y, (m, n_lags, n_y) = problem.y, problem.y.shape
-    if n_y == 1:
-        theta = problem.theta.transpose(1, 2, 0)[:, None]
-        atoms = np.array([atom for _, atom in problem.signals], dtype=np.intp)
-        return WhitenedOutputs(y=y.transpose(1, 2, 0), theta=theta, atoms=atoms, whiten=np.eye(1))
-    less = problem
-    for present in np.flatnonzero(z):
-        less = without_signal(less, int(present), float(z[present]))
-    error = less.y[:, 0] - einsum("kic,imc->km", less.y[:, 1:], K)
-    norms = np.linalg.norm(y[:, 0], axis=0)
-    norms[norms == 0.0] = 1.0
-    R, whiten = np.linalg.qr(error / norms)[1], np.diag(1.0 / norms)
-    if m >= n_y and np.linalg.cond(R) * DEFICIENT < 1.0:
-        whiten = whiten @ np.linalg.inv(R)
-    atoms = np.unique(np.array([atom for _, atom in problem.signals], dtype=np.intp))
-    theta = np.zeros((n_lags, n_y, len(atoms), m))
-    for column, (output, atom) in enumerate(problem.signals):
-        signature = problem.theta[:, :, column].T[:, None] * whiten[output][:, None]
-        theta[:, :, np.searchsorted(atoms, atom)] += signature
-    return WhitenedOutputs(y=(y @ whiten).transpose(1, 2, 0), theta=theta, atoms=atoms, whiten=whiten)

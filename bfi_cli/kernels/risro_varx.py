@@ -12,8 +12,8 @@ determines poorly or, without a fault, not at all, while the data fix the scale 
 
 With several outputs every block of X that belongs to an atom is z_j times the block [K_1 .. K_s, 1] of the outputs
 (rank n_outputs overall), which only the imposed form keeps: its step is again the Gauss-Newton step in (z, K). What it
-minimises is the prediction error whitened by that of the predictor without a fault, so that neither the units of the
-outputs nor their order matter.
+minimises is the prediction error whitened by that of the predictor without a fault (`WhitenedOutputs`), so that neither
+the units of the outputs nor their order matter; a fault may act on any output there, so its signals are dense.
 
 The stage makes magnitudes sparse by pseudo-measurements.
 
@@ -36,16 +36,19 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
 from . import FloatArray
-from .compiled import lapack
+from .compiled import einsum, lapack
 from .lagged import PANEL, Compressed
 from .progress import Iterate, StoppingRule, Termination, iterate
-from .risro import NO_SKETCH, Factors, WhitenedOutputs, least_squares, risro, whitened_outputs
-from .variable_projection import ProjectedRegression, project_inputs
+from .triangular import DEFICIENT, NO_SKETCH, least_squares
+from .variable_projection import ProjectedRegression, project_inputs, without_signal
+
+if TYPE_CHECKING:
+    from .risro import Factors
 
 Sparsity = Literal["none", "l1", "lp", "exp-l0"]
 KINDS: tuple[str, ...] = get_args(Sparsity)
@@ -107,6 +110,71 @@ class SparseSolution:
     K: FloatArray
     iterations: int
     converged: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WhitenedOutputs:
+    """The regression of `ProjectedRegression` with rows (m) last.
+
+    Attributes
+    ----------
+    y : (order + 1, n_outputs, m) outputs at lags 0..order.
+    theta : (order + 1, n_outputs, n, m) signals of the atoms.
+    atoms : (n,) of the dictionary, those with a signal.
+    whiten : (n_outputs, n_outputs), measured outputs @ whiten are these.
+    """
+
+    y: FloatArray
+    theta: FloatArray
+    atoms: np.ndarray[tuple[int], np.dtype[np.intp]]
+    whiten: FloatArray
+
+    def coefficients(self, K: FloatArray) -> FloatArray:
+        """Return (order n_outputs, n_outputs), past corrected outputs to outputs, of K in the outputs' own units.
+
+        Of one output K is (order,), of several (order, n_outputs, n_outputs).
+        """
+        n_y = len(self.whiten)
+        turned = np.linalg.solve(self.whiten, K.reshape(-1, n_y, n_y).transpose(0, 2, 1)) @ self.whiten
+        return turned.reshape(-1, n_y)
+
+    def predictor(self, H: FloatArray) -> FloatArray:
+        """Return K in the outputs' own units of its coefficients here: the inverse of `coefficients`."""
+        n_y = len(self.whiten)
+        turned = self.whiten @ H.reshape(-1, n_y, n_y) @ np.linalg.inv(self.whiten)
+        return turned.ravel() if n_y == 1 else turned.transpose(0, 2, 1)
+
+
+def whitened_outputs(problem: ProjectedRegression, z: FloatArray, K: FloatArray) -> WhitenedOutputs:
+    """Return the regression in coordinates in which the prediction errors of (z, K) are orthonormal.
+
+    Where these depend on each other, as they do at round-off, each output is divided by its norm.
+
+    Parameters
+    ----------
+    z : (n_atoms,) of the dictionary.
+    K : (order,) of one output, which is left as it is; (order, n_outputs, n_outputs) of several.
+    """
+    y, (m, n_lags, n_y) = problem.y, problem.y.shape
+    if n_y == 1:
+        theta = problem.theta.transpose(1, 2, 0)[:, None]
+        atoms = np.array([atom for _, atom in problem.signals], dtype=np.intp)
+        return WhitenedOutputs(y=y.transpose(1, 2, 0), theta=theta, atoms=atoms, whiten=np.eye(1))
+    less = problem
+    for present in np.flatnonzero(z):
+        less = without_signal(less, int(present), float(z[present]))
+    error = less.y[:, 0] - einsum("kic,imc->km", less.y[:, 1:], K)
+    norms = np.linalg.norm(y[:, 0], axis=0)
+    norms[norms == 0.0] = 1.0
+    R, whiten = np.linalg.qr(error / norms)[1], np.diag(1.0 / norms)
+    if m >= n_y and np.linalg.cond(R) * DEFICIENT < 1.0:
+        whiten = whiten @ np.linalg.inv(R)
+    atoms = np.unique(np.array([atom for _, atom in problem.signals], dtype=np.intp))
+    theta = np.zeros((n_lags, n_y, len(atoms), m))
+    for column, (output, atom) in enumerate(problem.signals):
+        signature = problem.theta[:, :, column].T[:, None] * whiten[output][:, None]
+        theta[:, :, np.searchsorted(atoms, atom)] += signature
+    return WhitenedOutputs(y=(y @ whiten).transpose(1, 2, 0), theta=theta, atoms=atoms, whiten=whiten)
 
 
 def penalty_constants(stage: SparseStage, price: float) -> tuple[float, float, float]:
@@ -322,6 +390,8 @@ def risro_varx(
         return _pair(z, K)
 
     if corner == "free":
+        from .risro import risro
+
         free = risro(
             A,
             y,
@@ -411,7 +481,7 @@ def _several_outputs(
     )
     whole = np.zeros(n_atoms)
     whole[atoms] = last.z
-    K = outputs.predictor(last.H)
+    K = outputs.predictor(last.K)
     error = last.error.T @ np.linalg.inv(outputs.whiten)
     return VarxSolution(
         z=whole,
@@ -432,31 +502,40 @@ def _predictors(regressors: FloatArray, outputs: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _JointState(Iterate):
-    """An iterate of several outputs: ``error = corrected[0] - H.T @ past`` with the corrected outputs at every lag."""
+class _State(Iterate):
+    """An iterate with corner 1, and the triangular factor of the sketch behind it.
+
+    Attributes
+    ----------
+    K : of one output (order,); of several (n_past, n_outputs), of past corrected outputs to outputs.
+    regressors : of one output A times its right factor, (n, n_atoms + 1); of several the past corrected outputs,
+        (n_past, n).
+    error : of the prediction, (n,), of several outputs (n_outputs, n).
+    """
 
     z: FloatArray
-    H: FloatArray
+    K: FloatArray
     X: FloatArray
-    past: FloatArray
+    regressors: FloatArray
     error: FloatArray
     misfit: float
     sketch: FloatArray
 
 
-def _joint_state(outputs: WhitenedOutputs, z: FloatArray, H: FloatArray, sketch: FloatArray) -> _JointState:
+def _joint_state(outputs: WhitenedOutputs, z: FloatArray, H: FloatArray, sketch: FloatArray) -> _State:
     corrected = outputs.y - z @ outputs.theta
     past = corrected[1:].reshape(len(H), -1)
     error = corrected[0] - H.T @ past
     X = np.outer(np.append(z, 1.0), np.append(H, 1.0))
-    return _JointState(z=z, H=H, X=X, past=past, error=error, misfit=float(np.linalg.norm(error)), sketch=sketch)
+    misfit = float(np.linalg.norm(error))
+    return _State(z=z, K=H, X=X, regressors=past, error=error, misfit=misfit, sketch=sketch)
 
 
-def _joint_step(outputs: WhitenedOutputs, state: _JointState) -> _JointState:
+def _joint_step(outputs: WhitenedOutputs, state: _State) -> _State:
     """Return the iterate after a step in (z, K)."""
-    theta, H, n_y = outputs.theta, state.H, len(outputs.whiten)
+    theta, H, n_y = outputs.theta, state.K, len(outputs.whiten)
     signatures = theta[0] - np.tensordot(H.T, theta[1:].reshape(len(H), *theta.shape[2:]), axes=1)
-    S = np.hstack([np.kron(np.eye(n_y), state.past.T), signatures.transpose(0, 2, 1).reshape(-1, len(state.z))])
+    S = np.hstack([np.kron(np.eye(n_y), state.regressors.T), signatures.transpose(0, 2, 1).reshape(-1, len(state.z))])
     x, sketch = least_squares(S, state.error.ravel())
     return _joint_state(outputs, state.z + x[H.size :], H + x[: H.size].reshape(n_y, -1).T, sketch)
 
@@ -486,31 +565,18 @@ def sparse_varx(
     return tuple(sparse_supports(problem, z, K, stage=stage, price=price) for z, K in starts)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _PairState(Iterate):
-    """An iterate with corner 1, A applied to its right factor, and the triangular factor of the sketch behind it."""
-
-    z: FloatArray
-    K: FloatArray
-    X: FloatArray
-    AV: FloatArray
-    residual: FloatArray
-    misfit: float
-    sketch: FloatArray
-
-
-def _state(A: FloatArray, y: FloatArray, z: FloatArray, K: FloatArray, sketch: FloatArray) -> _PairState:
+def _state(A: FloatArray, y: FloatArray, z: FloatArray, K: FloatArray, sketch: FloatArray) -> _State:
     left, right = np.append(z, 1.0), np.append(K, 1.0)
     AV = A @ right
     residual = y - AV @ left
     misfit = float(np.linalg.norm(residual))
-    return _PairState(z=z, K=K, X=np.outer(left, right), AV=AV, residual=residual, misfit=misfit, sketch=sketch)
+    return _State(z=z, K=K, X=np.outer(left, right), regressors=AV, error=residual, misfit=misfit, sketch=sketch)
 
 
-def _gauss_newton(A: FloatArray, y: FloatArray, state: _PairState) -> _PairState:
+def _gauss_newton(A: FloatArray, y: FloatArray, state: _State) -> _State:
     """Return the iterate after a step in (z, K), the corner of X held at 1."""
-    S = np.hstack([state.AV[:, :-1], (np.append(state.z, 1.0) @ A)[:, :-1]])
-    x, sketch = least_squares(S, state.residual)
+    S = np.hstack([state.regressors[:, :-1], (np.append(state.z, 1.0) @ A)[:, :-1]])
+    x, sketch = least_squares(S, state.error)
     return _state(A, y, state.z + x[: len(state.z)], state.K + x[len(state.z) :], sketch)
 
 
@@ -523,6 +589,8 @@ def _start(A: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _pair(z: FloatArray, K: FloatArray) -> Factors:
+    from .risro import Factors
+
     return Factors(left=np.append(z, 1.0)[:, None], right=np.append(K, 1.0)[:, None])
 
 

@@ -1,7 +1,6 @@
 """The decision: evidence from every source, and one conclusion."""
 
 from .candidate import (
-    BUILD_UP_S,
     KINDS,
     MOSTLY,
     NOT_EXACT,
@@ -27,10 +26,9 @@ from .candidate import (
     with_limit,
     with_limit_of_scan,
 )
-from .conclude import NOUNS, WITHHELD, Conclusion, conclude, decide, summarise, verdicts_of
+from .conclude import NOUNS, WITHHELD, Conclusion, conclude, decide, verdicts_of
 
 __all__ = [
-    "BUILD_UP_S",
     "KINDS",
     "MOSTLY",
     "NOT_EXACT",
@@ -48,5 +46,5 @@ __all__ = [
     "State",
 ]
 __all__ += ["at_entries", "beyond_tolerance", "candidate_of", "conclude", "decide", "estimate_of", "finite", "kind_of"]
-__all__ += ["not_excluded", "share_of", "shown_limit", "summarise", "untested"]
+__all__ += ["not_excluded", "share_of", "shown_limit", "untested"]
 __all__ += ["verdicts_of", "with_limit", "with_limit_of_scan"]

@@ -114,14 +114,12 @@ class Null:
 
     Attributes
     ----------
-    median, scale : by shape; scale is the mean of what lies above its 85 % quantile. A scale from the body of the
-        distribution, as the median and a quantile give it, lets the tail of the shape with the heaviest one set the
-        thresholds of all.
+    scale : by shape, the mean of what lies above its 85 % quantile. One from the body of the distribution, as the
+        median and a quantile give it, lets the tail of the shape with the heaviest one set the thresholds of all.
     maxima : (n_windows,) the largest over shapes, increasing.
     tail : of the maxima, above their 85 % quantile.
     """
 
-    median: Mapping[str, float]
     scale: Mapping[str, float]
     maxima: FloatArray
     tail: ExcessTail
@@ -178,17 +176,15 @@ def null_of(table: CalibrationTable, shapes: Sequence[str]) -> Null:
 
 def null_from(statistics: Mapping[str, FloatArray]) -> Null:
     """Return the distribution of statistics, (n_windows,) by shape, of windows without a fault."""
-    shapes, values = tuple(statistics), np.stack(list(statistics.values()))
-    median, high = np.quantile(values, [0.5, TAIL], axis=1)
-    scale = np.array([np.mean(sample[sample >= start]) for sample, start in zip(values, high, strict=True)])
+    values = np.stack(list(statistics.values()))
+    scale = np.array([np.mean(sample[sample >= np.quantile(sample, TAIL)]) for sample in values])
     scale = np.maximum(scale, np.finfo(float).eps)
     maxima = np.sort((values / scale[:, None]).max(axis=0))
     start = float(np.quantile(maxima, TAIL))
     above = maxima[maxima > start] - start
     excess = float(np.mean(above)) if above.size else np.finfo(float).eps
-    medians, scales = (dict(zip(shapes, values.tolist(), strict=True)) for values in (median, scale))
     tail = ExcessTail(start=start, mean=excess, k=max(1, above.size), share=1.0 - TAIL)
-    return Null(median=medians, scale=scales, maxima=maxima, tail=tail)
+    return Null(scale=dict(zip(statistics, scale.tolist(), strict=True)), maxima=maxima, tail=tail)
 
 
 def differences(table: CalibrationTable, settings: CalibrationSettings) -> tuple[str, ...]:

@@ -6,7 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..decision.calibration import FEWEST_WINDOWS, CalibrationTable, check_calibration, null_of
+import numpy as np
+
+from ..decision.calibration import FEWEST_WINDOWS, CalibrationTable, Null, check_calibration, null_of
 from ..notes import Note
 from .content import ReportContent, Table, notes_of
 
@@ -22,7 +24,7 @@ def calibration_content(document: Mapping[str, Any], *, where: str = "the calibr
         settings, enough = table.settings, table.n_windows >= FEWEST_WINDOWS
         null = null_of(table, settings.shapes) if enough else None
         for shape in settings.shapes:
-            limits = ("-", "-") if null is None else (f"{null.median[shape]:.4g}", f"{null.threshold(shape, 0.01):.4g}")
+            limits = ("-", "-") if null is None else _limits(table, null, shape)
             rows.append((shape, str(table.n_windows), *limits, f"{settings.duration_s:g}", f"{settings.rate_hz:g}"))
     heads = ("shape", "windows", "median", "1 % false alarms above", "length, s", "rate, Hz")
     return ReportContent(
@@ -76,8 +78,10 @@ def table_lines(table: CalibrationTable) -> list[str]:
     if table.n_windows < FEWEST_WINDOWS:
         return [counted, f"too few for a threshold, {FEWEST_WINDOWS} are needed"]
     null = null_of(table, table.settings.shapes)
-    shapes = (
-        f"{shape}: median {null.median[shape]:.4g}, 1 % false alarms above {null.threshold(shape, 0.01):.4g}"
-        for shape in table.settings.shapes
-    )
-    return [counted, *shapes]
+    limits = ((shape, *_limits(table, null, shape)) for shape in table.settings.shapes)
+    return [counted, *(f"{shape}: median {median}, 1 % false alarms above {level}" for shape, median, level in limits)]
+
+
+def _limits(table: CalibrationTable, null: Null, shape: str) -> tuple[str, str]:
+    """Return the median of the statistic of a shape, and the threshold at 1 % false alarms."""
+    return f"{np.median(table.statistics[shape]):.4g}", f"{null.threshold(shape, 0.01):.4g}"

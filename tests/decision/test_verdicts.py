@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import pytest
 
-from bfi_cli.decision import BUILD_UP_S, KINDS, Candidate, decide, kind_of, summarise, verdicts_of
-from bfi_cli.decision.candidate import state_of
+from bfi_cli.decision import KINDS, Candidate, decide, kind_of, verdicts_of
+from bfi_cli.decision.candidate import BUILD_UP_S, state_of
+from bfi_cli.decision.conclude import summarise
 from bfi_cli.faults import Fault
 from bfi_cli.faults.shapes import SHAPES
 

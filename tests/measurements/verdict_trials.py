@@ -25,8 +25,9 @@ from threadpoolctl import threadpool_limits
 
 from bfi_cli.analysis import identify
 from bfi_cli.config import Config, merge
-from bfi_cli.decision import BUILD_UP_S, KINDS, decide, kind_of
+from bfi_cli.decision import KINDS, decide, kind_of
 from bfi_cli.decision.calibration import save_tables
+from bfi_cli.decision.candidate import BUILD_UP_S
 from bfi_cli.dictionary import Dictionary, load_dictionary
 from bfi_cli.errors import LogError
 from bfi_cli.faults import Fault, build_up_s, unit_signal

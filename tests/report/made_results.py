@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from bfi_cli.decision import KINDS, Candidate, summarise, verdicts_of
+from bfi_cli.decision import KINDS, Candidate, verdicts_of
+from bfi_cli.decision.conclude import summarise
 from bfi_cli.faults import Fault, FaultEstimate
 from bfi_cli.faults.fault import Comparison
 from bfi_cli.model.result import (

@@ -68,7 +68,7 @@ def test_a_line_that_rests_is_told_from_its_onset_to_its_end_whatever_of_it_stan
 
 
 def test_what_is_within_its_tolerance_is_told_where_the_record_confirms_it() -> None:
-    healthy = made_journey(rate_hz=1.0).window(250.0, 560.0)
+    healthy = made_journey(rate_hz=1.0).window(330.0, 510.0)
     small = replace(event_of("tas", ONSET_S, "declared"), stages=("static relations",), beyond_tolerance=False)
     faulty = inject(healthy, [parse_spec(f"bias,channel=tas,magnitude=0.5,onset_s={ONSET_S}")])
     answers = {log: weigh_events(flight_of(log, Config()), [small], Config().diagnose) for log in (healthy, faulty)}
@@ -112,7 +112,7 @@ def test_a_step_beyond_its_tolerance_that_no_finder_proposes_is_found_by_the_mod
 
 
 def test_the_model_proposes_no_step_of_what_an_event_has_wrong_already() -> None:
-    healthy = made_journey(rate_hz=1.0).window(200.0, 560.0)
+    healthy = made_journey(rate_hz=1.0).window(330.0, 510.0)
     faulty = inject(healthy, [parse_spec(f"drift,channel=tas,magnitude=0.1,onset_s={ONSET_S}")])
     drift = replace(event_of("tas", ONSET_S, "declared"), shape="drift", stages=("static relations",))
     (answer,) = weigh_events(flight_of(faulty, Config()), [drift], Config().diagnose).events
@@ -134,7 +134,8 @@ def test_the_model_proposes_no_step_whose_return_a_finder_proposes() -> None:
 
 def test_what_comes_later_and_is_larger_makes_no_fault_of_a_suspicion() -> None:
     """A step of altitude that no finder proposes is nothing that an airspeed, suspected minutes before, explains."""
-    log = inject(made_journey(rate_hz=1.0), [parse_spec(f"bias,channel=altitude,magnitude=100,onset_s={END_S}")])
+    log = made_journey(rate_hz=1.0).window(200.0, 640.0)
+    log = inject(log, [parse_spec(f"bias,channel=altitude,magnitude=100,onset_s={END_S}")])
     channels = {name: log.channels[name] for name in ("tas", "altitude", "pitch", "velocity_north", "velocity_east")}
     suspicion = replace(event_of("tas", 300.0, "suspected"), among=("tas", "static_leak"), stages=("parity",))
     flight = flight_of(replace(log, channels=channels), Config())
@@ -148,7 +149,7 @@ def test_what_comes_later_and_is_larger_makes_no_fault_of_a_suspicion() -> None:
 def test_where_recorded_flaps_move_a_change_of_lift_is_theirs(is_recorded: bool) -> None:
     """It is told where no flaps are recorded, and nothing that needs telling where they are."""
     moved = [parse_spec(f"bias,channel={name},magnitude=0.05,onset_s={ONSET_S}") for name in ("aoa", "pitch")]
-    log = inject(made_journey(rate_hz=1.0).window(200.0, 640.0), moved)
+    log = inject(made_journey(rate_hz=1.0).window(300.0, 560.0), moved)
     if is_recorded:
         flaps = replace(log.channels["aoa"], values=frozen_array(np.where(log.time_s < ONSET_S, 0.0, 0.2)))
         log = replace(log, channels={**log.channels, "flaps": replace(flaps, name="flaps")})
@@ -159,7 +160,7 @@ def test_where_recorded_flaps_move_a_change_of_lift_is_theirs(is_recorded: bool)
 
 def test_what_swings_behind_a_trapped_tube_is_no_water_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
     blocked = [parse_spec(f"pitot_blocked,onset_s={ONSET_S},offset_s={END_S}")]
-    log = inject(made_journey(rate_hz=1.0).window(200.0, 640.0), blocked)
+    log = inject(made_journey(rate_hz=1.0).window(360.0, 600.0), blocked)
     water = replace(event_of("pitot_water", ONSET_S + 30.0, "declared"), shape="sine", offset_s=END_S - 20.0)
     monkeypatch.setattr(weighing, "oscillating_events", lambda *args: [water])
     hold = replace(

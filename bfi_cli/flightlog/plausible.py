@@ -172,7 +172,7 @@ IN_FLIGHT = {
     **dict.fromkeys(("pitch_rate", "roll_rate", "yaw_rate"), (-0.7, 0.7)),
     **dict.fromkeys(("tat", "sat"), (COLDEST_K, 400.0)),
 }
-PARTS = 8  # of a flight, as those in which a relation fails throughout (`bfi_cli.flight.plausibility.search.PIECES`)
+PARTS = 8  # of a flight, as those in which a relation fails throughout (`bfi_cli.flight.plausibility.misfits.PIECES`)
 # What a channel may be that is called an angle of attack.
 RATHER = {"aoa": "an index of the lift or of the margin to the stall", "sideslip": "a slip-skid ball"}
 # Channels and their rates, which tell the length of a second of the time axis. In three recorded flights altitude and

@@ -14,7 +14,7 @@ from ...flightlog import FlightLog
 from ...kernels import TWO_SIDED_95, FloatArray
 from ...quantities.channels import STANDARD
 from .implausible import FEWEST, NEEDS, circle_scales
-from .search import seconds_of
+from .misfits import seconds_of
 
 # What has the wind, which is another in each flight, in the relations of `relations`; circles are free of it.
 OVER_GROUND = {"ground_speed", "velocity_north", "velocity_east", "latitude", "longitude", "track"}

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -28,8 +29,11 @@ from ...model.preprocessing.defaults import tolerance_of
 from ...notes import Note
 from ...quantities.channels import STANDARD
 from ...quantities.text import quantity
-from .changes import RANKS, Change
-from .search import Blame, blames, known_relations, seconds_of
+from .misfits import known_seconds, misfit_of, seconds_of
+
+if TYPE_CHECKING:
+    from .changes import Change
+    from .search import Blame
 
 TINY = 1e-12  # a tolerance of nothing, of a channel that rests
 FEWEST_WITNESSES = 2  # other channels that contradict one which is to blame; of two alone either may be wrong
@@ -42,7 +46,7 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
         return ()
     stated = {name: log.channels[name].source_unit for name in seconds.values}
     sources = {name: log.channels[name].source for name in seconds.values}
-    to_blame = blames(known_relations(table.RELATIONS, seconds), seconds, stated)
+    to_blame = _blames(seconds, stated)
     named = {name for blame in to_blame if not blame.change.is_constant for name in blame.change.channels}
     impossible = {
         name: middle
@@ -51,10 +55,10 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
     }
     if impossible:
         seconds = seconds.without(impossible)
-        to_blame = blames(known_relations(table.RELATIONS, seconds), seconds, stated)
+        to_blame = _blames(seconds, stated)
     findings = (
         *(_impossible(name, middle, sources) for name, middle in impossible.items()),
-        *(_finding(_beyond_tolerance(blame, log, seconds), stated, sources) for blame in to_blame),
+        *(_finding(_beyond_tolerance(blame, log, seconds), seconds, stated, sources) for blame in to_blame),
     )
     turned = (
         None
@@ -62,6 +66,16 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
         else scale_by_circles(log)
     )
     return with_settings(log, findings if turned is None else (*findings, turned))
+
+
+def _blames(seconds: State, stated: Mapping[str, str | None]) -> list[Blame]:
+    """Return what explains the relations that fail throughout a flight; nothing where all of them hold."""
+    known = known_seconds(table.RELATIONS, seconds)
+    if not any(misfit_of(relation, rows, seconds).fails for relation, rows in known.items()):
+        return []
+    from .search import blames
+
+    return blames(known, seconds, stated)
 
 
 def with_fixed_units(
@@ -118,6 +132,8 @@ def _changed(log: FlightLog, findings: Sequence[Implausible], who: str) -> Fligh
 
 def _beyond_tolerance(blame: Blame, log: FlightLog, seconds: State) -> Blame:
     """Return what is to blame, without those whose error would be one that any such channel may have."""
+    from .changes import RANKS
+
     if blame.change.rank < max(RANKS.values()) or not blame.rivals:
         return blame
 
@@ -138,11 +154,12 @@ def _as_read(finding: Implausible) -> str:
     return f"{finding.factor:.4g} x {_and(finding.channels)}{shift}"
 
 
-def _finding(blame: Blame, stated: Mapping[str, str | None], sources: Mapping[str, str]) -> Implausible:
+def _finding(blame: Blame, seconds: State, stated: Mapping[str, str | None], sources: Mapping[str, str]) -> Implausible:
     change = blame.change
-    every = [name for relation in blame.explains for name in relation.channels]
+    explained = [relation.channels(seconds.values) for relation in blame.explains]
+    every = [name for channels in explained for name in channels]
     others = tuple(dict.fromkeys(name for name in every if name not in change.channels))
-    near = [name for name in blame.explains[0].channels if name not in change.channels]
+    near = [name for name in explained[0] if name not in change.channels]
     text = _text(change, _and(near) or _and(others), blame.misfit, stated)
     if rivals := [f"{_and(rival.channels) or 'time'}{_wrong(rival)}" for rival in blame.rivals]:
         text += f"; or {' or '.join(rivals)}"

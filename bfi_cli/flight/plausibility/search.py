@@ -10,20 +10,16 @@ changes is constant only as far as it is there before.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
 
-from ...airdata.relations import LARGEST_SCALE, LEAST_CORRELATION, Relation, State
-from ...flightlog import FlightLog
-from ...flightlog.record import LARGEST_VALUE
-from ...flightlog.signs import BORNE, FASTEST, METRES_PER_SECOND, MOVING, WALK
-from ...kernels import BoolArray, FloatArray, IntArray
-from ...kernels.runs import block_means, runs
-from ...quantities.channels import STANDARD
+from ...airdata.relations import Relation, State
+from ...kernels import FloatArray, IntArray
 from .changes import Change, named_changes
+from .misfits import ALIKE, Misfit, misfit_of, sides_of
 
 # Samples on which the rivals are compared, onsets that are tried, evenly between the ends, and durations of ramps as
 # parts of the record: how finely a course is known, which the likelihood of one that is near hardly asks.
@@ -103,153 +99,11 @@ def constant_part(
     return 1.0 if abs(size - abs(whole_size)) <= tolerance else min(size / abs(whole_size), 1.0), sd
 
 
-# Pieces of a flight in each of which a relation fails that fails throughout; what begins during a flight is a fault
-# with an onset, which the analyses find. Slopes need longer pieces than medians.
-PIECES, LONG_PIECES, LEAST_PER_PIECE = 8, 4, 3
-FEWEST_TOLD = 2  # longer pieces that tell of the motion: in one alone it may be gusts
 SIMPLER = float(np.log(2.0))  # of the cost, that a scale must be better by: its misfit in one relation half as large
-# HOLDING: share of the pieces in which a relation that holds does hold.
-HOLDING = 0.75
-# LARGE, BETTER [tolerances, 1]: what is expected shows a factor from here on; how much better another unit has to fit.
-LARGE, BETTER = 2.0, 3.0
-# So alike they tell a scale, however little what is expected moves.
-ALIKE = 0.9
 # SOLVED, MOST_STEPS: share of a relation's residual that its solution leaves; iterations of the secant to there.
 SOLVED, MOST_STEPS = 1e-3, 6
 MOST_FINDINGS = 3
 FEWEST_CLOCKED = 2  # relations that tell the time, of which one alone may have a wrong channel
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Misfit:
-    """How a relation holds.
-
-    Attributes
-    ----------
-    levels : (8,) by piece the median difference over its tolerance, 0 where none is stated.
-    correlation, slope : (4,) by longer piece, of the reading and what is expected, 0 and 1 where that is not told.
-    is_informative, follows : (4,) whether what is expected moves enough to tell, and whether the reading follows it.
-    difference, size : medians over the flight of the difference and of the size of what is expected.
-    tolerance : of the levels.
-    """
-
-    levels: FloatArray
-    correlation: FloatArray
-    slope: FloatArray
-    is_informative: BoolArray
-    follows: BoolArray
-    difference: float
-    size: float
-    tolerance: float
-
-    @property
-    def is_wrong(self) -> bool:
-        """Whether the reading follows in no piece that is informative."""
-        return bool(self.is_informative.sum() >= FEWEST_TOLD and not self.follows[self.is_informative].any())
-
-    @property
-    def fails(self) -> bool:
-        """Whether it fails throughout the flight."""
-        return self.is_wrong or bool(np.all(np.abs(self.levels) > 1.0))
-
-    @property
-    def holds(self) -> bool:
-        """Whether it holds in most of the flight."""
-        return not self.is_wrong and float(np.mean(np.abs(self.levels) <= 1.0)) >= HOLDING
-
-    @property
-    def cost(self) -> float:
-        """What is left of it, in tolerances."""
-        return float(np.sqrt(np.mean(np.minimum(np.abs(self.levels), 1e6) ** 2)))
-
-    def explained_by(self, after: Misfit, change: Change) -> bool:
-        """Return whether it fails, and holds after a change, which what is compared is large enough to show.
-
-        What is made small fits whatever is near to nothing.
-        """
-        if not self.fails or not after.holds:
-            return False
-        if self.is_wrong:
-            return float(np.mean(after.follows[self.is_informative])) >= HOLDING
-        if change.what == "offset":
-            return True
-        shown = after.size >= LARGE * after.tolerance or bool(after.follows.mean() >= HOLDING)
-        return shown and (change.what != "unit" or self.cost >= BETTER * after.cost)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class KnownRelation:
-    """A relation of the log with the seconds (8, m) in which all of its channels are known."""
-
-    relation: Relation
-    channels: tuple[str, ...]
-    rows: IntArray
-
-    def is_touched_by(self, change: Change) -> bool:
-        """Return whether it takes a channel that is changed, or a rate by a clock that is."""
-        return self.relation.timed if change.what == "clock" else not set(change.channels).isdisjoint(self.channels)
-
-    def misfit(self, state: State) -> Misfit:
-        """Return how it holds."""
-        relation = self.relation
-        reading, expected = self._sides(state)
-        with np.errstate(all="ignore"):
-            difference = reading - expected
-        known = np.isfinite(difference)
-        difference[~known] = np.inf
-        size = np.median(np.abs(np.where(known, expected, 0.0)), axis=1)
-        levels, tolerance = np.zeros(PIECES), np.full(PIECES, np.inf)
-        if relation.tolerance is not None:
-            tolerance = relation.tolerance + relation.share * size
-            levels = np.median(difference, axis=1) / tolerance
-        moments = (np.zeros(LONG_PIECES), np.ones(LONG_PIECES), *np.zeros((2, LONG_PIECES), dtype=bool))
-        if relation.least is not None:
-            moments = self._motion(reading, expected, known)
-        return Misfit(
-            levels=levels,
-            correlation=moments[0],
-            slope=moments[1],
-            is_informative=moments[2],
-            follows=moments[3],
-            difference=float(np.median(difference)),
-            size=float(np.median(size)),
-            tolerance=float(np.median(tolerance)),
-        )
-
-    def _sides(self, state: State) -> tuple[FloatArray, FloatArray]:
-        """Return (8, m) what the relation reads and what it should."""
-        with np.errstate(all="ignore"):
-            return self.relation.reading(state)[self.rows], self.relation.expected(state)[self.rows]
-
-    def constant_part(self, change: Change, state: State) -> tuple[float, float] | None:
-        """Return what of an offset or a scale is there from the first sample on, None where it begins later."""
-        with np.errstate(all="ignore"):
-            difference, left = (np.subtract(*self._sides(case)).ravel() for case in (state, change.of(state)))
-            constant = difference - left
-        tolerance = self.misfit(state).tolerance
-        return constant_part(difference, constant, state.time_s[self.rows.ravel()], tolerance=tolerance)
-
-    def _motion(
-        self, reading: FloatArray, expected: FloatArray, known: BoolArray
-    ) -> tuple[FloatArray, FloatArray, BoolArray, BoolArray]:
-        """Return by longer piece correlation and slope, whether they tell anything, and whether the reading follows."""
-        least = self.relation.least or 0.0
-        n = known.size // LONG_PIECES
-        known, (x, y) = known.reshape(LONG_PIECES, n), (side.reshape(LONG_PIECES, n) for side in (reading, expected))
-        count = np.maximum(known.sum(axis=1, keepdims=True), 1)
-        x, y = (np.where(known, side, 0.0) for side in (x, y))
-        x, y = (np.where(known, side - side.sum(axis=1, keepdims=True) / count, 0.0) for side in (x, y))
-        xx, xy, yy = ((side * other).sum(axis=1) / count[:, 0] for side, other in ((x, x), (x, y), (y, y)))
-        with np.errstate(all="ignore"):
-            correlation = np.nan_to_num(xy / np.sqrt(xx * yy))
-            slope = np.nan_to_num(np.sqrt(xx / yy), nan=1.0)
-        is_informative = (yy >= least**2) | ((np.abs(correlation) >= ALIKE) & (xx >= least**2))
-        lost = 2 * known.sum(axis=1) < n
-        follows = (correlation >= LEAST_CORRELATION) & ~lost
-        if self.relation.has_scale:
-            with np.errstate(all="ignore"):  # of what does not move at all
-                follows &= (correlation * slope <= LARGEST_SCALE) & (correlation <= LARGEST_SCALE * slope)
-        return correlation, slope, is_informative | lost, follows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -264,26 +118,12 @@ class Blame:
 
     change: Change
     rivals: tuple[Change, ...]
-    explains: tuple[KnownRelation, ...]
+    explains: tuple[Relation, ...]
     misfit: float
     share_sd: float = np.inf
 
 
-def known_relations(relations: Sequence[Relation], seconds: State) -> list[KnownRelation]:
-    """Return the relations that a log tells of, with the seconds in which it does."""
-    usable = []
-    for relation in relations:
-        if not relation.lasts or not set(relation.needs) <= seconds.values.keys():
-            continue
-        channels = relation.channels(seconds.values)
-        known = np.flatnonzero(np.all([np.isfinite(seconds.values[name]) for name in channels], axis=0))
-        rows = known[: known.size // PIECES * PIECES].reshape(PIECES, -1)
-        if rows.shape[1] >= LEAST_PER_PIECE:
-            usable.append(KnownRelation(relation=relation, channels=channels, rows=rows))
-    return usable
-
-
-def blames(relations: Sequence[KnownRelation], state: State, stated: Mapping[str, str | None]) -> list[Blame]:
+def blames(known: Mapping[Relation, IntArray], state: State, stated: Mapping[str, str | None]) -> list[Blame]:
     """Return what explains the relations that fail throughout a flight, what explains most of them first.
 
     A change is to blame that makes relations hold which fail, and lets none fail that holds. Of changes that explain
@@ -294,60 +134,74 @@ def blames(relations: Sequence[KnownRelation], state: State, stated: Mapping[str
 
     Parameters
     ----------
+    known : the relations with the seconds in which the log tells of them.
     stated : the units that the log states, None where it does not.
     """
-    to_blame = list[Blame]()
-    relations = list(relations)
+    to_blame, known = list[Blame](), dict(known)
     while len(to_blame) < MOST_FINDINGS:
-        before = [relation.misfit(state) for relation in relations]
-        failing = [relation for relation, misfit in zip(relations, before, strict=True) if misfit.fails]
+        before = {relation: misfit_of(relation, rows, state) for relation, rows in known.items()}
+        failing = [relation for relation, misfit in before.items() if misfit.fails]
         if not failing:
             break
-        blame = _blame(relations, before, state, failing, stated)
+        blame = _blame(known, before, state, failing, stated)
         if blame is None:
             break
         if blame.change.is_constant:
-            part = blame.explains[0].constant_part(blame.change, state)
+            part = _constant_part(blame.explains[0], known[blame.explains[0]], blame.change, state)
             if part is None:
-                relations = [relation for relation in relations if relation not in blame.explains]
+                known = {relation: rows for relation, rows in known.items() if relation not in blame.explains}
                 continue
             share, sd = part
             changes = [rival.part(share) for rival in (blame.change, *blame.rivals)]
             blame = replace(blame, change=changes[0], rivals=tuple(changes[1:]), share_sd=sd / abs(share))
         to_blame.append(blame)
         if blame.change.doubts_unit(stated):
-            known = [known for known, misfit in zip(relations, before, strict=True) if misfit.fails]
-            relations = [
-                relation for relation in relations if relation not in known or not relation.is_touched_by(blame.change)
-            ]
+            untold = [relation for relation in failing if _is_touched(relation, blame.change, state)]
+            known = {relation: rows for relation, rows in known.items() if relation not in untold}
             continue
         state = blame.change.of(state)
     return to_blame
 
 
+def _is_touched(relation: Relation, change: Change, state: State) -> bool:
+    """Return whether a relation takes a channel that is changed, or a rate by a clock that is."""
+    if change.what == "clock":
+        return relation.timed
+    return not set(change.channels).isdisjoint(relation.channels(state.values))
+
+
+def _constant_part(relation: Relation, rows: IntArray, change: Change, state: State) -> tuple[float, float] | None:
+    """Return what of an offset or a scale is there from the first sample on, None where it begins later."""
+    with np.errstate(all="ignore"):
+        difference, left = (np.subtract(*sides_of(relation, rows, case)).ravel() for case in (state, change.of(state)))
+        constant = difference - left
+    tolerance = misfit_of(relation, rows, state).tolerance
+    return constant_part(difference, constant, state.time_s[rows.ravel()], tolerance=tolerance)
+
+
 def _blame(
-    relations: Sequence[KnownRelation],
-    before: Sequence[Misfit],
+    known: Mapping[Relation, IntArray],
+    before: Mapping[Relation, Misfit],
     state: State,
-    failing: Sequence[KnownRelation],
+    failing: Sequence[Relation],
     stated: Mapping[str, str | None],
 ) -> Blame | None:
-    suspects = tuple(dict.fromkeys(name for relation in failing for name in relation.channels))
+    suspects = tuple(dict.fromkeys(name for relation in failing for name in relation.channels(state.values)))
     explanations: list[tuple[tuple[float, ...], Blame]] = []
-    for change in (*named_changes(suspects, state.values, stated), *_sized(suspects, failing, state)):
+    for change in (*named_changes(suspects, state.values, stated), *_sized(suspects, failing, known, state)):
         changed = change.of(state)
-        touched = [k for k, relation in enumerate(relations) if relation.is_touched_by(change)]
-        explained: list[KnownRelation] = []
+        touched = [relation for relation in known if _is_touched(relation, change, state)]
+        explained: list[Relation] = []
         cost, left = 0.0, 0.0
         # What fails now first: most changes mend none of it.
-        for k in sorted(touched, key=lambda k: not before[k].fails):
-            was = before[k]
+        for relation in sorted(touched, key=lambda relation: not before[relation].fails):
+            was = before[relation]
             if not was.fails and not explained:
                 break
-            after = relations[k].misfit(changed)
+            after = misfit_of(relation, known[relation], changed)
             if was.explained_by(after, change):
                 left = left if explained or not after.size else abs(after.difference) / after.size
-                explained.append(relations[k])
+                explained.append(relation)
             elif (was.holds and not after.holds) or (after.fails and not was.fails):
                 explained.clear()
                 break
@@ -367,23 +221,25 @@ def _blame(
     return replace(blame, rivals=tuple(rivals.values()))
 
 
-def _sized(suspects: Sequence[str], failing: Sequence[KnownRelation], state: State) -> Iterator[Change]:
+def _sized(
+    suspects: Sequence[str], failing: Sequence[Relation], known: Mapping[Relation, IntArray], state: State
+) -> Iterator[Change]:
     """Yield the offsets and scales of single channels, and the clocks, that make relations hold that fail."""
     for name, relation in product(suspects, failing):
-        if name in relation.channels and relation.relation.tolerance is not None:
-            sized = (_solved(relation, name, state, is_scale=is_scale) for is_scale in (False, True))
+        if name in relation.channels(state.values) and relation.tolerance is not None:
+            sized = (_solved(relation, known[relation], name, state, is_scale=is_scale) for is_scale in (False, True))
             yield from (change for change in sized if change is not None)
     for relation in failing:
-        misfit = relation.misfit(state)
+        misfit = misfit_of(relation, known[relation], state)
         alike = misfit.is_informative & (np.abs(misfit.correlation) >= ALIKE) & (misfit.slope > 0.0)
-        if misfit.is_wrong and relation.relation.has_scale and alike.any():
+        if misfit.is_wrong and relation.has_scale and alike.any():
             slope = float(np.median((np.sign(misfit.correlation) * misfit.slope)[alike]))
-            yield Change(what="scale", channels=(relation.relation.needs[0],), factor=1.0 / slope)
-            if relation.relation.timed:
+            yield Change(what="scale", channels=(relation.needs[0],), factor=1.0 / slope)
+            if relation.timed:
                 yield Change(what="clock", channels=(), factor=1.0 / slope)
 
 
-def _solved(known: KnownRelation, name: str, state: State, *, is_scale: bool) -> Change | None:
+def _solved(relation: Relation, rows: IntArray, name: str, state: State, *, is_scale: bool) -> Change | None:
     """Return the offset or scale of a channel at which a relation's median difference is nothing; None for none."""
 
     def change(size: float) -> Change:
@@ -392,7 +248,7 @@ def _solved(known: KnownRelation, name: str, state: State, *, is_scale: bool) ->
         return Change(what="offset", channels=(name,), offset=size)
 
     def left(size: float) -> float:
-        return known.misfit(change(size).of(state)).difference
+        return misfit_of(relation, rows, change(size).of(state)).difference
 
     typical = float(np.nanmedian(np.abs(state.values[name]))) or 1.0
     last, size = 0.0, 0.01 * (1.0 if is_scale else typical)
@@ -406,90 +262,3 @@ def _solved(known: KnownRelation, name: str, state: State, *, is_scale: bool) ->
         last, size, was = size, size - now * (size - last) / (now - was), now
         now = left(size)
     return change(size) if np.isfinite(now) and abs(now) <= 10.0 * goal else None
-
-
-# Samples of a large log that are looked at, from its middle: three hours at 100 Hz take a tenth of a second.
-LOOKED_AT = 1_000_000
-# Seconds on which every hypothesis is tried: a hundred for the median of each of eight pieces of a flight.
-MOST_TRIED = 800
-FEWEST = 100  # parts of a log that is shorter than so many seconds
-# A speed that reads no more than a walk says that nothing flies.
-SPEEDS = ("tas", "cas", "ias", "mach", "ground_speed")
-# Seconds of take-off and landing, beside what is not flown, in which vanes and pressures settle.
-SETTLING = 10
-# An angle beyond is none in radians, from -pi to 2 pi with a turn to spare for rounding.
-ONE_TURN = 6.4
-
-
-def seconds_of(log: FlightLog, names: Collection[str]) -> State | None:
-    """Return channels of a log once a second, in flight; None where nothing tells that it flies."""
-    middle = max(0, (log.n_samples - LOOKED_AT) // 2)
-    rows = slice(middle, middle + LOOKED_AT)
-    time_s = log.time_s[rows]
-    # A short log, whose clock may run too slowly, is cut into parts of a second.
-    width_s = float(np.clip((time_s[-1] - time_s[0]) / FEWEST, (time_s[-1] - time_s[0]) / time_s.size, 1.0))
-    bins = np.floor((time_s - time_s[0]) / width_s + 1e-6)
-    first = np.flatnonzero(np.diff(bins, prepend=-1.0))
-    if first.size < 3:
-        return None
-    block = np.cumsum(np.diff(bins, prepend=-1.0) > 0.0) - 1
-    every = {
-        name: block_means(_continuous(name, log.channels[name].between(rows)), block, first.size)
-        for name in log.independent(names)
-        if log.channels[name].unit in ("", "1", STANDARD[name].unit)
-    }
-    flown = _flown(every)
-    if flown is None or not flown.any():
-        return None
-    at_s = width_s * bins[first]
-    rates = {name: np.gradient(values, at_s) for name, values in every.items()}
-    # Even steps through what is flown, so that pieces of it are pieces of the flight.
-    kept = np.flatnonzero(flown)
-    kept = kept[:: max(1, -(-kept.size // MOST_TRIED))]
-    return State(
-        values={name: _as_slow(values)[kept] for name, values in every.items()},
-        rates={name: values[kept] for name, values in rates.items()},
-        time_s=time_s[0] + at_s[kept],
-    )
-
-
-def _continuous(name: str, values: FloatArray) -> FloatArray:
-    """Return the values without jumps by a whole turn, of headings; NaN where they are no measurements."""
-    values = np.where(np.abs(values) < LARGEST_VALUE, values, np.nan)
-    if name != "yaw" or not np.isfinite(values).any():
-        return values
-    period = 360.0 if np.nanmax(np.abs(values)) > ONE_TURN else 2.0 * np.pi
-    known = np.isfinite(values)
-    values[known] = np.unwrap(values[known], period=period)
-    return values
-
-
-def _as_slow(values: FloatArray) -> FloatArray:
-    """Return means over as long as a rate is one of, by the differences between the seconds beside: weights 1, 2, 1."""
-    slow = values.copy()
-    slow[1:-1] = 0.25 * (values[:-2] + 2.0 * values[1:-1] + values[2:])
-    return slow
-
-
-def _flown(values: Mapping[str, FloatArray]) -> BoolArray | None:
-    """Return (n_seconds,) where most of the speeds say that the aircraft flies; None where no speed says anything.
-
-    Each is taken in parts of its own cruise, so that their units do not matter.
-    """
-    shares = []
-    north, east = (values.get(name) for name in ("velocity_north", "velocity_east"))
-    ground = {} if north is None or east is None else {"ground_speed": np.hypot(north, east)}
-    for name, values_of in ({**values, **ground}).items():
-        if name not in SPEEDS or not np.isfinite(values_of).any():
-            continue
-        speed = np.abs(values_of)
-        known = speed[np.isfinite(speed)]
-        cruise = float(np.median(known[known >= MOVING * np.quantile(known, FASTEST)]))
-        flies = cruise * METRES_PER_SECOND.get(name, 1.0) > WALK
-        shares.append(np.nan_to_num(speed) / cruise if flies else np.zeros(speed.size))
-    if not shares:
-        return None
-    flown: BoolArray = np.median(shares, axis=0) >= BORNE
-    for low, high in runs(~flown):
-        flown[max(0, low - SETTLING) : high + SETTLING] = False
-    return flown

@@ -10,7 +10,8 @@ import pytest
 
 from bfi_cli.airdata.relations import Relation, State
 from bfi_cli.flight.plausibility.changes import Change
-from bfi_cli.flight.plausibility.search import Misfit, blames, known_relations
+from bfi_cli.flight.plausibility.misfits import Misfit, known_seconds
+from bfi_cli.flight.plausibility.search import blames
 
 PIECES, SECONDS = 8, 60
 SPREAD = np.array([-7.0, -5.0, -3.0, -1.0, 1.0, 3.0, 5.0, 7.0])  # of the speeds flown, m/s
@@ -34,7 +35,7 @@ def test_a_scale_is_to_blame_where_it_leaves_half_of_what_an_offset_leaves(times
     # Taken off the larger reading a scale leaves less than put on the other, by its factor.
     rough = float(np.std(spread)) / np.sqrt((times / factor) ** 2 - 1.0) * ROUGH
     state = state_of(factor * (100.0 + SPREAD) + rough, 100.0 + SPREAD)
-    (blame,) = blames(known_relations([relation], state), state, {"ias": None, "cas": None})
+    (blame,) = blames(known_seconds([relation], state), state, {"ias": None, "cas": None})
     assert blame.change.what == what
 
 

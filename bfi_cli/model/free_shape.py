@@ -26,9 +26,10 @@ from ..kernels.low_pass import decimate
 from ..kernels.model_selection import Penalty
 from ..kernels.progress import Progress, unseen
 from ..kernels.variable_projection import fit_magnitudes
+from .course import FreeOutcome
 from .preprocessing.regression import RegressionData
 from .preprocessing.window import DEPENDENT, PreparedWindow, regression_of
-from .selection import FreeOutcome, MethodResult
+from .selection import MethodResult
 
 # CELL_S [s], MOST_CELLS: shortest cell of the walk, in which an aircraft changes its motion, and their largest number.
 # With half a second courses on the nonlinear simulation were found as well, with two seconds less of a bump.

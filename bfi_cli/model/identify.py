@@ -39,7 +39,7 @@ from .preprocessing.defaults import manoeuvres_of, tolerances_of, what_would_hel
 from .preprocessing.regression import RegressionData
 from .preprocessing.window import PreparedWindow, prepare_window, regression_of, selects_support, with_inputs_of
 from .result import IdentifyResult, ModelSummary, OutputSeries, ResidualSummary, ScanSummary, noise_of
-from .selection import FreeOutcome, MethodResult
+from .selection import MethodResult
 
 
 def with_likeliest_recorder(
@@ -310,7 +310,7 @@ def _assembled(
     hidden = hidden_atoms(window, magnitudes) if estimates_all else (False,) * len(window.live)
     tolerances = tolerances_of(log, window.log, config.outputs, config)
     faults = [_atom_estimate(window, outcome, n, tolerances) for n in outcome.atoms]
-    faults += [_course_estimate(window, course, magnitudes.quantile) for course in outcome.free if course.declared]
+    faults += [course.estimate(window, magnitudes.quantile) for course in outcome.free if course.declared]
     candidates = claims_of_entries(window, regression, outcome, config.method, tolerances)
     residuals = residual_summaries(window, outcome)
     explained = window.signals.y[len(window.signals.y) - len(outcome.error) :]
@@ -362,12 +362,6 @@ def _atom_estimate(
         quantile=magnitudes.quantile,
         among=(fault.shape,),
     )
-
-
-def _course_estimate(window: PreparedWindow, course: FreeOutcome, quantile: float) -> FaultEstimate:
-    """Return the estimate of a fault of unknown course: its magnitude is its largest value."""
-    fault, z, sd = window.faults[course.entry], float(course.value[course.peak]), float(course.sd[course.peak])
-    return estimate_of(fault, z, sd, window.log.channel(fault.channel).unit, quantile=quantile)
 
 
 def output_series(

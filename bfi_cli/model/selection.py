@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,6 +28,9 @@ from .preprocessing.magnitudes import MagnitudeEstimates, searched
 from .preprocessing.regression import RegressionData
 from .preprocessing.window import PreparedWindow, shifts_within, signals_of_faults, with_onsets
 from .result import SolverSummary
+
+if TYPE_CHECKING:
+    from .course import FreeOutcome
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -110,32 +113,6 @@ def proposals_of(visited: Mapping[int, Visits]) -> tuple[Proposal, ...]:
         for support in went.supports
         if len(support) <= LARGEST or support == went.supports[-1]
     )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FreeOutcome:
-    """What is said of an entry of unknown course.
-
-    Attributes
-    ----------
-    entry : of the dictionary; output : the index of the output it acts on.
-    declared : it is in the log, and its course can be told; suspected : it is, and its course cannot.
-    value, sd : (n_samples,) of the course at the samples of the window, SI; of one that is not declared as well.
-    note : why it is not declared.
-    """
-
-    entry: int
-    output: int
-    declared: bool
-    suspected: bool
-    value: FloatArray
-    sd: FloatArray
-    note: str | None = None
-
-    @property
-    def peak(self) -> int:
-        """The sample at which it is largest."""
-        return int(np.argmax(np.abs(self.value)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -202,7 +202,8 @@ def decide(
             others += [_usual(values, slice(*core), *usual, long) for values in (*levels, *motions)]
         votes = [np.sign(2 * n_ground - len(here)), altitude, above, *others]
         tie = (above if abs(above) == 2 else 0) or altitude or votes[0] or (2 * int(common[low]) - 1 if here else 0)
-        total = sum(votes) or tie
+        # Heights say how low an aircraft is; nothing rolls for so long at the speed of flight.
+        total = -1 if _flies_past(ground_speed, cruises, core, long) else sum(votes) or tie
         on_ground[run] = total > 0
         unknown[run] = total == 0
         if high - low >= long:
@@ -212,6 +213,14 @@ def decide(
         if low > 0 and high < n and on_ground[low - 1] == on_ground[high]:
             on_ground[low:high], unknown[low:high] = on_ground[low - 1], False
     return SignsVerdict(on_ground=on_ground, unknown=unknown, claims=claims, against=tuple(_joined(against)))
+
+
+def _flies_past(ground_speed: FloatArray | None, cruises: Mapping[str, float], run: Run, long: int) -> bool:
+    """Return whether the ground passes at the speed of flight all along a run, longer than any roll, and varies."""
+    if ground_speed is None or run[1] - run[0] < long:
+        return False
+    speeds = ground_speed[slice(*run)]
+    return bool(speeds.min() > BORNE * cruises["ground_speed"] > BORNE * WALK and np.ptp(speeds) > 0.0)
 
 
 def _overruled(

@@ -34,6 +34,9 @@ SPEEDS = [0.0, 0.0, 0.65, 1.0, 1.0, 0.7, 0.0, 0.0]
 HEIGHT_KNOTS, HEIGHTS = [0.0, 64.0, 100.0, 180.0, 240.0, 330.0], [0.0, 0.0, 3.0, 3.0, 0.0, 0.0]
 
 
+HOLLOW = 0.0, 700.0, 700.0, 400.0, 400.0, 700.0, 700.0, 0.0  # m of a flight that descends, and climbs again
+
+
 def log_of(time_s: np.ndarray, channels: Mapping[str, np.ndarray]) -> FlightLog:
     made = {
         name: Channel(name=name, values=frozen_array(values), unit=UNITS.get(name, "rad"), source=name)
@@ -417,6 +420,21 @@ def test_an_airspeed_that_stays_after_the_landing_is_told() -> None:
     phases, disagreements = find_phases(in_all(signals))
     assert [one.phase for one in phases][-3:] == ["approach", "landing", "ground"]
     assert [(one.channel, one.says) for one in disagreements] == [("cas", "flight")]
+
+
+def test_what_passes_over_the_ground_at_the_speed_of_flight_has_not_landed() -> None:
+    """A tube that is blocked high reads nothing in the descent; two heights say how low that is, and no more."""
+    signals = flight(50.0)
+    own = signals["time"] * G / 50.0
+    signals["altitude"] = 100.0 + np.interp(own, [64.0, 100.0, 120.0, 130.0, 155.0, 165.0, 190.0, 240.0], [*HOLLOW])
+    signals["gps_altitude"] = signals["altitude"].copy()
+    signals["ground_speed"] = signals["cas"] + np.sin(own)
+    signals["cas"] = np.where((own > 130.0) & (own < 155.0), 0.0, signals["cas"])
+    signals["tas"] = signals["cas"].copy()
+    assert len(named(phases(signals), "landing")) == 1
+    assert len(named(phases(signals), NO_AIRSPEED)) == 1
+    frozen = {**signals, "ground_speed": np.full(own.size, 50.0)}
+    assert len(named(phases(frozen), "landing")) == 2
 
 
 @pytest.mark.parametrize("lacks", [(), ("altitude",), ("ground_speed", "n1_left")])

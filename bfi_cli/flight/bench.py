@@ -29,6 +29,7 @@ LONGEST_S = 900  # of a fault with an end; what lasts longer is weighed where it
 ZERO, SHOWN_S = 0.35, 60
 # The noise of rows and gusts before a place, in that of the flight.
 SCALES = (0.65, 1.0, 1.5)
+SMOOTHED_S = 200  # beside a part: its courses are medians and means over a minute, one of the other
 FAULT_STATES = 2  # of a hypothesis: its value, and the value's rate
 
 
@@ -176,6 +177,10 @@ class Place:
         """Return the part for a fault that begins, and ends, at other seconds of it, by default at once."""
         return replace(self, onset=onset, offset=offset, jumps=jumps)
 
+    def second(self, at_s: float) -> int:
+        """Return the second of the part that a time is nearest to."""
+        return int(np.searchsorted(self.bench.model.time_s, at_s - 0.5, side="right")) - self.first
+
     def until(self, n: int) -> Place:
         """Return the first seconds of the part."""
         n = min(n, self.n)
@@ -189,6 +194,17 @@ class Place:
     @property
     def n(self) -> int:
         return self.end - self.first
+
+    @property
+    def around(self) -> slice:
+        """The part with what the smoothing of a model reaches beside it."""
+        return slice(max(self.first - SMOOTHED_S, 0), min(self.end + SMOOTHED_S, self.bench.model.n))
+
+    @property
+    def inside(self) -> slice:
+        """The part within what is around it."""
+        first = self.first - self.around.start
+        return slice(first, first + self.n)
 
     @property
     def before(self) -> slice:
@@ -222,7 +238,7 @@ def place_of(
     last = int(np.flatnonzero(model.frame.airborne)[-1]) + 1
     offset, end = None, at + AFTER_S
     if offset_s is not None and offset_s - onset_s <= LONGEST_S:
-        offset = int(np.searchsorted(model.time_s, offset_s - 0.5))
+        offset = int(np.searchsorted(model.time_s, offset_s - 0.5, side="right"))
         end = offset + AFTER_END_S
     end = min(end, last, int(np.searchsorted(model.time_s, until_s)))
     if offset is None:

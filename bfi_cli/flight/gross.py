@@ -11,12 +11,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..airdata import ground_speed_of
 from ..kernels import BoolArray, FloatArray
 from ..kernels.runs import runs
 from .bench import Bench, Place, place_of, run_place
 from .judge import ordinary_of
 from .lines import PITOT_LEAK
-from .model import ground_speed_of, second_airspeed
+from .model import second_airspeed
 from .parity.record import STATIC_LEAK
 from .tables import AIRSPEED_ROWS
 from .weight import Ordinary, Weight, against, beside
@@ -136,7 +137,7 @@ def _returns(bench: Bench, gross: Gross, errors: Mapping[str, float]) -> bool:
     model, pairs = bench.model, []
     if "gps_altitude" in model.rows and "altitude" in errors:
         pairs.append((model.y[:, model.row("altitude")] - model.y[:, model.row("gps_altitude")], errors["altitude"]))
-    speed = ground_speed_of(model.seconds)
+    speed = ground_speed_of(model.seconds.channels)
     if speed is not None and "tas" in errors and "wind_north" in model.states:
         pairs.append((model.y[:, model.row("tas")] - speed, errors["tas"]))
     for values, largest in pairs:

@@ -139,9 +139,10 @@ def rests_about(bench: Bench, at_s: float) -> Iterator[tuple[str, float, float]]
     for fault, pressure in ((PITOT_BLOCKED, air.p_total), (STATIC_BLOCKED, air.p_static)):
         values, stretches = filled(pressure), set()
         flown = values[model.frame.airborne]
+        step_pa = model.seconds.rounding.get("altitude", 0.0) * float(np.median(_metre_pa(model.coefficients.height)))
         # Of flight as it usually is and as it is at its calmest, between which the noise of a trapped line lies.
         for quiet in (0.5, 0.05):
-            noise = noise_of_second_differences(flown, 2 * REFERENCE_S, quiet)
+            noise = np.hypot(noise_of_second_differences(flown, 2 * REFERENCE_S, quiet), step_pa / np.sqrt(12.0))
             for second in (at - REFERENCE_S, at, at + REFERENCE_S):
                 level = np.median(values[max(second - COURSE_S // 2, 0) : second + COURSE_S // 2 + 1])
                 away = np.abs(values - level) > STRAYS * noise
@@ -303,10 +304,14 @@ def _airspeed_without(place: Place) -> FloatArray:
     speed = c.airspeed[place.part].copy()
     middle, usual = model.frame.middle_speed, float(np.median(c.airspeed[place.before]))
     guess, channels = np.full(place.n, usual), model.seconds.channels
-    if "velocity_north" in channels and "wind_north" in model.states:
-        north = filled(channels["velocity_north"]) - place.mean[model.state("wind_north")]
-        east = filled(channels["velocity_east"]) - place.mean[model.state("wind_east")]
-        through_air = np.hypot(north, east)
+    if "wind_north" in model.states:
+        wind_north, wind_east = (place.mean[model.state(name)] for name in ("wind_north", "wind_east"))
+        if "velocity_north" in channels:
+            through_air = np.hypot(
+                filled(channels["velocity_north"]) - wind_north, filled(channels["velocity_east"]) - wind_east
+            )
+        else:
+            through_air = filled(channels["ground_speed"]) - wind_north * np.cos(c.track) - wind_east * np.sin(c.track)
         share = usual / max(float(np.median(through_air[place.before])), 1.0)
         guess = through_air[place.part] * np.clip(share, 0.8, 1.25)
     return np.where(place.during, np.clip(smoothed(guess, 9), 0.45 * middle, 1.8 * middle), speed)
@@ -335,33 +340,26 @@ def _acts(place: Place) -> BoolArray:
 
 
 def _corrected(place: Place, fault: str, course: FloatArray) -> FlightModel:
-    """Return the model of the channels as they would be recorded without the fault."""
-    model = place.bench.model
-    record = model.seconds.record
+    """Return the model around a place of the channels as they would be recorded without the fault."""
+    model, around, inside = place.bench.model, place.around, place.inside
+    seconds = model.seconds.taken(around)
+    record, read = seconds.record, np.clip(model.coefficients.height[around], LOWEST, HIGHEST)
+    amount = np.zeros(seconds.time_s.size)
     if fault in (PITOT_LEAK, PITOT_ICING):
-        amount = np.zeros(model.n)
-        amount[place.part] = course if fault == PITOT_ICING else np.expm1(course)
-        return model.with_channels(without_fault(record, "q_impact", amount).channels)
-    height = model.coefficients.height.copy()
-    if fault == STATIC_LEAK:
-        height[place.part] -= course
-    elif fault == STATIC_BLOCKED:
-        height[place.part] = course
-    if fault in (STATIC_LEAK, STATIC_BLOCKED):
-        true = pressure_at(np.clip(height, LOWEST, HIGHEST))
-        amount = np.zeros(model.n)
-        amount[place.part] = (pressure_at(np.clip(model.coefficients.height, LOWEST, HIGHEST)) - true)[place.part]
-        return model.with_channels(without_fault(record, STATIC_LEAK, amount).channels)
-    # A blocked tube: the channels of the airspeed that the course is.
-    share = course / np.maximum(model.coefficients.airspeed[place.part], 1.0)
-    channels = {}
-    for name in ("tas", second_airspeed(model.seconds), "mach"):
-        if name in model.seconds.channels:
-            values = filled(model.seconds.channels[name]).copy()
-            smooth = smoothed(values, 9)
-            values[place.part] = np.where(place.during, smooth[place.part] * share, values[place.part])
-            channels[name] = values
-    return model.with_channels(channels)
+        amount[inside] = course if fault == PITOT_ICING else np.expm1(course)
+        channels = without_fault(record, "q_impact", amount).channels
+    elif fault in (STATIC_LEAK, STATIC_BLOCKED):
+        height = model.coefficients.height[place.part] - course if fault == STATIC_LEAK else course
+        amount[inside] = pressure_at(read[inside]) - pressure_at(np.clip(height, LOWEST, HIGHEST))
+        channels = without_fault(record, STATIC_LEAK, amount).channels
+    else:
+        # A blocked tube: the channels of the airspeed that the course is.
+        share = course / np.maximum(model.coefficients.airspeed[place.part], 1.0)
+        names = [name for name in ("tas", second_airspeed(seconds), "mach") if name in seconds.channels]
+        channels = {name: filled(seconds.channels[name]).copy() for name in names}
+        for values in channels.values():
+            values[inside] = np.where(place.during, smoothed(values, 9)[inside] * share, values[inside])
+    return model.of_seconds(seconds.with_channels(channels), around)
 
 
 def _airspeed_rows(model: FlightModel) -> list[tuple[str, int]]:
@@ -371,14 +369,14 @@ def _airspeed_rows(model: FlightModel) -> list[tuple[str, int]]:
 def _start_rows(place: Place, corrected: FlightModel) -> _Rows:
     """Return the rows of the corrected model, the air-data channels as recorded."""
     model = place.bench.model
-    y = corrected.y[place.part].copy()
+    y = corrected.y[place.inside].copy()
     y = np.where(np.isfinite(place.bench.y[place.part]), y, np.nan)
     for name in ("altitude", "altitude_rate", *AIRSPEED_ROWS):
         if name in model.rows:
             y[:, model.row(name)] = place.bench.y[place.part, model.row(name)]
     return _Rows(
         y=y,
-        Z=corrected.Z[place.part].copy(),
+        Z=corrected.Z[place.inside].copy(),
         extra=np.zeros((*y.shape, FAULT_STATES)),
         R=place.R.copy(),
         floored=np.zeros(y.shape, dtype=bool),
@@ -402,7 +400,10 @@ def _rows_of(place: Place, fault: str, course: FloatArray, k: int, lag_s: float 
             return rows
         _add_heat(place, corrected, rows, "altitude", isa_temperature, 0.0)
         if lag_s is not None:
-            _add_heat(place, corrected, rows, "tas", lambda speed: HEATED * speed**2, lag_s)
+            speeds = [name for name in ("tas", "mach") if name in place.bench.model.rows]
+            missing = [np.isnan(rows.y[place.during, place.bench.model.row(name)]).sum() for name in speeds]
+            read = speeds[int(np.argmin(missing))]
+            _add_heat(place, corrected, rows, read, lambda speed: HEATED * speed**2, lag_s)
     return rows
 
 
@@ -414,11 +415,12 @@ def _add_heat(place: Place, corrected: FlightModel, rows: _Rows, name: str, kelv
     """
     model, part, i, j = place.bench.model, place.part, place.bench.model.row(name), place.bench.model.row("sat")
     if name == "altitude":
-        read, flown = (np.clip(each.coefficients.height[part], LOWEST, HIGHEST) for each in (model, corrected))
+        heights = model.coefficients.height[part], corrected.coefficients.height[place.inside]
+        read, flown = (np.clip(height, LOWEST, HIGHEST) for height in heights)
     else:
-        read, flown = (filled(each.y[:, i])[part] for each in (model, corrected))
+        read, flown = filled(model.y[:, i])[part], filled(corrected.y[:, i])[place.inside]
     by_read, by_flown = ((kelvin(course + 0.5) - kelvin(course - 0.5))[:, None] for course in (read, flown))
-    shift = filled(rows.y[:, i] - place.bench.y[part, i])
+    shift = _over_fault(place, rows.y[:, i] - place.bench.y[part, i])
     constant = kelvin(flown) - kelvin(read) - by_flown[:, 0] * flown + by_read[:, 0] * (read + shift)
     makes = np.column_stack(
         [constant, by_flown * model.Z[part, i] - by_read * rows.Z[:, i], -by_read * rows.extra[:, i]]
@@ -432,9 +434,15 @@ def _add_heat(place: Place, corrected: FlightModel, rows: _Rows, name: str, kelv
     rows.extra[:, j] += makes[:, -FAULT_STATES:]
 
 
-def _speeds(model: FlightModel, place: Place, row: int) -> FloatArray:
+def _over_fault(place: Place, values: FloatArray) -> FloatArray:
+    """Return (n,) values with those of the fault alone over what is missing while it lasts."""
+    at, known = np.arange(place.n), place.during & np.isfinite(values)
+    return np.interp(at, at[known], values[known]) if known.any() else np.zeros(place.n)
+
+
+def _speeds(model: FlightModel, part: slice, row: int) -> FloatArray:
     """Return (n,) smoothed readings of an airspeed, at least a tenth of the usual."""
-    values = smoothed(filled(model.y[:, row]), 9)[place.part]
+    values = smoothed(filled(model.y[:, row]), 9)[part]
     return np.maximum(values, 0.1 * model.frame.middle_speed)
 
 
@@ -450,13 +458,13 @@ def _pitot_loss(
     model, rows = place.bench.model, _start_rows(place, corrected)
     acts = _acts(place)
     for _name, j in _airspeed_rows(model):
-        load = 0.5 * _speeds(model, place, j) * slope(course) * acts
+        load = 0.5 * _speeds(model, place.part, j) * slope(course) * acts
         rows.Z[:, j] *= np.sqrt(left(course))[:, None]
         rows.extra[:, j, 0] = load
         rows.y[:, j] += load * course
         rows.floored[:, j] = place.during
     # Near nothing an instrument reads anything.
-    low = place.during & (_speeds(model, place, model.row("tas")) < ZERO * model.frame.middle_speed)
+    low = place.during & (_speeds(model, place.part, model.row("tas")) < ZERO * model.frame.middle_speed)
     for _name, j in _airspeed_rows(model):
         rows.unread[low, j] = True
     return rows
@@ -467,12 +475,12 @@ def _static_error(place: Place, corrected: FlightModel, rows: _Rows, course: Flo
     model, c = place.bench.model, place.bench.model.coefficients
     loads = {}
     for name, j in _airspeed_rows(model):
-        reading, true = _speeds(model, place, j), _speeds(corrected, place, j)
+        reading, true = _speeds(model, place.part, j), _speeds(corrected, place.inside, j)
         share = c.cas_share[place.part] if name == "cas" else np.ones(place.n)
         # Weight of impact pressure by g rho of a metre, of the true airspeed by the static pressure in it besides.
         load = G * share**2 / reading
         ratio = np.clip(true / reading, 0.3, 3.0)
-        readings, trues = model.y[place.part, j], corrected.y[place.part, j]
+        readings, trues = model.y[place.part, j], corrected.y[place.inside, j]
         rows.Z[:, j] *= ratio[:, None]
         rows.y[:, j] = np.where(course != 0.0, ratio * trues + load * course, readings)
         loads[j] = load
@@ -485,7 +493,7 @@ def _static_leak(place: Place, corrected: FlightModel, course: FloatArray, k: in
     for j, load in _static_error(place, corrected, rows, course).items():
         rows.extra[:, j, 0] = load * acts
         rows.floored[:, j] = place.during
-        rows.unread[:, j] = place.during & (_speeds(model, place, j) < ZERO * model.frame.middle_speed)
+        rows.unread[:, j] = place.during & (_speeds(model, place.part, j) < ZERO * model.frame.middle_speed)
     rows.extra[:, model.row("altitude"), 0] = acts
     rows.floored[:, model.row("altitude")] = place.during
     if "altitude_rate" in model.rows and not model.seconds.record.is_inertial:
@@ -514,7 +522,7 @@ def _static_blocked(place: Place, corrected: FlightModel, course: FloatArray, k:
         if k == 0:
             rows.y[during, j] = np.nan
         low = during & (model.y[place.part, j] < slow)
-        rows.unread[low & (_speeds(model, place, j) < slow), j] = True
+        rows.unread[low & (_speeds(model, place.part, j) < slow), j] = True
         rows.floored[:, j] = during
     rows.Z[during, at] = 0.0
     rows.extra[during, at, 0] = 1.0
@@ -546,12 +554,15 @@ def _pitot_blocked(place: Place, corrected: FlightModel, course: FloatArray, _: 
         readings.append((j, share * made[0][name], per_pa))
     # The pressures that err are those of the airspeed that is read best: others are held against what it reads.
     best = min(readings, key=lambda reading: float(np.median(place.R[:, reading[0]] / reading[2] ** 2)))[0]
-    speed = model.state("airspeed")
+    speed, height = model.state("airspeed"), model.coefficients.height[place.part]
+    # The line beside it shows the height that is flown, not the steps in which that is recorded.
+    metre_pa = _metre_pa(height)
     for j, predicted, per_pa in readings:
         recorded = model.y[place.part, j]
         if j == best:
-            rows.y[during, j] = (recorded - predicted)[during]
+            rows.y[during, j] = (recorded - predicted + per_pa * metre_pa * height)[during]
             rows.Z[during, j] = 0.0
+            rows.Z[during, j, model.state("height")] = (per_pa * metre_pa)[during]
             rows.extra[during, j, 0] = per_pa[during]
             rows.R[during, j] += ((per_pa * PREDICTED_PA) ** 2)[during]
         else:
@@ -566,6 +577,12 @@ def _pitot_blocked(place: Place, corrected: FlightModel, course: FloatArray, _: 
         rows.unread[low & (recorded < UNREADABLE * model.frame.middle_speed), j] = True
         rows.floored[:, j] = during
     return rows
+
+
+def _metre_pa(height: FloatArray) -> FloatArray:
+    """Return (n,) by how much the static pressure falls in a metre, Pa."""
+    height = np.clip(height, LOWEST, HIGHEST)
+    return np.asarray(pressure_at(height - 0.5) - pressure_at(height + 0.5))
 
 
 def _readings(p_static: FloatArray, q_impact: FloatArray, tat: FloatArray) -> Mapping[str, FloatArray]:

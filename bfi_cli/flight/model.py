@@ -13,7 +13,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..airdata import G, channels_of, isa_temperature, pressure_at, speed_of_sound
+from ..airdata import (
+    G,
+    channels_of,
+    constant_wind,
+    ground_speed_of,
+    isa_temperature,
+    pressure_at,
+    speed_of_sound,
+)
 from ..kernels import BoolArray, FloatArray
 from ..kernels.bounded_filter import Coupling, Transition
 from ..kernels.runs import greatest_of_neighbours, median_of_neighbours, runs
@@ -74,7 +82,12 @@ class Share:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Frame:
-    """What is taken from the flight as recorded, and kept when a channel of it is replaced."""
+    """What is taken from the flight as recorded, and kept when a channel of it is replaced.
+
+    Attributes
+    ----------
+    wind : m/s to the north and to the east, constant, where a ground speed and a heading tell it, but no track.
+    """
 
     middle_speed: float
     middle_load: float
@@ -82,6 +95,7 @@ class Frame:
     zero_lift: float
     lift_slope: float
     heading_offset: float
+    wind: tuple[float, float]
     airborne: BoolArray
     shares: tuple[Share, ...]
     fixed_R: FloatArray
@@ -154,9 +168,9 @@ class FlightModel:
     def start_covariance(self) -> FloatArray:
         return np.diag([STATES[name].start ** 2 for name in self.states])
 
-    def with_channels(self, channels: Mapping[str, FloatArray]) -> FlightModel:
-        """Return the model with other values of some channels, linear about these, its noise as it was."""
-        return _model(self.seconds.with_channels(channels), self.frame)
+    def of_seconds(self, seconds: Seconds, part: slice) -> FlightModel:
+        """Return the model of a part of the flight, of other seconds than recorded, linear about these."""
+        return _model(seconds, replace(self.frame, airborne=self.frame.airborne[part]), self.rows)
 
 
 def flight_model(seconds: Seconds, *, flown: BoolArray | None = None) -> FlightModel | None:
@@ -183,16 +197,9 @@ def _height(seconds: Seconds) -> FloatArray:
     return filled(channels_of(air.p_static, air.q_impact, air.tat)["altitude"])
 
 
-def ground_speed_of(seconds: Seconds) -> FloatArray | None:
-    """Return the size of the ground velocity, None where it is not recorded."""
-    if {"velocity_north", "velocity_east"} <= seconds.channels.keys():
-        return np.hypot(seconds.channels["velocity_north"], seconds.channels["velocity_east"])
-    return None
-
-
 def _airborne(seconds: Seconds, fast: float, height: FloatArray) -> BoolArray:
     """Return where airspeed, ground speed or height says that the aircraft flies."""
-    ground = ground_speed_of(seconds)
+    ground = ground_speed_of(seconds.channels)
     flies = filled(seconds.channels["tas"]) > FLYING * fast
     if ground is not None:
         flies |= filled(ground) > FLYING * fast
@@ -227,6 +234,7 @@ def _frame(seconds: Seconds, flown: BoolArray | None) -> Frame:
         zero_lift=0.0,
         lift_slope=0.06,
         heading_offset=0.0,
+        wind=(0.0, 0.0),
         airborne=airborne,
         shares=(),
         fixed_R=np.empty(0),
@@ -237,13 +245,20 @@ def _frame(seconds: Seconds, flown: BoolArray | None) -> Frame:
     load = _load_over_pressure(seconds, _smooth_airspeed(seconds, middle))
     frame = replace(frame, middle_load=float(np.median(load[airborne])))
     zero_lift, slope = _start_of_lift(seconds, frame)
-    offset = 0.0
+    offset, wind, ground = 0.0, (0.0, 0.0), channels.get("ground_speed")
+    if "yaw" in channels and ground is not None:
+        through_air = _smooth_airspeed(seconds, middle) * np.exp(1j * channels["yaw"])
+        known = airborne & np.isfinite(ground) & np.isfinite(through_air)
+        if known.any():
+            # |V h + w| is a ground speed as |v - w| is an airspeed.
+            north, east = constant_wind(through_air.real[known], through_air.imag[known], ground[known])
+            wind = -north, -east
     if "yaw" in channels and "velocity_north" in channels:
         track = np.arctan2(channels["velocity_east"], channels["velocity_north"])
         turned = np.exp(1j * (track - channels["yaw"]))[airborne]
         turned = turned[np.isfinite(turned)]
         offset = float(np.angle(np.mean(turned))) if turned.size else 0.0
-    return replace(frame, zero_lift=zero_lift, lift_slope=slope, heading_offset=offset)
+    return replace(frame, zero_lift=zero_lift, lift_slope=slope, heading_offset=offset, wind=wind)
 
 
 def _bank(seconds: Seconds) -> FloatArray:
@@ -315,6 +330,9 @@ def _coefficients(seconds: Seconds, frame: Frame) -> Coefficients:
         track = np.unwrap(filled(np.unwrap(_bridged_angle(channels["velocity_north"], channels["velocity_east"]))))
     if "yaw" in channels:
         heading = _bridged_angle(np.cos(channels["yaw"]), np.sin(channels["yaw"])) + frame.heading_offset
+        if "velocity_north" not in channels:
+            north, east = airspeed * np.cos(heading) + frame.wind[0], airspeed * np.sin(heading) + frame.wind[1]
+            track = np.unwrap(np.arctan2(east, north))
         steady = track + smoothed(heading - track, SLOW_S)
     rates = {}
     for name in ROWS:
@@ -358,7 +376,8 @@ def _measurement(row: str, seconds: Seconds) -> FloatArray | None:
     if row in ("velocity_north", "velocity_east"):
         return channels.get(row) if "yaw" in channels else None
     if row == "ground_speed":
-        return None if "yaw" in channels else ground_speed_of(seconds)
+        # Along a track; with a heading beside it the velocity is weighed by its components.
+        return ground_speed_of(seconds.channels) if ("yaw" in channels) != ("velocity_north" in channels) else None
     if row == "sat":
         temperature = temperature_of(seconds)
         return None if temperature is None else temperature - _standard_temperature(seconds)
@@ -385,12 +404,16 @@ def _mach_as_airspeed(seconds: Seconds) -> FloatArray | None:
     return seconds.channels["mach"] * sound
 
 
-def _model(seconds: Seconds, frame: Frame) -> FlightModel:
+def _model(seconds: Seconds, frame: Frame, rows: tuple[str, ...] = ()) -> FlightModel:
+    """Return the model of seconds; its rows are those that are recorded for long enough where none are given."""
     c = _coefficients(seconds, frame)
-    measured = {name: values for name in ROWS if (values := _measurement(name, seconds)) is not None}
-    enough = {
-        name: values for name, values in measured.items() if np.isfinite(values[frame.airborne]).mean() > LEAST_RECORDED
-    }
+    enough = {name: values for name in rows or ROWS if (values := _measurement(name, seconds)) is not None}
+    if not rows:
+        enough = {
+            name: values
+            for name, values in enough.items()
+            if np.isfinite(values[frame.airborne]).mean() > LEAST_RECORDED
+        }
     loads = {name: ROWS[name].loads(c) for name in enough}
     needed = {"height", "climb", "climb_rate", "airspeed"} | {name for loadings in loads.values() for name in loadings}
     states = tuple(name for name in STATES if name in needed)
@@ -466,7 +489,7 @@ def _with_noise(model: FlightModel) -> Frame:
     for name in ("tas", "cas"):
         if name in rows:
             acceleration = np.maximum(acceleration, np.abs(rate_of(filled(model.y[:, rows.index(name)]))))
-    ground = ground_speed_of(model.seconds)
+    ground = ground_speed_of(model.seconds.channels)
     if ground is not None:
         acceleration = np.maximum(acceleration, np.abs(rate_of(filled(ground), LOAD_S)))
     acceleration = greatest_of_neighbours(np.minimum(acceleration, MOST_ACCELERATION), LOAD_S)

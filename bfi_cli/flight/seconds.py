@@ -15,7 +15,7 @@ from .parity.record import Record, over_seconds, record_of, seconds_of_samples
 
 GROUND_VELOCITY = frozenset(("velocity_north", "velocity_east"))
 ANGLES = ("yaw", "track")  # that jump by a turn
-BESIDE = ("gps_altitude", "baro_setting")  # channels that no residual of a record needs
+BESIDE = ("gps_altitude", "baro_setting", "ground_speed")  # channels that no residual of a record needs
 # Mach numbers beyond which a temperature that is computed from a total one would divide by little.
 LEAST_MACH, MOST_MACH = 0.0, 1.0
 
@@ -47,6 +47,11 @@ class Seconds:
         """Pressures and temperature, (n,) each."""
         return self.record.air
 
+    def taken(self, rows: slice) -> Seconds:
+        """Return some of the seconds."""
+        record = self.record.taken(rows)
+        return replace(self, record=record, channels={name: values[rows] for name, values in self.channels.items()})
+
     def with_channels(self, channels: Mapping[str, FloatArray]) -> Seconds:
         """Return the seconds with other values of some channels."""
         changed = {name: values for name, values in channels.items() if name in self.channels}
@@ -73,6 +78,8 @@ def seconds_of(log: FlightLog) -> Seconds | None:
             channels[name] = over_seconds(log.channels[name].values, seconds, n, expected)
     if not channels.keys() >= GROUND_VELOCITY:  # one component alone is no velocity
         channels = {name: values for name, values in channels.items() if name not in GROUND_VELOCITY}
+    else:
+        channels.pop("ground_speed", None)  # the size of what is weighed
     if "tas" not in channels or not {"altitude", "p_static"} & channels.keys():
         return None
     averaged = np.sqrt(max(1.0, log.rate_hz))

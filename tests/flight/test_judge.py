@@ -10,21 +10,30 @@ from typing import Any
 
 import numpy as np
 import pytest
-from made_journeys import made_journey
+from made_journeys import WIND, made_journey
 
 from bfi_cli.faults import parse_spec
 from bfi_cli.flight import lines
 from bfi_cli.flight.bench import Bench, bench_of, place_of, run_place
 from bfi_cli.flight.fit import fitted_levels
 from bfi_cli.flight.gross import gross_errors, swings_of
-from bfi_cli.flight.judge import Judgement, explains, is_on_ground, is_set, judge, ordinary_of, rows_of
+from bfi_cli.flight.judge import (
+    Judgement,
+    explains,
+    is_on_ground,
+    is_set,
+    judge,
+    judge_spans,
+    ordinary_of,
+    rows_of,
+)
 from bfi_cli.flight.lines import rests_about
 from bfi_cli.flight.model import FlightModel, flight_model
-from bfi_cli.flight.seconds import seconds_of
+from bfi_cli.flight.seconds import filled, seconds_of
 from bfi_cli.flight.tables import LEVELS
 from bfi_cli.flight.weighing import DECLARED
 from bfi_cli.flight.weight import ALIKE, beside
-from bfi_cli.flightlog import FlightLog
+from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels.bounded_filter import Stack, filter_stack
@@ -127,6 +136,75 @@ def test_a_static_temperature_follows_the_airspeed_that_it_is_made_of(journey: F
     assert leak.shares["sat"] < weight.shares["sat"] + ALIKE
 
 
+@pytest.mark.first_rows(1)
+def test_a_static_temperature_refutes_no_line_whose_airspeed_stays_out_until_its_end(journey: FlightLog) -> None:
+    """What is read there is told by the fault, not by a straight line to what is read after it."""
+    end_s = ONSET_S + 120.0
+    log = inject(journey, [parse_spec(f"static_blocked,onset_s={ONSET_S},offset_s={end_s}")])
+    out = (log.time_s > end_s - 40.0) & (log.time_s < end_s)
+    tas = replace(log.channel("tas"), values=frozen_array(np.where(out, np.nan, log.channel("tas").values)))
+    judgement = judge(bench_of(model_of(replace(log, channels={**log.channels, "tas": tas}))), ONSET_S, end_s)
+    assert judgement is not None
+    assert judgement.weights[0].fault == "static_blocked"
+    assert judgement.weights[0].shares["sat"] > -ALIKE
+
+
+def with_ground_speed_alone(log: FlightLog) -> FlightLog:
+    """Return a log whose ground velocity is a ground speed, without its direction."""
+    north, east = (log.channel(name) for name in ("velocity_north", "velocity_east"))
+    size = replace(north, name="ground_speed", values=frozen_array(np.hypot(north.values, east.values)))
+    kept = {name: channel for name, channel in log.channels.items() if not name.startswith("velocity")}
+    return replace(log, channels={**kept, "ground_speed": size, "yaw": heading_of(log)})
+
+
+def heading_of(log: FlightLog) -> Channel:
+    north, east = (log.channel(name) for name in ("velocity_north", "velocity_east"))
+    through_air = np.arctan2(east.values - WIND[1], north.values - WIND[0])
+    return replace(log.channel("roll"), name="yaw", values=frozen_array(through_air))
+
+
+@pytest.mark.first_rows(1)
+def test_a_ground_speed_tells_the_airspeed_by_the_heading_where_no_track_is_recorded(journey: FlightLog) -> None:
+    healthy = with_ground_speed_alone(journey)
+    model = model_of(healthy)
+    assert "ground_speed" in model.rows
+    assert model.frame.wind == pytest.approx(WIND, abs=0.5)
+    track = np.arctan2(*(filled(model_of(journey).seconds.channels[f"velocity_{to}"]) for to in ("east", "north")))
+    flown = model.frame.airborne
+    assert np.abs(np.angle(np.exp(1j * (model.coefficients.track - track))))[flown].max() < 0.05
+    log = with_ground_speed_alone(inject(journey, [parse_spec(f"pitot_blocked,onset_s={ONSET_S}")]))
+    judgement = judge(bench_of(model_of(log)), ONSET_S, None)
+    assert judgement is not None
+    assert judgement.weights[0].fault == "pitot_blocked"
+    assert judgement.weights[0].shares["ground_speed"] > -ALIKE
+
+
+@pytest.mark.first_rows(1)
+def test_the_steps_of_an_altitude_refute_no_trapped_tube(journey: FlightLog) -> None:
+    """Its static pressure is that of the height that is flown: a transponder's altitude is recorded in 100 ft."""
+    log = inject(journey, [parse_spec(f"pitot_blocked,onset_s={ONSET_S},offset_s=560")])
+    altitude = log.channel("altitude")
+    steps = np.round(altitude.values / 30.48) * 30.48
+    coarse = replace(altitude, values=frozen_array(steps))
+    kept = {name: log.channels[name] for name in ("tas", "tat", "pitch", "roll", "velocity_north", "velocity_east")}
+    judgement = judge(bench_of(model_of(replace(log, channels={**kept, "altitude": coarse}))), ONSET_S, 560.0)
+    assert judgement is not None
+    assert judgement.weights[0].fault == "pitot_blocked"
+    assert judgement.weights[0].dispersion < 2.0
+
+
+@pytest.mark.slow
+def test_spans_of_one_place_are_judged_on_the_same_samples(with_fault: Callable[[str], Bench]) -> None:
+    """A fault without its end gains what no ordinary cause may explain there: with the ordinary it is worth less."""
+    bench = with_fault(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S},offset_s=520")
+    (with_end, ordinary), (without, beside) = judge_spans(bench, [(ONSET_S, 520.0), (ONSET_S, None)])
+    same = judge(bench, ONSET_S, 520.0)
+    assert same is not None
+    assert with_end.weights[0].margin == pytest.approx(same.weights[0].margin)
+    assert with_end.weights[0].margin + ordinary > without.weights[0].margin + beside + DECLARED
+    assert judge_spans(bench, [(1e4, None)]) == []
+
+
 @pytest.mark.parametrize("lag_s", [0.0, lines.THERMOMETER_S, None])
 @pytest.mark.parametrize("fault", ["pitot_leak", "pitot_icing", "static_leak"])
 def test_a_line_that_loses_nothing_leaves_the_temperature_as_it_is(
@@ -149,10 +227,10 @@ def test_a_trapped_pressure_strays_from_itself_once_and_never_twice(strays: int,
     pressure[200 : 200 + strays] += 10.0
     air = SimpleNamespace(p_total=pressure, p_static=9e4 + 50.0 * np.arange(400.0))
     frame = SimpleNamespace(airborne=np.ones(400, dtype=bool))
-    seconds, rows = SimpleNamespace(air=air), ("tas", "altitude")
-    bench: Any = SimpleNamespace(
-        model=SimpleNamespace(n=400, time_s=np.arange(400.0), rows=rows, frame=frame, seconds=seconds)
-    )
+    seconds, rows = SimpleNamespace(air=air, rounding={}), ("tas", "altitude")
+    c = SimpleNamespace(height=np.zeros(400))
+    model = SimpleNamespace(n=400, time_s=np.arange(400.0), rows=rows, frame=frame, seconds=seconds, coefficients=c)
+    bench: Any = SimpleNamespace(model=model)
     assert [*rests_about(bench, 150.0)] == [("pitot_blocked", 100.0, until_s)]
 
 

@@ -132,7 +132,10 @@ class Record:
 
     def between(self, from_s: float, to_s: float) -> Record:
         """Return the seconds of a window, with the air data of these where they are known already."""
-        rows = slice(*np.searchsorted(self.time_s, (from_s, to_s)).tolist())
+        return self.taken(slice(*np.searchsorted(self.time_s, (from_s, to_s)).tolist()))
+
+    def taken(self, rows: slice) -> Record:
+        """Return some of the seconds, see `between`."""
         part = replace(
             self,
             time_s=self.time_s[rows],

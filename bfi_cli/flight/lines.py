@@ -359,7 +359,7 @@ def _corrected(place: Place, fault: str, course: FloatArray) -> FlightModel:
         channels = {name: filled(seconds.channels[name]).copy() for name in names}
         for values in channels.values():
             values[inside] = np.where(place.during, smoothed(values, 9)[inside] * share, values[inside])
-    return model.of_seconds(seconds.with_channels(channels), around)
+    return model.about_seconds(seconds.with_channels(channels), around)
 
 
 def _airspeed_rows(model: FlightModel) -> list[tuple[str, int]]:

@@ -168,7 +168,7 @@ class FlightModel:
     def start_covariance(self) -> FloatArray:
         return np.diag([STATES[name].start ** 2 for name in self.states])
 
-    def of_seconds(self, seconds: Seconds, part: slice) -> FlightModel:
+    def about_seconds(self, seconds: Seconds, part: slice) -> FlightModel:
         """Return the model of a part of the flight, of other seconds than recorded, linear about these."""
         return _model(seconds, replace(self.frame, airborne=self.frame.airborne[part]), self.rows)
 

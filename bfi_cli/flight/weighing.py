@@ -20,6 +20,7 @@ from .bench import AFTER_S, Bench, bench_of, place_of
 from .flight import Flight
 from .gross import FEWEST_S, Gross, gross_errors, swings_of
 from .judge import (
+    AFTER_END_S,
     BEFORE_NEXT_S,
     FROZEN,
     REFERENCES,
@@ -30,6 +31,7 @@ from .judge import (
     is_on_ground,
     is_set,
     judge,
+    judge_spans,
     ordinary_of,
     rows_of,
     weights_of_channel,
@@ -131,9 +133,9 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     events, returns = _placed_events(flight, bench, events, swinging, gains)
     answers: list[Event | OrdinaryEvent | Note] = list(events)
     # What is certain is in the model before the rest is weighed, what finders hold so first, in the order of time; a
-    # line is before a channel about its onset, which may be its own.
+    # line is before a channel about its onset, which may be its own, and one that is seen to rest before any other.
     order = [k for k, event in enumerate(events) if _can_be_weighed(event)]
-    earlier_s = {k: APART_S if _line(events[k]) else 0.0 for k in order}
+    earlier_s = {k: APART_S * (bool(_line(events[k])) + ("holds" in events[k].stages)) for k in order}
     seen_s = {k: returns.get(k, events[k].onset_s) for k in order}
     order.sort(key=lambda k: (events[k].state != "declared", events[k].stages == (MODEL,), seen_s[k] - earlier_s[k]))
     for k in order:
@@ -170,10 +172,20 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
     for k, event in enumerate(events):
         if event.beyond_tolerance is False and _is_course(event):
             answers[k] = _weighed_deviation(bench, event, known, flight.to_s)
+        cause = next((cause for cause in known if _is_its_jump(event, cause)), None)
+        if cause is not None:
+            answers[k] = _after(event, cause)
     gains = gains if bench is unweighed else change_gains(bench)
     stand = [*swinging, *(answer for answer in answers if isinstance(answer, Event))]
     late = _weighed_again(flight, bench, stand, causes, known, gains)
     return _weighing(flight, bench, (*swinging, *answers, *late), gains)
+
+
+def _is_its_jump(event: Event, known: Event) -> bool:
+    """Return whether a channel jumps out where a line that it is made of fails, or comes back."""
+    if event.shape != "spikes" or not _line(known) or not {*event.channels} <= {*known.channels}:
+        return False
+    return any(-1.0 <= event.onset_s - at_s <= AFTER_END_S for at_s in (known.onset_s, known.until_s))
 
 
 def _weighed_again(
@@ -250,12 +262,14 @@ def _swinging_events(flight: Flight, bench: Bench, events: Sequence[Event]) -> I
 
 def _sudden_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[Event]:
     """Yield a suspected pitot line where the wind would change at once and no event is: fronts take some seconds."""
+    events = list(events)
     for at_s, gain in sudden_winds(bench, flight.phases, gains):
         if not _is_about(at_s, events) and place_of(bench, at_s, None, flight.to_s) is not None:
             loss, speed = _proposed(flight, "q_impact", at_s, {"ground_speed": gain}), bench.model.coefficients.airspeed
             at = int(np.searchsorted(bench.model.time_s, at_s))
             before, after = speed[max(at - SIZED_S, 0)], speed[min(at + SIZED_S, bench.model.n - 1)]
-            yield replace(loss, magnitude=float((after / before) ** 2 - 1.0), unit="1")
+            events.append(replace(loss, magnitude=float((after / before) ** 2 - 1.0), unit="1"))
+            yield events[-1]
 
 
 def _sudden_errors(flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[Event]:
@@ -430,6 +444,8 @@ def _weighed(
         seen = _judgement(bench, event, event.window_s[1])
         if seen is not None and (judgement is None or _most(seen, event) > _most(judgement, event)):
             judgement = seen
+    if judgement is not None and "holds" in event.stages:
+        event, judgement = _where_it_is_trapped(bench, event, judgement, until_s)
     weights = [] if judgement is None else _weights(judgement, event)
     if judgement is None or not weights:
         return event
@@ -439,7 +455,7 @@ def _weighed(
         if _would_be_renamed(there, moved):
             return _renamed(bench, moved, there.weights[0], there.among, until_s)
         # What holds exactly is placed by its finder, under its own name.
-        if would_be_renamed and not EXACT & {*event.stages}:
+        if not {*event.stages} <= EXACT:
             event, judgement = moved, there
     weight, best = _best_as_named(judgement, event), judgement.weights[0]
     going_on = (fault for fault in known_faults if fault.fault == best.fault and fault.onset_s < event.onset_s)
@@ -477,7 +493,7 @@ def _would_be_renamed(judgement: Judgement, event: Event) -> bool:
     """Return whether another fault explains the place of what is declared clearly better than its finder's name."""
     best = judgement.weights[0]
     as_named = _margin_as_named(judgement, event, _best_as_named(judgement, event))
-    may_be_renamed = _may_be_renamed(event, best.fault) and event.state == "declared"
+    may_be_renamed = _may_be_renamed(event, best, as_named) and event.state == "declared"
     # What neither course describes speaks for neither: log densities over their dispersion.
     return may_be_renamed and best.margin > max(DECLARED, as_named + DECLARED * best.dispersion)
 
@@ -515,6 +531,24 @@ def _where_it_begins(bench: Bench, event: Event, judgement: Judgement, until_s: 
             break
         event, judgement = moved, there
     return event, judgement
+
+
+def _where_it_is_trapped(bench: Bench, event: Event, judgement: Judgement, until_s: float) -> tuple[Event, Judgement]:
+    """Return a line that is seen to rest with the interval in which it is trapped: in calm flight it rests before.
+
+    From where it is seen to rest it is placed to where the flight contradicts that.
+    """
+    weights = _weights(judgement, event)
+    timing = timing_of(bench, weights[0], event.onset_s, event.offset_s, until_s=until_s) if weights else None
+    if timing is None or timing.weight.refused or timing.weight.margin <= DECLARED:
+        return event, judgement
+    (earliest_s, latest_s), (first_s, last_s) = event.onset_ci95, timing.onset_ci95
+    event = replace(event, onset_ci95=(min(earliest_s, first_s), max(latest_s, last_s)))
+    if _most(judgement, event) > DECLARED:
+        return event, judgement
+    moved = replace(event, onset_s=timing.onset_s)
+    there = _judgement(bench, moved, until_s)
+    return (event, judgement) if there is None else (moved, there)
 
 
 def _margin_as_named(judgement: Judgement, event: Event, weight: Weight) -> float:
@@ -569,17 +603,21 @@ def _most(judgement: Judgement, event: Event) -> float:
     return max((weight.margin for weight in _weights(judgement, event) if not weight.refused), default=-np.inf)
 
 
-def _may_be_renamed(event: Event, fault: str) -> bool:
+def _may_be_renamed(event: Event, best: Weight, as_named: float) -> bool:
     """Return whether the model may call an event another fault than its finder does.
 
-    A line that is seen to rest or to run out is named by its own physics, and of an equation between air data the
+    A line that is seen to rest or to run out is named by its own physics, unless the flight does not bear that out and
+    another fault of a line describes it, and of an equation between air data the
     channels that break it are known; what only fits best may be another that the model knows of. A receiver of
     satellites errs so rarely that it stays one of a set unless its finder names it first.
     """
-    if "holds" in event.stages or event.shape == "frozen" or (fault in REFERENCES and fault != event.fault):
+    fault, is_line = best.fault, any(best.fault in line for line in LINES)
+    if event.shape == "frozen" or (fault in REFERENCES and fault != event.fault):
         return False
+    if "holds" in event.stages:
+        return is_line and as_named < DECLARED and best.dispersion < UNDESCRIBED
     if event.stages == (MODEL,):
-        return any(fault in line for line in LINES)  # of all channels it proposed the best
+        return is_line  # of all channels it proposed the best
     return fault in event.among or not EXACT & {*event.stages}
 
 
@@ -663,18 +701,23 @@ def _as_trapped(bench: Bench, event: Event, until_s: float) -> Event:
     rests = () if "holds" in event.stages else tuple(rests_about(bench, event.onset_s))
     if not rests or not {*event.channels} & DEPENDS_ON.keys():
         return event
-    judgement, trapped = _judgement(bench, event, until_s), event
-    best = DECLARED if judgement is None else max(DECLARED, judgement.weights[0].margin)
+    gain, trapped = 0.0, event
     for fault, from_s, to_s in rests:
         rest = replace(event, fault=fault, among=(fault,), onset_s=from_s, offset_s=to_s)
-        there = _judgement(bench, rest, until_s)
-        if there is None or there.weights[0].fault != fault or there.weights[0].margin <= best:
+        spans = [(each.onset_s, each.offset_s) for each in (event, rest)]
+        judgements = judge_spans(bench, spans, until_s=until_s, named=event.among)
+        if not judgements:
             continue
-        timing = timing_of(bench, there.weights[0], from_s, to_s, until_s=until_s)
+        (as_proposed, ordinary), (there, beside) = judgements
+        weight = there.weights[0]
+        more = weight.margin + beside - max(DECLARED, as_proposed.weights[0].margin) - ordinary
+        if weight.fault != fault or weight.margin <= DECLARED or more <= gain:
+            continue
+        timing = timing_of(bench, weight, from_s, to_s, until_s=until_s)
         if timing is not None:
             # A line may rest before the flight contradicts it.
             within = min(from_s - 1.0, timing.onset_ci95[0]), timing.onset_ci95[1]
-            best, trapped = there.weights[0].margin, _timed(bench, rest, replace(timing, onset_ci95=within))
+            gain, trapped = more, _timed(bench, rest, replace(timing, onset_ci95=within))
     return trapped
 
 

@@ -222,7 +222,8 @@ def _holds_of(
         if why:
             untold.append((float(lines.time_s[first]), float(lines.time_s[last + stretches.n - 1]), why))
             continue
-        end_s = lines.offset_s(edge_of(lines, line, last + stretches.n // 2, 1), to_s)
+        last_s = lines.offset_s(edge_of(lines, line, last + stretches.n // 2, 1), to_s)
+        end_s = None if last_s is None else last_s + 0.5 * lines.step_s  # over with its last block
         left_s = float(lines.time_s[onset])
         if findings and (findings[-1].offset_s is None or left_s <= findings[-1].offset_s):
             # The line goes on beyond stretches in which noise hid it.

@@ -234,7 +234,7 @@ def error_of(channel: str, size: float, units: Units) -> str:
 
 def second(time_s: float | None) -> str:
     """Return a time in s to a tenth, "-" for None."""
-    return "-" if time_s is None else instant(round(time_s, 1))
+    return "-" if time_s is None else instant(round(round(time_s, 6), 1))  # the last bit turns no tie
 
 
 def channel_of(fault: str) -> str:

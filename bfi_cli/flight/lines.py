@@ -139,10 +139,9 @@ def rests_about(bench: Bench, at_s: float) -> Iterator[tuple[str, float, float]]
     for fault, pressure in ((PITOT_BLOCKED, air.p_total), (STATIC_BLOCKED, air.p_static)):
         values, stretches = filled(pressure), set()
         flown = values[model.frame.airborne]
-        step_pa = model.seconds.rounding.get("altitude", 0.0) * float(np.median(_metre_pa(model.coefficients.height)))
         # Of flight as it usually is and as it is at its calmest, between which the noise of a trapped line lies.
         for quiet in (0.5, 0.05):
-            noise = np.hypot(noise_of_second_differences(flown, 2 * REFERENCE_S, quiet), step_pa / np.sqrt(12.0))
+            noise = noise_of_second_differences(flown, 2 * REFERENCE_S, quiet)
             for second in (at - REFERENCE_S, at, at + REFERENCE_S):
                 level = np.median(values[max(second - COURSE_S // 2, 0) : second + COURSE_S // 2 + 1])
                 away = np.abs(values - level) > STRAYS * noise

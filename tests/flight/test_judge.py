@@ -227,10 +227,10 @@ def test_a_trapped_pressure_strays_from_itself_once_and_never_twice(strays: int,
     pressure[200 : 200 + strays] += 10.0
     air = SimpleNamespace(p_total=pressure, p_static=9e4 + 50.0 * np.arange(400.0))
     frame = SimpleNamespace(airborne=np.ones(400, dtype=bool))
-    seconds, rows = SimpleNamespace(air=air, rounding={}), ("tas", "altitude")
-    c = SimpleNamespace(height=np.zeros(400))
-    model = SimpleNamespace(n=400, time_s=np.arange(400.0), rows=rows, frame=frame, seconds=seconds, coefficients=c)
-    bench: Any = SimpleNamespace(model=model)
+    seconds, rows = SimpleNamespace(air=air), ("tas", "altitude")
+    bench: Any = SimpleNamespace(
+        model=SimpleNamespace(n=400, time_s=np.arange(400.0), rows=rows, frame=frame, seconds=seconds)
+    )
     assert [*rests_about(bench, 150.0)] == [("pitot_blocked", 100.0, until_s)]
 
 

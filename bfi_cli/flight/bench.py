@@ -177,10 +177,6 @@ class Place:
         """Return the part for a fault that begins, and ends, at other seconds of it, by default at once."""
         return replace(self, onset=onset, offset=offset, jumps=jumps)
 
-    def second(self, at_s: float) -> int:
-        """Return the second of the part that a time is nearest to."""
-        return int(np.searchsorted(self.bench.model.time_s, at_s - 0.5, side="right")) - self.first
-
     def until(self, n: int) -> Place:
         """Return the first seconds of the part."""
         n = min(n, self.n)
@@ -238,7 +234,7 @@ def place_of(
     last = int(np.flatnonzero(model.frame.airborne)[-1]) + 1
     offset, end = None, at + AFTER_S
     if offset_s is not None and offset_s - onset_s <= LONGEST_S:
-        offset = int(np.searchsorted(model.time_s, offset_s - 0.5, side="right"))
+        offset = model.second(offset_s)
         end = offset + AFTER_END_S
     end = min(end, last, int(np.searchsorted(model.time_s, until_s)))
     if offset is None:

@@ -117,7 +117,7 @@ def judge_spans(
         return []
     answers = []
     for span in spans:
-        onset, end = (None if at_s is None else place.second(at_s) for at_s in span)
+        onset, end = (None if at_s is None else bench.model.second(at_s) - place.first for at_s in span)
         assert onset is not None
         at = place.at(onset, None if end is None or end >= place.n else end, jumps=JUMP_S)
         ordinary = ordinary_of(at)

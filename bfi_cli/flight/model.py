@@ -140,6 +140,10 @@ class FlightModel:
     def time_s(self) -> FloatArray:
         return self.seconds.time_s
 
+    def second(self, at_s: float) -> int:
+        """Return the first second that ends after a time."""
+        return int(np.searchsorted(self.time_s, at_s - 0.5, side="right"))
+
     def transition(self) -> Transition:
         """Return the transition of the states within a second."""
         decay = np.array([np.exp(-1.0 / STATES[name].memory_s) for name in self.states])

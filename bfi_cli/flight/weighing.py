@@ -606,10 +606,10 @@ def _most(judgement: Judgement, event: Event) -> float:
 def _may_be_renamed(event: Event, best: Weight, as_named: float) -> bool:
     """Return whether the model may call an event another fault than its finder does.
 
-    A line that is seen to rest or to run out is named by its own physics, unless the flight does not bear that out and
-    another fault of a line describes it, and of an equation between air data the
-    channels that break it are known; what only fits best may be another that the model knows of. A receiver of
-    satellites errs so rarely that it stays one of a set unless its finder names it first.
+    A line that is seen to rest or to run out is named by its own physics, unless the flight bears out another fault of
+    a line alone; and of an equation between air data the channels that break it are known. What only fits best may be
+    another that the model knows of. A receiver of satellites errs so rarely that it stays one of a set unless its
+    finder names it first.
     """
     fault, is_line = best.fault, any(best.fault in line for line in LINES)
     if event.shape == "frozen" or (fault in REFERENCES and fault != event.fault):

@@ -193,6 +193,23 @@ def test_the_steps_of_an_altitude_refute_no_trapped_tube(journey: FlightLog) -> 
     assert judgement.weights[0].dispersion < 2.0
 
 
+@pytest.mark.parametrize("fault", ["pitot_icing", "static_leak", "static_blocked"])
+def test_what_a_line_would_show_at_a_place_is_that_of_the_whole_flight(
+    monkeypatch: pytest.MonkeyPatch, healthy: Bench, fault: str
+) -> None:
+    place = place_of(healthy, 280.0, 290.0)
+    assert place is not None
+    course = 1e-3 * np.arange(place.n)
+    course += healthy.model.coefficients.height[place.part] if fault == "static_blocked" else 0.0
+    about = lines._corrected(place, fault, course)
+    y, Z = about.y[place.inside], about.Z[place.inside]
+    assert about.n < healthy.model.n
+    monkeypatch.setattr("bfi_cli.flight.bench.SMOOTHED_S", healthy.model.n)
+    whole = lines._corrected(place, fault, course)
+    np.testing.assert_allclose(y, whole.y[place.inside], rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(Z, whole.Z[place.inside], rtol=0.0, atol=1e-9)
+
+
 @pytest.mark.slow
 def test_spans_of_one_place_are_judged_on_the_same_samples(with_fault: Callable[[str], Bench]) -> None:
     """A fault without its end gains what no ordinary cause may explain there: with the ordinary it is worth less."""

@@ -225,3 +225,62 @@ def test_a_place_is_moved_until_it_rests_within_three_seconds_and_no_more_than_s
 @pytest.mark.parametrize(("behind", "names"), [(2.30, ("tas", "pitch")), (2.31, ("tas",))])
 def test_faults_are_alike_within_ten_to_one(behind: float, names: tuple[str, ...]):
     assert says(weight(), weight("pitch", margin=100.0 - behind)).among == names
+
+
+def held_line(fault: str, channel: str) -> Event:
+    """Return a line that is seen to rest from 500 to 700 s."""
+    line = replace(event_of(fault, AT_S, "declared"), shape=fault, stages=("holds",), channels=(channel,))
+    return replace(line, offset_s=AT_S + 200.0)
+
+
+@pytest.mark.parametrize(("before", "onset_s"), [(25.0, AT_S), (15.0, AT_S + 45.0)])
+def test_a_line_that_rests_in_calm_flight_is_placed_where_it_is_trapped(weighed: Any, before: float, onset_s: float):
+    """Where the flight bears out that it rests from where it is seen to, it begins there, or as late as it may."""
+    line = weight("pitot_blocked", growth_s=None)
+
+    def at(onset_s: float) -> Judgement:
+        return says(line if onset_s > AT_S else replace(line, margin=before))
+
+    trapped = Timing(onset_s=AT_S + 45.0, onset_ci95=(AT_S + 43.0, AT_S + 47.0), offset_s=None, weight=line)
+    model = Model(judgement=at, timing=lambda onset_s: trapped)
+    (event,) = weighed(model, [held_line("pitot_blocked", "tas")]).events
+    assert (event.state, event.onset_s, event.onset_ci95) == ("declared", onset_s, (AT_S, AT_S + 47.0))
+    assert event.offset_s == AT_S + 200.0
+
+
+@pytest.mark.parametrize(
+    ("as_named", "best", "dispersion", "name"),
+    [
+        (19.0, "pitot_blocked", 3.9, "pitot_blocked"),
+        (21.0, "pitot_blocked", 3.9, "static_leak"),
+        (19.0, "pitot_blocked", 4.1, "static_leak"),
+        (19.0, "tas", 3.9, "static_leak"),
+    ],
+)
+def test_a_line_that_runs_out_is_another_where_the_flight_bears_out_that_alone(
+    weighed: Any, as_named: float, best: str, dispersion: float, name: str
+):
+    rival = weight(best, margin=200.0, growth_s=None if best == "pitot_blocked" else 0.0, dispersion=dispersion)
+    both = says(rival, weight("static_leak", margin=as_named, growth_s=None))
+    (event,) = weighed(Model(judgement=lambda onset_s: both), [held_line("static_leak", "tas")]).events
+    assert event.fault == name
+
+
+def test_a_line_that_is_seen_to_rest_is_known_before_what_only_fits_as_well(weighed: Any):
+    """Ice that a slower finder places a minute before it is what the line shows, and no fault of its own."""
+    line = weight("pitot_blocked", growth_s=None)
+    model = Model(judgement=lambda onset_s: says(line, weight("pitot_icing", margin=90.0, growth_s=None)))
+    ice = replace(event_of("pitot_icing", AT_S - 10.0, "declared"), channels=("tas",))
+    (event,) = weighed(model, [ice, held_line("pitot_blocked", "tas")]).events
+    assert event.fault == "pitot_blocked"
+
+
+@pytest.mark.parametrize(("after_s", "stands"), [(-1.1, True), (-0.9, False), (9.9, False), (10.1, True)])
+@pytest.mark.parametrize("limit_s", [AT_S, AT_S + 200.0])
+def test_what_jumps_out_where_a_line_fails_or_comes_back_is_of_the_line(
+    weighed: Any, limit_s: float, after_s: float, stands: bool
+):
+    model = Model(judgement=lambda onset_s: says(weight("static_blocked", growth_s=None)))
+    spike = replace(event_of("altitude", limit_s + after_s, "declared"), shape="spikes")
+    events = weighed(model, [held_line("static_blocked", "altitude"), spike]).events
+    assert len(events) == (2 if stands else 1)

@@ -117,7 +117,8 @@ def line_weights(place: Place, ordinary: Ordinary, named: Collection[str] = ()) 
     best: dict[str, Weight] = {}
 
     def weigh(laws: Sequence[Law]) -> None:
-        shocks = np.stack([beside(place, ordinary, shown_rows(model, law.fault)) for law in laws], axis=1)
+        # A layer of other air is no rival of a line: it moves the temperature alone.
+        shocks = np.stack([beside(place, ordinary, _moved_rows(model, law.fault)) for law in laws], axis=1)
         for weight in weights_of_laws([(law, place) for law in laws], ordinary, shocks=shocks):
             if weight.fault not in best or _rank(weight) > _rank(best[weight.fault]):
                 best[weight.fault] = weight
@@ -247,8 +248,13 @@ def weights_of_laws(
 
 def shown_rows(model: FlightModel, fault: str) -> list[str]:
     """Return the rows of what a fault of a line changes."""
+    return [*_moved_rows(model, fault), *(["sat"] if "sat" in model.rows else [])]
+
+
+def _moved_rows(model: FlightModel, fault: str) -> list[str]:
+    """Return the rows of the airspeeds and heights that a line makes wrong."""
     heights = ("altitude", "altitude_rate") if fault in (STATIC_LEAK, STATIC_BLOCKED) else ()
-    return [name for name in (*AIRSPEED_ROWS, "sat", *heights) if name in model.rows]
+    return [name for name in (*AIRSPEED_ROWS, *heights) if name in model.rows]
 
 
 def _refused(fault: str, size: float) -> str:

@@ -424,13 +424,10 @@ def _model(seconds: Seconds, frame: Frame, rows: tuple[str, ...] = ()) -> Flight
     rows, n = tuple(enough), seconds.time_s.size
     y, Z = np.full((n, len(rows)), np.nan), np.zeros((n, len(rows), len(states)))
     steep = np.abs(c.bank) > STEEP
-    by_speed = -2.0 * c.lift_slope * c.load_factor / c.airspeed
     for j, name in enumerate(rows):
         values = enough[name]
-        if name == "aoa":
-            values = values + by_speed * c.airspeed
-        elif name == "pitch":
-            values = values + c.cos_bank * by_speed * c.airspeed
+        if name in ("aoa", "pitch"):  # linear about the airspeed
+            values = values + loads[name]["airspeed"] * c.airspeed
         if name in ("pitch", "normal_acc"):
             values = np.where(steep, np.nan, values)
         y[:, j] = np.where(frame.airborne, values, np.nan)

@@ -101,7 +101,7 @@ class Row:
 
     channel: str
     level: str
-    widened: str
+    widened: str = ""
     plausible: float
     loads: Callable[[Coefficients], Loads]
 
@@ -292,69 +292,58 @@ def _pitch(c: Coefficients) -> Loads:
     }
 
 
+def _height(c: Coefficients) -> Loads:
+    return {"height": 1.0, "setting": 1.0, "position_error": c.position_m, "lag_altitude": -c.rates["altitude"]}
+
+
 # Each row is weighed given those above it: what no pressure moves comes first, so that an error of a line is the
 # line's.
 ROWS: Mapping[str, Row] = {
-    "gps_altitude": Row(
-        channel="gps_altitude",
-        level="gps_altitude",
-        widened="",
-        plausible=2000.0,
-        loads=lambda c: {"height": 1.0, "gps_offset": 1.0, "gps_scale": c.height - c.middle},
-    ),
-    "velocity_north": Row(channel="velocity_north", level="velocity", widened="", plausible=100.0, loads=_north),
-    "velocity_east": Row(channel="velocity_east", level="velocity", widened="", plausible=100.0, loads=_east),
-    "ground_speed": Row(
-        channel="ground_speed",
-        level="velocity",
-        widened="",
-        plausible=100.0,
-        loads=_along,
-    ),
-    "normal_acc": Row(
-        channel="normal_acc",
-        level="normal_acc",
-        widened="activity",
-        plausible=10.0,
-        loads=lambda c: {"climb_rate": 1.0, "load_bias": 1.0},
-    ),
-    "pitch": Row(channel="pitch", level="pitch", widened="activity", plausible=0.6, loads=_pitch),
-    "aoa": Row(channel="aoa", level="aoa", widened="activity", plausible=0.5, loads=_lift),
-    "sat": Row(channel="sat", level="sat", widened="", plausible=60.0, loads=lambda c: {"warmth": 1.0}),
-    "altitude": Row(
-        channel="altitude",
-        level="altitude",
-        widened="activity",
-        plausible=1500.0,
-        loads=lambda c: {
-            "height": 1.0,
-            "setting": 1.0,
-            "position_error": c.position_m,
-            "lag_altitude": -c.rates["altitude"],
-        },
-    ),
-    "altitude_rate": Row(
-        channel="altitude_rate",
-        level="altitude_rate",
-        widened="activity",
-        plausible=30.0,
-        loads=lambda c: {"shown_climb": 1.0, "climb_bias": 1.0},
-    ),
-    "tas": Row(channel="tas", level="tas", widened="gusts", plausible=100.0, loads=lambda c: _airspeed(c, 1.0)),
-    "cas": Row(
-        channel="cas",
-        level="cas",
-        widened="gusts",
-        plausible=100.0,
-        loads=lambda c: {**_airspeed(c, c.cas_share), "cas_scale": c.cas_share * c.slow_airspeed},
-    ),
-    "mach": Row(
-        channel="mach",
-        level="mach",
-        widened="gusts",
-        plausible=0.3,
-        loads=lambda c: {**_airspeed(c, 1.0), "mach_scale": c.slow_airspeed},
-    ),
+    row.channel: row
+    for row in (
+        Row(
+            channel="gps_altitude",
+            level="gps_altitude",
+            plausible=2000.0,
+            loads=lambda c: {"height": 1.0, "gps_offset": 1.0, "gps_scale": c.height - c.middle},
+        ),
+        Row(channel="velocity_north", level="velocity", plausible=100.0, loads=_north),
+        Row(channel="velocity_east", level="velocity", plausible=100.0, loads=_east),
+        Row(channel="ground_speed", level="velocity", plausible=100.0, loads=_along),
+        Row(
+            channel="normal_acc",
+            level="normal_acc",
+            widened="activity",
+            plausible=10.0,
+            loads=lambda c: {"climb_rate": 1.0, "load_bias": 1.0},
+        ),
+        Row(channel="pitch", level="pitch", widened="activity", plausible=0.6, loads=_pitch),
+        Row(channel="aoa", level="aoa", widened="activity", plausible=0.5, loads=_lift),
+        Row(channel="sat", level="sat", plausible=60.0, loads=lambda c: {"warmth": 1.0}),
+        Row(channel="altitude", level="altitude", widened="activity", plausible=1500.0, loads=_height),
+        Row(
+            channel="altitude_rate",
+            level="altitude_rate",
+            widened="activity",
+            plausible=30.0,
+            loads=lambda c: {"shown_climb": 1.0, "climb_bias": 1.0},
+        ),
+        Row(channel="tas", level="tas", widened="gusts", plausible=100.0, loads=lambda c: _airspeed(c, 1.0)),
+        Row(
+            channel="cas",
+            level="cas",
+            widened="gusts",
+            plausible=100.0,
+            loads=lambda c: {**_airspeed(c, c.cas_share), "cas_scale": c.cas_share * c.slow_airspeed},
+        ),
+        Row(
+            channel="mach",
+            level="mach",
+            widened="gusts",
+            plausible=0.3,
+            loads=lambda c: {**_airspeed(c, 1.0), "mach_scale": c.slow_airspeed},
+        ),
+    )
 }
 
 ALTIMETER_SET, FLAPS, ON_GROUND = "altimeter_set", "flaps", "on_ground"
@@ -365,12 +354,7 @@ MANOEUVRE = {"airspeed": 10.0, "climb": 5.0, "climb_rate": 5.0, "gust": 5.0}
 # found again, a cold layer, and ten clicks of an altimeter's knob.
 ORDINARY: Mapping[str, Cause] = {
     # A draught carries the aircraft with it: it moves the climb, and a pitch that moves alone is none.
-    "wind": Cause(
-        jumps={"wind_north": 8.0, "wind_east": 8.0},
-        unit="m/s",
-        text="the wind changes",
-        is_sought=True,
-    ),
+    "wind": Cause(jumps={"wind_north": 8.0, "wind_east": 8.0}, unit="m/s", text="the wind changes", is_sought=True),
     FLAPS: Cause(
         jumps={"zero_lift": 0.05, "vane_gust": 0.05},
         unit="rad",
@@ -381,17 +365,10 @@ ORDINARY: Mapping[str, Cause] = {
     # A vertical and a directional gyro settle apart: a pitch that errs must not pay for a heading that does not. The
     # second is no error of air data: it is a rival of the others alone.
     "attitude_settles": Cause(
-        jumps={"erection": 0.05},
-        unit="rad",
-        text="the attitude sensor settles",
-        needs=("pitch",),
-        is_sought=True,
+        jumps={"erection": 0.05}, unit="rad", text="the attitude sensor settles", needs=("pitch",), is_sought=True
     ),
     "heading_settles": Cause(
-        jumps={"heading_error": 0.2},
-        unit="rad",
-        text="the heading settles",
-        needs=("velocity_north",),
+        jumps={"heading_error": 0.2}, unit="rad", text="the heading settles", needs=("velocity_north",)
     ),
     "gps_settles": Cause(
         jumps={"gps_offset": 60.0, "gps_scale": 0.02},

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -11,7 +11,6 @@ import numpy as np
 from ..files import EVENTS
 from ..kernels import TWO_SIDED_95
 from ..notes import Note
-from ..quantities.channels import Conversion
 from ..quantities.text import SI, Units, capital, change, duration, instant, number, with_unit
 from ..report.clock import with_clock
 from ..report.content import Block, Curve, Drawing, Panel, ReportContent, Table, curve, shown_notes
@@ -38,11 +37,19 @@ TIMELINE = (
     "analysis came to its threshold (1). Dashed: onsets and ends of declared (red) and suspected (orange) faults. A "
     "fault without an end may last; its correction ends with the window that describes it."
 )
-
 LIMITS = (
     "Drifts of an airspeed, and losses of impact pressure by icing, that the flight excludes at 95 %: those steeper "
     "than the line, by their onset. Dashed: what 95 % of the watched time excludes, and the worst. No line: nothing "
     "bounds them."
+)
+# What could be there unseen: errors, and apart from them how far channels of one sensor may disagree.
+LIMIT_TABLES = (
+    ("error", "limits", "How large a fault could be there unseen, in the stretches that were watched"),
+    (
+        "disagreement",
+        "agreement",
+        "How far channels of one sensor could disagree unseen; it bounds no error that they share",
+    ),
 )
 
 
@@ -110,25 +117,11 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
         tone=result.decision,
         lead=1 if drawings else 0,
         facts=tuple(facts),
-        tables=(
-            *_event_tables("events", "Events", events, units),
-            *_event_tables("deviations", "Small deviations, within the tolerances", result.deviations, units),
-            *_ordinary_table(result.ordinary, units),
-            *_limit_tables(result.limits, units),
-            *proof_tables(result.proved, units),
-            *_unwatched_table(result.unwatched),
-            *phase_table(result.phases),
-        ),
+        tables=tuple(table for table in _tables(result, units) if table.rows),
         drawings=tuple(drawings),
         notes=(
             *(Note.limit(f"missing: {units.sentence(sentence)}") for sentence in result.missing),
-            *(
-                Note(
-                    "method" if event.state == "declared" else "limit", f"{_name(event)}: {units.sentence(event.note)}"
-                )
-                for event in events
-                if event.note
-            ),
+            *(_note(event, units) for event in events if event.note),
             *(Note.advice(f"{_name(event)}: next time, {event.repeat}") for event in events if event.repeat),
             *shown_notes(result.notes, units),
         ),
@@ -140,6 +133,30 @@ def diagnose_content(document: Mapping[str, Any], units: Units = SI, *, where: s
         },
     )
     return with_clock(content.headed(screen), log.clock, start_s=log.start_s, stop_s=log.stop_s)
+
+
+def _tables(result: DiagnoseResult, units: Units) -> Iterator[Table]:
+    """Yield the tables of a diagnosis, those that are empty too."""
+    yield _event_table("events", "Events", result.events, units)
+    yield _event_table("deviations", "Small deviations, within the tolerances", result.deviations, units)
+    yield _ordinary_table(result.ordinary, units)
+    for bounds, name, title in LIMIT_TABLES:
+        yield _limit_table(name, title, [limit for limit in result.limits if limit.bounds == bounds], units)
+    yield from proof_tables(result.proved, units)
+    yield Table(
+        name="unwatched",
+        title="Flight that was not watched",
+        heads=("stretch [s]", "why"),
+        rows=tuple(
+            (f"{instant(round(first))} to {instant(round(last))}", why) for first, last, why in result.unwatched
+        ),
+        times_s=tuple((first, last) for first, last, _ in result.unwatched),
+    )
+    yield from phase_table(result.phases)
+
+
+def _note(event: Event, units: Units) -> Note:
+    return Note("method" if event.state == "declared" else "limit", f"{_name(event)}: {units.sentence(event.note)}")
 
 
 def _zoom(result: DiagnoseResult, drawings: Sequence[Drawing], units: Units) -> tuple[Drawing, ...]:
@@ -171,42 +188,33 @@ def _name(event: Event | FlightLimit | LimitCourse) -> str:
     return event.fault.replace("_", " ")
 
 
-def _magnitude(event: Event, units: Units) -> str:
+def _course_in_words(event: Event, units: Units) -> str:
+    """Return the shape of an event and, where it has one, its magnitude with the 95 % interval of that."""
+    if event.magnitude is None:
+        held = "held" if event.shape.endswith("blocked") else event.shape
+        return f"{event.shape}, {event.count} in all" if event.count else held
     shown = units.of(event.unit, channel=channel_of(event.fault))
-    sd = shown.change(event.sd)
-    value = number(shown.change(event.magnitude), spread=None if sd is None else TWO_SIDED_95 * sd, extra=1)
-    return with_unit(value, shown.unit)
+    spread = None if event.sd is None else TWO_SIDED_95 * (event.sd / shown.factor)
+    values = (event.magnitude, *(event.ci95 or ()))
+    size, *ends = (number(shown.change(value), spread=spread, extra=1) for value in values)
+    between = f" ({' to '.join(ends)})" if ends else ""
+    lasts = "" if event.constant_s is None else f" over {duration(event.constant_s)}"
+    return f"{event.shape} {with_unit(size, shown.unit)}{between}{lasts}"
 
 
-def _interval(event: Event, units: Units) -> str:
-    """Return the 95 % interval of a magnitude in words, "" where none is known."""
-    if event.ci95 is None:
-        return ""
-    shown = units.of(event.unit, channel=channel_of(event.fault))
-    spread = TWO_SIDED_95 * float(shown.change(event.sd) or 0.0)
-    low, high = (number(shown.change(value), spread=spread, extra=1) for value in event.ci95)
-    return f" ({low} to {high})"
-
-
-def _event_tables(name: str, title: str, events: Sequence[Event], units: Units) -> tuple[Table, ...]:
+def _event_table(name: str, title: str, events: Sequence[Event], units: Units) -> Table:
     rows = []
     for event in events:
         low, high = event.onset_ci95
-        among = ", ".join(event.among)
-        lasts = "" if event.constant_s is None else f" over {duration(event.constant_s)}"
         evidence = ", ".join(f"{name} {value:.3g}" for name, value in event.evidence.items())
         effect = ", ".join(f"{name} {error_of(name, value, units)}" for name, value in list(event.effect.items())[:3])
         rows.append(
             (
-                among,
+                ", ".join(event.among),
                 event.state,
                 f"{second(event.onset_s)} ({second(low)} to {second(high)})",
                 "may last" if event.offset_s is None else second(event.offset_s),
-                f"{event.shape} {_magnitude(event, units)}{_interval(event, units)}{lasts}"
-                if event.magnitude is not None
-                else f"{event.shape}, {event.count} in all"
-                if event.count
-                else ("held" if event.shape.endswith("blocked") else event.shape),
+                _course_in_words(event, units),
                 f"{effect} by {instant(round(event.window_s[1]))} s" if effect else "-",
                 "-" if event.p_value is None else f"{event.p_value:.2g}",
                 evidence or "-",
@@ -214,22 +222,21 @@ def _event_tables(name: str, title: str, events: Sequence[Event], units: Units) 
         )
     heads = ("fault (or)", "state", "from [s]", "to [s]", "course (95 %)", "largest error", "p at most", "evidence")
     times_s = tuple((event.onset_s, event.offset_s) for event in events)
-    table = Table(name=name, title=title, heads=heads, rows=tuple(rows), times_s=times_s, last_time=3)
-    return (table,) if rows else ()
+    return Table(name=name, title=title, heads=heads, rows=tuple(rows), times_s=times_s, last_time=3)
 
 
-def _ordinary_table(ordinary: Sequence[OrdinaryEvent], units: Units) -> tuple[Table, ...]:
+def _ordinary_table(ordinary: Sequence[OrdinaryEvent], units: Units) -> Table:
     """Return what looked like a fault and is explained by what happens in any flight."""
     rows = []
     for event in ordinary:
         shown = units.of(event.unit, channel=channel_of(event.looks_like))
         size = "-" if event.magnitude is None else with_unit(number(shown.change(event.magnitude)), shown.unit)
         evidence = ", ".join(f"{name} {value:+.3g}" for name, value in event.evidence.items())
-        times = second(event.from_s), "-" if event.to_s is None else second(event.to_s)
         rows.append(
             (
                 cause_in_words(event.cause),
-                *times,
+                second(event.from_s),
+                second(event.to_s),
                 event.looks_like.replace("_", " ") or "-",
                 size,
                 evidence or ("stated" if event.stated else "-"),
@@ -237,33 +244,24 @@ def _ordinary_table(ordinary: Sequence[OrdinaryEvent], units: Units) -> tuple[Ta
         )
     heads = ("what happens", "from [s]", "to [s]", "looks like", "of", "log density")
     title, times_s = "Ordinary events, no faults", tuple((event.from_s, event.to_s) for event in ordinary)
-    table = Table(name="ordinary", title=title, heads=heads, rows=tuple(rows), times_s=times_s, last_time=2)
-    return (table,) if rows else ()
+    return Table(name="ordinary", title=title, heads=heads, rows=tuple(rows), times_s=times_s, last_time=2)
 
 
-def _limit_tables(limits: Sequence[FlightLimit], units: Units) -> tuple[Table, ...]:
-    """Return what could be there unseen: errors, and apart from them how far channels of one sensor may disagree."""
-    titles = {
-        "error": "How large a fault could be there unseen, in the stretches that were watched",
-        "disagreement": "How far channels of one sensor could disagree unseen; it bounds no error that they share",
-    }
+def _limit_table(name: str, title: str, limits: Sequence[FlightLimit], units: Units) -> Table:
+    """Return what could be there unseen, a row for each fault and shape."""
+    by_fault: dict[tuple[str, str], list[FlightLimit]] = {}
+    for limit in limits:
+        by_fault.setdefault((limit.fault, limit.shape), []).append(limit)
+    worst = map(_worst, by_fault.values())
     heads = ("fault", "shape", "excluded above", "could hide", "stretch [s]", "in 95 %", "growing on", "tolerance")
-    tables = []
-    for bounds, title in titles.items():
-        by_fault: dict[tuple[str, str], list[FlightLimit]] = {}
-        for limit in limits:
-            if limit.bounds == bounds:
-                by_fault.setdefault((limit.fault, limit.shape), []).append(limit)
-        rows = tuple(_limit_row(fault_limits, units) for fault_limits in by_fault.values())
-        worst = map(_worst, by_fault.values())
-        times_s = tuple((limit.from_s, limit.to_s) for limit in worst)
-        if rows:
-            name = "limits" if bounds == "error" else "agreement"
-            columns = (*heads, "within")
-            tables.append(
-                Table(name=name, title=title, heads=columns, rows=rows, times_s=times_s, last_time=len(heads))
-            )
-    return tuple(tables)
+    return Table(
+        name=name,
+        title=title,
+        heads=(*heads, "within"),
+        rows=tuple(_limit_row(fault_limits, units) for fault_limits in by_fault.values()),
+        times_s=tuple((limit.from_s, limit.to_s) for limit in worst),
+        last_time=len(heads),
+    )
 
 
 def _worst(limits: Sequence[FlightLimit]) -> FlightLimit:
@@ -295,24 +293,6 @@ def _limit_row(limits: Sequence[FlightLimit], units: Units) -> tuple[str, ...]:
     )
 
 
-def _unwatched_table(unwatched: Sequence[Sequence[Any]]) -> tuple[Table, ...]:
-    rows = tuple((f"{instant(round(first))} to {instant(round(last))}", str(why)) for first, last, why in unwatched)
-    title, times_s = "Flight that was not watched", tuple((first, last) for first, last, _ in unwatched)
-    table = Table(name="unwatched", title=title, heads=("stretch [s]", "why"), rows=rows, times_s=times_s)
-    return (table,) if rows else ()
-
-
-def _happening(event: Event) -> Happening:
-    """Return the lane of an event; one that lasts ends with the last window that shows it."""
-    return Happening(
-        label=_name(event),
-        state=event.state,
-        onset_s=event.onset_s,
-        offset_s=event.offset_s if event.offset_s is not None else event.seen_until_s,
-        times_s=event.times_s or (),
-    )
-
-
 def _lines(events: Sequence[Event]) -> list[Block]:
     return [
         line for event in events for line in lines_at(event.state, event.times_s or (event.onset_s, event.offset_s))
@@ -320,17 +300,26 @@ def _lines(events: Sequence[Event]) -> list[Block]:
 
 
 def _timeline(result: DiagnoseResult, units: Units) -> Drawing:
-    log, events = result.log, result.events
-    limits = (log.start_s, log.stop_s)
-    lanes = lanes_of(result.phases, (), (), [_happening(event) for event in events], limits=limits)
+    events, limits = result.events, (result.log.start_s, result.log.stop_s)
+    happenings = [
+        Happening(
+            label=_name(event),
+            state=event.state,
+            onset_s=event.onset_s,
+            # One that lasts ends with the last window that shows it.
+            offset_s=event.seen_until_s if event.offset_s is None else event.offset_s,
+            times_s=event.times_s or (),
+        )
+        for event in events
+    ]
+    lanes = lanes_of(result.phases, (), (), happenings, limits=limits)
     bands = (*bands_of(result.phases), *_lines(events))
     panels = [lane_panel(lanes, limits)] if lanes else []
-    wrong = [name for event in events for name in event.channels]
-    airspeeds = [name for name in ("tas", "cas", "ias") if name in result.measured]
-    shown = [name for name in (*airspeeds[:1], "altitude") if name in result.measured]
-    shown += [name for name in dict.fromkeys(wrong) if name in result.measured and name not in shown][:3]
-    for name in shown:
-        panels.append(_channel_panel(result, name, limits, bands, units))
+    measured = result.measured.keys()
+    shown = [*[name for name in ("tas", "cas", "ias") if name in measured][:1], *({"altitude"} & measured)]
+    wrong = dict.fromkeys(name for event in events for name in event.channels)
+    shown += [name for name in wrong if name in measured and name not in shown][:3]
+    panels += [_channel_panel(result, name, limits, bands, units) for name in shown]
     groups: dict[str, list[Curve]] = {"parity": [], "relations": []}
     for strip in result.strips:
         group = "parity" if strip.name.startswith("parity") else "relations"
@@ -357,17 +346,12 @@ def _limits_figure(result: DiagnoseResult, units: Units) -> Drawing:
     panels = []
     for course in result.limit_courses:
         shown = units.of(course.unit, channel=channel_of(course.fault))
-        slopes = shown.changes(course.excluded_above)
-        levels = (
-            ("95 %", float(shown.change(course.mostly) or 0.0)),
-            ("worst", float(shown.change(course.worst) or 0.0)),
-        )
         panels.append(
             Panel(
                 x_label="onset [s]",
                 y_label=f"{_name(course)}\n[{shown.unit}]",
-                curves=(curve("", course.time_s, slopes),),
-                levels=levels,
+                curves=(curve("", course.time_s, shown.changes(course.excluded_above)),),
+                levels=(("95 %", course.mostly / shown.factor), ("worst", course.worst / shown.factor)),
                 log_y=True,
                 bands=tuple(bands_of(result.phases)),
                 x_limits=limits,
@@ -401,26 +385,19 @@ def _channel_panel(
     )
 
 
-def _course_label(course: Course, shown: Conversion) -> str:
-    if course.channel == "pitot_icing":
-        return "loss of\nq_impact [1]"
-    return f"error of\n{course.channel} [{shown.unit}]"
-
-
 def _course_panel(
     result: DiagnoseResult, course: Course, limits: tuple[float, float], bands: tuple[Block, ...], units: Units
 ) -> Panel:
     """Return the course of an event beside its named shape."""
     shown = units.of(course.unit, channel=channel_of(course.channel))
-    time_s, named = course.time_s, result.events[course.event].shape
-    low, high = (shown.changes(getattr(course, end)) for end in ("low", "high"))
-    free = shown.changes(course.free)
+    what = "loss of\nq_impact [1]" if course.channel == "pitot_icing" else f"error of\n{course.channel} [{shown.unit}]"
+    free, low, high, named = map(shown.changes, (course.free, course.low, course.high, course.named))
     return Panel(
         x_label="time [s]",
-        y_label=_course_label(course, shown),
+        y_label=what,
         curves=(
-            curve("of any shape, 95 % band", time_s, free, low=low, high=high),
-            curve(f"as a {named}", time_s, shown.changes(course.named), style="dashed"),
+            curve("of any shape, 95 % band", course.time_s, free, low=low, high=high),
+            curve(f"as a {result.events[course.event].shape}", course.time_s, named, style="dashed"),
         ),
         bands=bands,
         x_limits=limits,
@@ -436,10 +413,8 @@ def _page(result: DiagnoseResult, k: int, units: Units) -> Drawing:
     inside = tuple(band for band in bands if band.high >= low and band.low <= high)
     names = [name for name in event.channels if name in result.measured][:3]
     panels = [_channel_panel(result, name, (low, high), inside, units) for name in names]
-    for course in result.courses:
-        if course.event != k:
-            continue
-        panels.append(_course_panel(result, course, (low, high), inside, units))
+    courses = (course for course in result.courses if course.event == k)
+    panels += [_course_panel(result, course, (low, high), inside, units) for course in courses]
     # The panels above each other have one time axis; its name stands below the last.
     panels[:-1] = [replace(panel, x_label="") for panel in panels[:-1]]
     # A line is held where its pressure scatters least: no bar shows that.

@@ -31,7 +31,8 @@ from .flight import Flight, flight_of
 from .limits import BIN_S, Bounds, bounds_of, hidden_slopes
 from .parity import RESIDUALS, available, configuration_changes
 from .parity.explain import course_for
-from .parity.static_relations import Series, find_oscillation
+from .parity.relation_series import Series
+from .parity.static_relations import find_oscillation
 from .parity.windows import LENGTHS_S
 from .relations import StaticWindows, drafts_at_start
 from .result import Event

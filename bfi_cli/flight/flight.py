@@ -37,8 +37,8 @@ from .parity.calibration import load_air_data
 from .parity.credibility import coarse_positions, credibility_of
 from .parity.holds import Holds, find_holds
 from .parity.record import USED
+from .parity.relation_series import Series, relation_series
 from .parity.sensors import frozen_sensors, sensor_steps, without_frozen
-from .parity.static_relations import Series, relation_series
 from .parity.windows import Window, flight_stretches, overlaps, within
 from .plausibility import Implausible
 from .tables import ORDINARY

@@ -10,7 +10,8 @@ from made_flights import made_flight
 
 from bfi_cli.airdata import impact_pressure_of_mach, relations
 from bfi_cli.airdata.relations import DOMAIN, RELATIONS, Relation, State, relatives
-from bfi_cli.flight.parity.static_relations import WORTH, find_static
+from bfi_cli.flight.parity.relation_series import WORTH
+from bfi_cli.flight.parity.static_relations import find_static
 from bfi_cli.flight.plausibility import implausible_channels
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.defects import RELATIVES

@@ -116,7 +116,12 @@ CONSTANTS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
     ),
     (
         "flight/parity/static_relations.py",
-        ("THRESHOLD", "LEAST_STEPS", "POSITION_ERROR", "UNSEEN_STEPS"),
+        ("THRESHOLD", "LEAST_STEPS"),
+        (PARITY.format("static_relations"), PARITY.format("relation_limits")),
+    ),
+    (
+        "flight/parity/relation_series.py",
+        ("POSITION_ERROR", "UNSEEN_STEPS"),
         (PARITY.format("static_relations"), PARITY.format("relation_limits")),
     ),
     ("flight/parity/explain.py", ("RARER",), (PARITY.format("explain"),)),

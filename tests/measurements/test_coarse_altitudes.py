@@ -16,7 +16,8 @@ from test_recorded_faults import FLIGHTS
 
 from bfi_cli.faults import Fault
 from bfi_cli.flight.parity.holds import find_holds
-from bfi_cli.flight.parity.static_relations import find_static, relation_series
+from bfi_cli.flight.parity.relation_series import relation_series
+from bfi_cli.flight.parity.static_relations import find_static
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import airborne_stretches
 from bfi_cli.flightlog.quality import with_seen_recorder

@@ -16,13 +16,9 @@ from bars import FULL, not_below
 from bfi_cli.faults.filters import Filter, response_of
 from bfi_cli.flight.parity import Finding
 from bfi_cli.flight.parity.relation_course import with_course, with_onset_of_samples
+from bfi_cli.flight.parity.relation_series import Balance, RelationSeries
 from bfi_cli.flight.parity.sampled import Blocks
-from bfi_cli.flight.parity.static_relations import (
-    LEAST_STEPS,
-    THRESHOLD,
-    Balance,
-    RelationSeries,
-)
+from bfi_cli.flight.parity.static_relations import LEAST_STEPS, THRESHOLD
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.kernels.change_scan import steps_and_ramps
 from bfi_cli.kernels.runs import sd_about_lines

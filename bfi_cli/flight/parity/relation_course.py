@@ -22,7 +22,8 @@ from ...kernels.low_pass import Kind, Response, low_pass
 from ...kernels.whiteness import autocorrelation
 from .explain import PRICE
 from .finding import CHI_SQUARE, Finding, as_good, squares_by_onset
-from .static_relations import AVERAGED, BLOCK_S, MARGIN_S, RelationSeries
+from .relation_series import AVERAGED, BLOCK_S, RelationSeries
+from .static_relations import MARGIN_S
 
 Candidate = tuple[str, float | None, float]  # shape; duration, time constant, or what draws a step out; onset; in s
 

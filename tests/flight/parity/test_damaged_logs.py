@@ -9,7 +9,8 @@ import pytest
 from made_flights import RECORDED, made_flight
 
 from bfi_cli.flight.parity.holds import find_holds
-from bfi_cli.flight.parity.static_relations import find_static, relation_series
+from bfi_cli.flight.parity.relation_series import relation_series
+from bfi_cli.flight.parity.static_relations import find_static
 from bfi_cli.flightlog.record import frozen_array
 
 DAMAGE = {

@@ -7,7 +7,7 @@ import pytest
 
 from bfi_cli.flight.parity import Finding
 from bfi_cli.flight.parity.relation_course import with_course, with_onset_of_samples
-from bfi_cli.flight.parity.static_relations import Balance, RelationSeries
+from bfi_cli.flight.parity.relation_series import Balance, RelationSeries
 from bfi_cli.flightlog import Channel, FlightLog
 
 T = np.arange(160.0) + 0.45  # means of seconds

@@ -10,7 +10,8 @@ from made_flights import made_flight
 from made_logs import made_log
 
 from bfi_cli.airdata import SENSORS
-from bfi_cli.flight.parity.static_relations import LEAST_STEPS, Balance, RelationSeries, find_static
+from bfi_cli.flight.parity.relation_series import Balance, RelationSeries
+from bfi_cli.flight.parity.static_relations import LEAST_STEPS, find_static
 from bfi_cli.serialization import to_plain
 
 FROM_S, TO_S = 0.0, 120.0

@@ -22,7 +22,8 @@ from bfi_cli.faults import Fault
 from bfi_cli.flight.diagnose import diagnose_flight
 from bfi_cli.flight.flight import flight_of
 from bfi_cli.flight.naming import vote_against
-from bfi_cli.flight.parity.static_relations import THRESHOLD, find_static, relation_series
+from bfi_cli.flight.parity.relation_series import relation_series
+from bfi_cli.flight.parity.static_relations import THRESHOLD, find_static
 from bfi_cli.flight.parity.stuck import stuck_errors
 from bfi_cli.flight.relations import drafts_of_relations, find_relations
 from bfi_cli.flightlog import FlightLog, inject

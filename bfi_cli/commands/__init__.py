@@ -14,6 +14,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
+from types import ModuleType
 from typing import TextIO
 
 import click
@@ -140,11 +141,27 @@ def main(argv: list[str] | None = None) -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     gc.set_threshold(*COLLECTED)
-    # pydantic would search every installed package for plugins, on which no check of an input may depend.
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    _leave_out_plugins()
     _open_streams()
     code = run_command(argv)
     sys.exit(code)
+
+
+def _leave_out_plugins() -> None:
+    """Keep pydantic from a search of every installed package for plugins, on which no check of an input may depend."""
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    # What searches imports the standard library's readers of mail, a fortieth of a short command; it is not called.
+    name = "pydantic.plugin._loader"
+
+    def searching(attribute: str) -> object:
+        if attribute == "__path__":  # it is no package
+            raise AttributeError(attribute)
+        del sys.modules[name]
+        return getattr(importlib.import_module(name), attribute)
+
+    empty = ModuleType(name)
+    empty.__dict__.update(get_plugins=tuple, __getattr__=searching)
+    sys.modules[name] = empty
 
 
 def _open_streams() -> None:

@@ -14,6 +14,7 @@ from ...faults.shapes import SHAPES
 from ...flightlog import FlightLog
 from ...kernels import BoolArray, FloatArray
 from ...kernels.change_scan import ChangeScan, steps_and_ramps
+from ...kernels.runs import median_of_known
 from .finding import CHI_SQUARE, Bound, Finding, Hidden, squares_by_onset
 from .relation_series import AVERAGED, BLOCK_S, RelationSeries, Series, quantity_measured, relation_series
 from .sampled import unit_of
@@ -159,7 +160,7 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
             continue
         candidates = np.hstack(steps_and_ramps(part.time_s, onsets_s))
         scan = part.scan(candidates, declared_at=THRESHOLD)
-        effects = {name: float(np.nanmedian(effect)) for name, effect in part.effects.items()}
+        effects = {name: median_of_known(effect) for name, effect in part.effects.items()}
         effects = {name: effect for name, effect in effects.items() if effect}  # at rest a temperature has none
         stuck = tuple(_stuck_sensors(part, onsets_s, candidates, effects))
         scanned.append(_Scanned(series=part, scan=scan, effects=effects, reach=reach, stuck=stuck))
@@ -186,7 +187,7 @@ def _showing(series: Series, channel: str, window: tuple[float, float]) -> Itera
     for whole in series[0]:
         part = whole.between(*window)
         if whole.relation.declares and channel in part.effects and len(part.time_s) >= FEWEST_BLOCKS:
-            effect = float(np.nanmedian(part.effects[channel]))
+            effect = median_of_known(part.effects[channel])
             if effect:
                 yield part, effect
 

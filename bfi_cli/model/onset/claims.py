@@ -49,6 +49,7 @@ from ...kernels.onset.scan import (
 )
 from ...kernels.onset.waveform import Waveform
 from ...kernels.progress import Report, parts, shares, silent
+from ...kernels.runs import median
 from ...quantities.text import instant
 from ..preprocessing.defaults import is_any
 from .decision import Rule
@@ -286,8 +287,8 @@ def _bounded(
         )
         candidate = replace(candidate, state="suspected", note=note)
     if form.shape in record.settings.shapes:
-        median = float(np.median([np.median(limits.declared) for limits in glances]))
-        candidate = replace(candidate, minimal_detectable_scan=float(record.unit[form.output]) * median)
+        typical = median([median(limits.declared) for limits in glances])
+        candidate = replace(candidate, minimal_detectable_scan=float(record.unit[form.output]) * typical)
     hidden = max((limits.hidden() for limits in looks), key=lambda hidden: hidden[1])
     return _with_hidden(record, candidate, form, hidden, np.concatenate([limits.seen for limits in glances]))
 

@@ -16,19 +16,26 @@ from bfi_cli.flight import weighing
 from bfi_cli.flight.flight import flight_of
 from bfi_cli.flight.gross import Gross
 from bfi_cli.flight.weighing import DECLARED, weigh_events
+from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.record import frozen_array
 
 CHANNELS = ("cas", "altitude", "pitch")
 FROM_S, TO_S, STEP_M = 200.0, 230.0, 10.0
 ONSET_S, END_S = 420.0, 540.0
+# What tells a step: without a temperature, of which every law of a line has several.
+FEW = ("tas", "cas", "altitude", "pitch", "roll", "aoa", "normal_acc", "velocity_north", "velocity_east")
+
+
+def made_part(from_s: float, to_s: float, names: tuple[str, ...] = FEW) -> FlightLog:
+    log = made_journey(rate_hz=1.0).window(from_s, to_s)
+    return replace(log, channels={name: log.channels[name] for name in names})
 
 
 def test_a_line_that_seems_to_rest_between_coarse_steps_is_not_declared_against_the_record() -> None:
-    log = made_journey(rate_hz=1.0)
-    channels = {name: log.channels[name] for name in CHANNELS}
-    coarse = np.round(channels["altitude"].values / STEP_M) * STEP_M
-    channels["altitude"] = replace(channels["altitude"], values=frozen_array(coarse))
+    log = made_part(0.0, 440.0, CHANNELS)
+    coarse = np.round(log.channels["altitude"].values / STEP_M) * STEP_M
+    channels = {**log.channels, "altitude": replace(log.channels["altitude"], values=frozen_array(coarse))}
     hold = replace(
         event_of("static_blocked", FROM_S, "declared"),
         channels=("altitude", "cas"),
@@ -68,7 +75,7 @@ def test_a_line_that_rests_is_told_from_its_onset_to_its_end_whatever_of_it_stan
 
 
 def test_what_is_within_its_tolerance_is_told_where_the_record_confirms_it() -> None:
-    healthy = made_journey(rate_hz=1.0).window(330.0, 510.0)
+    healthy = made_part(330.0, 510.0)
     small = replace(event_of("tas", ONSET_S, "declared"), stages=("static relations",), beyond_tolerance=False)
     faulty = inject(healthy, [parse_spec(f"bias,channel=tas,magnitude=0.5,onset_s={ONSET_S}")])
     answers = {log: weigh_events(flight_of(log, Config()), [small], Config().diagnose) for log in (healthy, faulty)}
@@ -99,7 +106,7 @@ def test_an_error_of_one_channel_is_none_of_several_that_leave_together(
 
 @pytest.mark.parametrize(("size", "proposed"), [(6.3, True), (0.5, False)])
 def test_a_step_beyond_its_tolerance_that_no_finder_proposes_is_found_by_the_model(size: float, proposed: bool) -> None:
-    healthy = made_journey(rate_hz=1.0).window(300.0, 510.0)
+    healthy = made_part(300.0, 510.0)
     faulty = inject(healthy, [parse_spec(f"bias,channel=tas,magnitude={size},onset_s={ONSET_S}")])
     events = weigh_events(flight_of(faulty, Config()), [], Config().diagnose).events
     assert [event.fault for event in events] == (["tas"] if proposed else [])
@@ -112,7 +119,7 @@ def test_a_step_beyond_its_tolerance_that_no_finder_proposes_is_found_by_the_mod
 
 
 def test_the_model_proposes_no_step_of_what_an_event_has_wrong_already() -> None:
-    healthy = made_journey(rate_hz=1.0).window(330.0, 510.0)
+    healthy = made_part(330.0, 510.0)
     faulty = inject(healthy, [parse_spec(f"drift,channel=tas,magnitude=0.1,onset_s={ONSET_S}")])
     drift = replace(event_of("tas", ONSET_S, "declared"), shape="drift", stages=("static relations",))
     (answer,) = weigh_events(flight_of(faulty, Config()), [drift], Config().diagnose).events
@@ -122,8 +129,10 @@ def test_the_model_proposes_no_step_of_what_an_event_has_wrong_already() -> None
     assert answer.margin > 10.0 * DECLARED  # of all that follows
 
 
-def test_the_model_proposes_no_step_whose_return_a_finder_proposes() -> None:
-    healthy = made_journey(rate_hz=1.0).window(200.0, 640.0)
+def test_the_model_proposes_no_step_whose_return_a_finder_proposes(monkeypatch: pytest.MonkeyPatch) -> None:
+    for courses in ("GROWTHS_S", "GROWN_S"):  # a step is told apart from what grows elsewhere
+        monkeypatch.setattr(f"bfi_cli.flight.timing.{courses}", (0.0,))
+    healthy = made_part(200.0, 600.0)
     faulty = inject(healthy, [parse_spec(f"bias,channel=aoa,magnitude=0.05,onset_s={ONSET_S},offset_s={END_S}")])
     back = replace(event_of("aoa", END_S, "suspected"), stages=("parity",), shape="bias", magnitude=-0.05)
     (answer,) = weigh_events(flight_of(faulty, Config()), [back], Config().diagnose).events
@@ -134,11 +143,10 @@ def test_the_model_proposes_no_step_whose_return_a_finder_proposes() -> None:
 
 def test_what_comes_later_and_is_larger_makes_no_fault_of_a_suspicion() -> None:
     """A step of altitude that no finder proposes is nothing that an airspeed, suspected minutes before, explains."""
-    log = made_journey(rate_hz=1.0).window(200.0, 640.0)
+    log = made_part(200.0, 640.0, ("tas", "altitude", "pitch", "velocity_north", "velocity_east"))
     log = inject(log, [parse_spec(f"bias,channel=altitude,magnitude=100,onset_s={END_S}")])
-    channels = {name: log.channels[name] for name in ("tas", "altitude", "pitch", "velocity_north", "velocity_east")}
     suspicion = replace(event_of("tas", 300.0, "suspected"), among=("tas", "static_leak"), stages=("parity",))
-    flight = flight_of(replace(log, channels=channels), Config())
+    flight = flight_of(log, Config())
     answers = {answer.fault: answer for answer in weigh_events(flight, [suspicion], Config().diagnose).events}
     assert answers["altitude"].onset_s == pytest.approx(END_S, abs=2.0)
     assert "altimeter_set" in answers["altitude"].among
@@ -149,7 +157,7 @@ def test_what_comes_later_and_is_larger_makes_no_fault_of_a_suspicion() -> None:
 def test_where_recorded_flaps_move_a_change_of_lift_is_theirs(is_recorded: bool) -> None:
     """It is told where no flaps are recorded, and nothing that needs telling where they are."""
     moved = [parse_spec(f"bias,channel={name},magnitude=0.05,onset_s={ONSET_S}") for name in ("aoa", "pitch")]
-    log = inject(made_journey(rate_hz=1.0).window(300.0, 560.0), moved)
+    log = inject(made_part(300.0, 560.0), moved)
     if is_recorded:
         flaps = replace(log.channels["aoa"], values=frozen_array(np.where(log.time_s < ONSET_S, 0.0, 0.2)))
         log = replace(log, channels={**log.channels, "flaps": replace(flaps, name="flaps")})
@@ -159,12 +167,12 @@ def test_where_recorded_flaps_move_a_change_of_lift_is_theirs(is_recorded: bool)
 
 
 def test_what_swings_behind_a_trapped_tube_is_no_water_in_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    blocked = [parse_spec(f"pitot_blocked,onset_s={ONSET_S},offset_s={END_S}")]
-    log = inject(made_journey(rate_hz=1.0).window(360.0, 600.0), blocked)
-    water = replace(event_of("pitot_water", ONSET_S + 30.0, "declared"), shape="sine", offset_s=END_S - 20.0)
+    end_s = 500.0
+    log = inject(made_part(360.0, 540.0), [parse_spec(f"pitot_blocked,onset_s={ONSET_S},offset_s={end_s}")])
+    water = replace(event_of("pitot_water", ONSET_S + 30.0, "declared"), shape="sine", offset_s=end_s - 20.0)
     monkeypatch.setattr(weighing, "oscillating_events", lambda *args: [water])
     hold = replace(
-        event_of("pitot_blocked", ONSET_S, "declared"), stages=("holds",), shape="pitot_blocked", offset_s=END_S
+        event_of("pitot_blocked", ONSET_S, "declared"), stages=("holds",), shape="pitot_blocked", offset_s=end_s
     )
     events = weigh_events(flight_of(log, Config()), [hold], Config().diagnose).events
     assert [event.fault for event in events] == ["pitot_blocked"]

@@ -20,7 +20,7 @@ from bfi_cli.flightlog import inject
 from bfi_cli.kernels.low_pass import IDENTITY
 
 NAME, TEXT, ONSET_S = "platform_settles", "the platform settles", 420.0
-PART = ("--from", 300, "--to", 560, "--workers", 1)
+PART = ("--from", 360, "--to", 500, "--workers", 1)
 PITCH = f"bias,channel=pitch,magnitude=0.03,onset_s={ONSET_S}"
 
 

@@ -35,10 +35,11 @@ from .parity import (
 )
 from .parity.calibration import load_air_data
 from .parity.credibility import coarse_positions, credibility_of
+from .parity.frozen import frozen_sensors, without_frozen
 from .parity.holds import Holds, find_holds
 from .parity.record import USED
 from .parity.relation_series import Series, relation_series
-from .parity.sensors import frozen_sensors, sensor_steps, without_frozen
+from .parity.sensors import sensor_steps
 from .parity.windows import Window, flight_stretches, overlaps, within
 from .plausibility import Implausible
 from .tables import ORDINARY
@@ -169,6 +170,10 @@ class Flight:
             alike = self._alike[channel]
             self._seen[channel, window] = tolerance_of(alike, alike.window(*window), channel)
         return self._seen[channel, window]
+
+    def stretch_of(self, window: Window) -> Window:
+        """Return the first of the stretches that a window lies in, itself where it lies in none."""
+        return next((stretch for stretch in self.stretches if overlaps(window, [stretch])), window)
 
     def around(self, from_s: float, to_s: float, beside_s: float) -> Window:
         """Return a stretch with so many seconds on either side, as far as they are in the part that is diagnosed."""

@@ -120,7 +120,7 @@ def _with_course(flight: Flight, draft: Draft) -> Draft:
     ]
     best = max(shown, key=lambda relation_series: finding.evidence.get(relation_series.relation.name, 0.0))
     (first_s, last_s), length_s = draft.window, draft.window[1] - draft.window[0]
-    _, end_s = _stretch(flight, draft.window)
+    _, end_s = flight.stretch_of(draft.window)
     while True:
         described = with_course(best, finding, (first_s, last_s), unit_of(flight.log, finding.fault))
         if described.shape != "drift" or last_s >= min(end_s, first_s + LONGEST * length_s):
@@ -129,16 +129,11 @@ def _with_course(flight: Flight, draft: Draft) -> Draft:
         last_s = min(last_s + 0.5 * length_s, end_s)
 
 
-def _stretch(flight: Flight, window: Window) -> Window:
-    """Return the stretch of flight that a window lies in."""
-    return next((stretch for stretch in flight.stretches if overlaps(window, [stretch])), window)
-
-
 def _from_the_start(flight: Flight, joined: Draft, first: Draft) -> Draft:
     """Return the draft of a run of windows in a longer one, about the first of these, where that names the same."""
     length_s = first.window[1] - first.window[0]
     window = (
-        max(_stretch(flight, first.window)[0], first.window[0] - length_s),
+        max(flight.stretch_of(first.window)[0], first.window[0] - length_s),
         min(joined.until_s, first.window[0] + LONGEST * length_s),
     )
     answer = find_static(flight.log, *window, series=flight.series)

@@ -215,18 +215,12 @@ def _return_of(flight: Flight, draft: Draft, scanned: SlowFaults) -> Draft | Non
         return None
     (fault,) = hypotheses_of(replace(finding, among=(finding.fault,)))
     _, sign = hypothesis_of(finding.fault)
-    stretches = flight.stretches
-    stretch = next((part for part in stretches if overlaps(draft.window, [part])), draft.window)
-    length_s = draft.window[1] - draft.window[0]
-    last_s = draft.window[1] + length_s if finding.shape == "drift" else stretch[1]
+    first_s, (from_s, to_s) = finding.onset_s + NEAR_START_S, draft.window
+    last_s = to_s + (to_s - from_s) if finding.shape == "drift" else flight.stretch_of(draft.window)[1]
     explained = 0
     for look in scanned.scanned:
         window, threshold = look.window, look.rule
-        if (
-            round(window[1] - window[0]) != RETURN_S
-            or window[1] <= finding.onset_s + NEAR_START_S
-            or window[0] >= last_s
-        ):
+        if round(window[1] - window[0]) != RETURN_S or window[1] <= first_s or window[0] >= last_s:
             continue
         part = flight.record.between(*window)
         amount = sign * finding.magnitude * course(part.time_s - finding.onset_s)
@@ -336,8 +330,7 @@ def _explained(flight: Flight, window: Window, scan: WindowScan, static: StaticW
 
 def _around(flight: Flight, onset_s: float, window: Window, threshold: Threshold) -> tuple[Window, WindowScan | None]:
     """Return the window, moved or begun earlier until the onset lies well inside while it stands out, and its scan."""
-    stretches = flight.stretches
-    low, high = next((stretch for stretch in stretches if stretch[0] <= onset_s < stretch[1]), window)
+    low, high = next((stretch for stretch in flight.stretches if stretch[0] <= onset_s < stretch[1]), window)
     # Not back to before a fault that is named already, nor its end: the window would show that.
     known_s = (time_s for fault in flight.lasting for time_s in (fault.from_s, fault.until_s))
     low = max(low, *(time_s for time_s in known_s if time_s <= window[0]), -np.inf)
@@ -350,18 +343,11 @@ def _around(flight: Flight, onset_s: float, window: Window, threshold: Threshold
         if abs(start_s - window[0]) < 1.0:
             break
         ends = [start_s + length_s, window[1]] if start_s < window[0] else [start_s + length_s]
-        others = (((start_s, end_s), flight.scan((start_s, end_s))) for end_s in ends)
-        better = next(
-            (
-                (moved, moved_scan)
-                for moved, moved_scan in others
-                if moved_scan and moved_scan.statistic > threshold.suspected
-            ),
-            None,
-        )
-        if better is None:
+        for end_s in ends:
+            moved = flight.scan((start_s, end_s))
+            if moved is not None and moved.statistic > threshold.suspected:
+                window, scan, (_, onset_s) = (start_s, end_s), moved, moved.strongest
+                break
+        else:
             break
-        window, scan = better
-        assert scan is not None
-        _, onset_s = scan.strongest
     return window, scan

@@ -32,7 +32,7 @@ MOST_SAMPLES = 108_000
 # Relative difference of two edges beyond which they contradict each other: the accuracy of the spectra.
 SAME_EDGE = 0.2
 UNKNOWN = "it is unknown whether the recorder low-passed the log; no low-pass is assumed (--recorder HZ states one)"
-# Samples of one value from which a sensor may be frozen for good (`bfi_cli.flight.parity.sensors`).
+# Samples of one value from which a sensor may be frozen for good (`bfi_cli.flight.parity.frozen`).
 FEWEST_REPEATS = 20
 
 

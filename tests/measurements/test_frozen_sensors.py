@@ -10,8 +10,8 @@ from bars import FULL, not_below
 from shipped_parity import FLIGHTS
 
 from bfi_cli.faults import Fault
+from bfi_cli.flight.parity.frozen import MOVING, frozen_sensors
 from bfi_cli.flight.parity.record import record_of
-from bfi_cli.flight.parity.sensors import MOVING, frozen_sensors
 from bfi_cli.flight.parity.windows import flight_stretches
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.phases import phases_of

@@ -17,8 +17,8 @@ from trials import sized
 
 from bfi_cli.faults import Fault
 from bfi_cli.faults.filters import response_of
+from bfi_cli.flight.parity.frozen import frozen_sensors
 from bfi_cli.flight.parity.record import record_of
-from bfi_cli.flight.parity.sensors import frozen_sensors
 from bfi_cli.flight.parity.windows import flight_stretches
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.flightlog.defects import Defect, find_defects, with_bridges, without_defects

@@ -1,4 +1,4 @@
-"""Sensors that fail by themselves: any that holds its reading; airspeed, probe, altimeter, load and pitch that step.
+"""Sensors that step by themselves: an airspeed, a temperature probe, an altimeter, a normal accelerometer, a pitch.
 
 What is computed from a temperature follows a probe that is wrong, so that no relation between these channels breaks;
 but no air changes by some kelvin within seconds at one altitude. The mean of a normal acceleration over two minutes is
@@ -7,45 +7,22 @@ that of gravity, bank and little else, since the climb is no other afterwards th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...airdata import G, air_data_of, climb_angle
-from ...airdata.relations import load, vane
+from ...airdata.relations import load
 from ...flightlog import FlightLog
-from ...flightlog.defects import STILL, WATCHED, unwatched_in
-from ...flightlog.derived import pressures_of
 from ...flightlog.phases import Phase
-from ...flightlog.quality import FEWEST_REPEATS
 from ...kernels import MAD, TWO_SIDED_95, BoolArray, FloatArray, IntArray
 from ...kernels.quantisation import find_quantum
-from ...kernels.runs import Run, is_repeated, median, median_of_known, repeats
-from ...quantities.channels import quantity_of
+from ...kernels.runs import median, median_of_known
 from .finding import Finding, as_good, squares_by_onset
 from .record import STEP_S, Record
 from .windows import Window, flight_stretches, within
 
-# s, and samples, that a frozen sensor rests at least, and times the longest rest in 99 % of the flight beside: coarse
-# sensors rest in calm air. Of 50 sensors of six recorders the longest rest of a healthy one is 21 s, of one that rests
-# for up to 13 s beside.
-RESTS_S, RESTS, USUAL = 20.0, 5.0, 0.99
-# SHORT_REST_S [s], SHORT_REPEATS [samples]: of a rest in flight of a sensor of which elsewhere fewer than FEW_ALIKE in
-# a row are alike. Of the sensors of 14 flights of seven aircraft that rest for at most 0.7 s beside, none rests for
-# more than 2.9 s, 29 samples (a calibrated airspeed at 10 Hz); three times the samples. A reading of 0 is the end of a
-# scale.
-SHORT_REST_S, SHORT_REPEATS, FEW_ALIKE = 2.0, 100, 5
-# Those that hardly rest, s, of which most must move meanwhile: a recorder that hangs holds all of them.
-LIVELY_S, MOST = 2.5, 0.75
-MOVING = frozenset(WATCHED) - {"tat", "sat"}  # which level flight holds
-# By a blocked port, with the rate of climb, which then shows its noise and its offset: less than these.
-PORT_HOLDS, CLIMBED_M, CLIMBING_M_S = ("altitude", "p_static"), 20.0, 0.1
-# s that a vane should move in meanwhile.
-VANE_NEEDS = frozenset({"aoa", "tas", "altitude_rate", "pitch", "roll"})
-VANE_RESTS_S = 30.0
-# rad, by which attitude and climb say that it should move meanwhile: half a degree, and so many of its own steps.
-SHOULD_MOVE, STEPS = np.radians(0.5), 2.0
 # Mean acceleration along the path over a second that no flight has, m/s^2: thrust, drag and slope of 1 g together with
 # the largest design gust, 20 m/s (66 ft/s, 14 CFR 23.333). 14 healthy flights of seven aircraft have at most 6.7.
 FASTEST, SECOND_S = 3.0 * G, 1.0
@@ -91,152 +68,6 @@ SETTLES = "flaps that move at once, or an attitude that settles, would show the 
 STEEP_BANK = np.radians(45.0)  # beyond which lift is no more that of climb and load
 
 
-def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:
-    """Return the stretches in which a sensor holds one value to the last bit while others move.
-
-    It rests for several times as long as in all but a hundredth of the flight beside, or where its samples else differ,
-    within seconds, as in all of it. Of a vane attitude and climb must say that it should move, of an altitude the rate
-    of climb: calm air, and a blocked port, hold these too.
-    """
-    rate_hz = log.rate_hz
-    rests = {name: repeats(channel.values) for name, channel in log.channels.items()}
-    flown = _seconds_to(within(log.time_s, flight_stretches(phases)), rate_hz)
-    airborne = _seconds_to(~within(log.time_s, unwatched_in(phases)), rate_hz)
-    flown_s, samples_s = float(flown[-1]), FEWEST_REPEATS / rate_hz
-
-    def usual_s(name: str, stretch: tuple[int, int]) -> float:
-        seconds = np.diff(flown[_beside(rests[name], stretch)])[:, 0]
-        return _usual(seconds[seconds > 0.0], flown_s - float(flown[stretch[1]] - flown[stretch[0]]))
-
-    def rests_long(name: str, stretch: tuple[int, int]) -> tuple[float, float]:
-        """Return how long a sensor rests and how long it needs to, s: by the flight, or by its samples."""
-        values, others = log.channels[name].values, _beside(rests[name], stretch)
-        seconds = float(flown[stretch[1]] - flown[stretch[0]])
-        if seconds >= max(RESTS_S, samples_s) and flown_s - seconds >= RESTS_S:
-            return seconds, max(RESTS_S, samples_s, RESTS * usual_s(name, stretch))
-        longest_s = float(np.diff(airborne[others[values[others[:, 0]] != 0.0]]).max(initial=0.0))
-        seconds = float(airborne[stretch[1]] - airborne[stretch[0]]) if values[stretch[0]] != 0.0 else 0.0
-        if longest_s * rate_hz >= FEW_ALIKE or airborne[-1] - seconds < RESTS_S:
-            return seconds, np.inf
-        return seconds, max(SHORT_REST_S, SHORT_REPEATS / rate_hz, RESTS * longest_s)
-
-    reference = vane(record.state, "altitude_rate") if record.channels.keys() >= VANE_NEEDS else None
-    findings = []
-    for name in log.independent([name for name in log.channels if quantity_of(name) in MOVING]):
-        for first, end in rests[name]:
-            if end - first < FEWEST_REPEATS:
-                continue
-            seconds, needed = rests_long(name, (first, end))
-            if seconds < needed or not _others_move(log, name, (first, end), usual_s):
-                continue
-            if quantity_of(name) == "p_total" and _tube_rests(log, slice(first, end)):
-                continue  # `holds` names the tube
-            onset_s, until_s = float(log.time_s[first]), float(log.time_s[end - 1])
-            effect: dict[str, float] = {}
-            if quantity_of(name) == "aoa":
-                error = None if reference is None else _error_of_vane(log, record, reference, name, (onset_s, until_s))
-                if error is None:
-                    continue
-                effect = {name: error}
-            findings.append(
-                Finding(
-                    fault=name,
-                    among=(name,),
-                    channels=(name,),
-                    stage="sensors",
-                    shape="frozen",
-                    onset_s=onset_s,
-                    onset_ci95=(onset_s - 1.0 / rate_hz - PROBE_GAP_S, onset_s + 1.0 / rate_hz),
-                    offset_s=None if end >= log.n_samples else until_s,
-                    statistic=seconds,
-                    threshold=needed,
-                    effect=effect,
-                    evidence={"rests_s": seconds},
-                )
-            )
-    return tuple(findings)
-
-
-def _beside(stretches: Sequence[Run], covered: Run) -> IntArray:
-    """Return (n, 2) what is left of stretches beside another."""
-    first, end = np.array(stretches, dtype=np.intp).reshape(-1, 2).T
-    pieces = np.column_stack([np.append(first, np.maximum(first, covered[1])), np.append(end, end)])
-    pieces[: len(end), 1] = np.minimum(end, covered[0])
-    return np.asarray(pieces[pieces[:, 1] > pieces[:, 0]])
-
-
-def _seconds_to(inside: BoolArray, rate_hz: float) -> FloatArray:
-    """Return (n + 1,) the seconds of a stretch of samples up to each."""
-    return np.concatenate([[0.0], np.cumsum(inside) / rate_hz])
-
-
-def _others_move(
-    log: FlightLog, name: str, stretch: tuple[int, int], usual_s: Callable[[str, tuple[int, int]], float]
-) -> bool:
-    """Return whether most of the other sensors that hardly rest move.
-
-    A blocked port holds the altitude and its rate at once: of an altitude only its rate counts, a rate is not frozen
-    while the altitude rests.
-    """
-    if quantity_of(name) == "altitude_rate" and pressures_of(log, name):
-        altitudes = [log.channels[channel].values[slice(*stretch)] for channel in PORT_HOLDS if channel in log.channels]
-        if any(np.mean(is_repeated(values)) >= 0.5 for values in altitudes):
-            return False
-    if quantity_of(name) in PORT_HOLDS:
-        rate = log.channels["altitude_rate"].values[slice(*stretch)] if "altitude_rate" in log.channels else np.zeros(1)
-        climbed = np.cumsum(np.nan_to_num(rate)) / log.rate_hz
-        climbs = np.ptp(climbed) > max(CLIMBED_M, CLIMBING_M_S * len(rate) / log.rate_hz)
-        return bool(climbs and np.mean(is_repeated(rate)) < 0.5)
-    others = [channel for channel in log.channels if channel != name and usual_s(channel, stretch) < LIVELY_S]
-    resting = [
-        max((end - first for first, end in repeats(log.channels[channel].values[slice(*stretch)])), default=0)
-        for channel in others
-    ]
-    return bool(resting) and float(np.mean(np.array(resting) < 0.5 * (stretch[1] - stretch[0]))) >= MOST
-
-
-def _tube_rests(log: FlightLog, stretch: slice) -> bool:
-    """Return whether the total pressure rests by an airspeed as well: the tube holds, and no sensor.
-
-    It rests as a frozen reading does, beside the motion that the impact pressure asks of it.
-    """
-    static = next((name for name in ("p_static", "altitude") if name in log.channels), None)
-    speed = next((name for name in ("cas", "ias", "mach") if name in log.channels), None)
-    if static is None or speed is None:
-        return False
-    air = air_data_of({name: log.channels[name].values[stretch] for name in (static, speed)})
-    total, impact = (
-        np.ptp(np.nanquantile(pressure, (0.05, 0.95))) if np.isfinite(pressure).any() else 0.0
-        for pressure in (air.p_total, air.q_impact)
-    )
-    return bool(total <= STILL * impact)
-
-
-def _error_of_vane(
-    log: FlightLog, record: Record, reference: FloatArray, name: str, during: tuple[float, float]
-) -> float | None:
-    """Return the largest error of a vane that rests, None where attitude and climb do not say that it should move."""
-    values = log.channels[name].values
-    meanwhile = reference[within(record.time_s, [during])]
-    meanwhile = meanwhile[np.isfinite(meanwhile)]
-    if meanwhile.size < 0.5 * VANE_RESTS_S:
-        return None
-    low, high = np.quantile(meanwhile, (0.05, 0.95))
-    if high - low < max(SHOULD_MOVE, STEPS * (log.channels[name].step or 0.0)):
-        return None
-    held = values[np.searchsorted(log.time_s, during[0])]
-    return float(max((held - low, held - high), key=abs))
-
-
-def _usual(seconds: FloatArray, flown_s: float) -> float:
-    """Return the length of rest that all but a hundredth of the time flown lies below."""
-    if not len(seconds):
-        return 0.0
-    order = np.sort(seconds)[::-1]
-    k = int(np.searchsorted(np.cumsum(order), (1.0 - USUAL) * flown_s))
-    return float(order[min(k, len(order) - 1)])
-
-
 def sensor_steps(
     log: FlightLog, record: Record, phases: Sequence[Phase], *, without: Sequence[Window]
 ) -> tuple[Finding, ...]:
@@ -257,35 +88,34 @@ def sensor_steps(
 
 def airspeed_steps(log: FlightLog, phases: Sequence[Phase]) -> tuple[Finding, ...]:
     """Return the steps of airspeeds that are faster than any flight; what several do at once, the pitot line does."""
-    names = [name for name in ("tas", "cas", "ias") if name in log.channels]
     flown = within(log.time_s, flight_stretches(phases))
+    names = [name for name in ("tas", "cas", "ias") if name in log.channels]
     steps = {name: _airspeed_steps(log, log.channels[name].values, flown) for name in names}
     findings = []
-    for name in names:
-        for step in steps[name]:
-            alike = {
-                other: twin for other in names for twin in steps[other] if abs(twin.onset_s - step.onset_s) < SECOND_S
-            }
-            if name != next(iter(alike)):
-                continue
-            is_shared = len(names) > 1 and len(alike) == len(names)
-            lost = step.after < step.before
-            if is_shared and not lost and step.before < LEAST_READ:
+    for name, step in [(channel, each) for channel in names for each in steps[channel]]:
+        alike = {other: twin for other in names for twin in steps[other] if abs(twin.onset_s - step.onset_s) < SECOND_S}
+        if name != next(iter(alike)):
+            continue
+        lost = step.after < step.before
+        fault, size, sd, unit = name, step.size, step.sd, "m/s"
+        if len(names) > 1 and len(alike) == len(names):
+            if not lost and step.before < LEAST_READ:
                 continue
             share = (max(step.after, 0.0) / max(step.before, LEAST_READ)) ** 2 - 1.0  # of the impact pressure
-            line = "pitot_icing" if lost else "q_impact"
-            finding = _step(
-                line if is_shared else name,
-                abs(share) if is_shared and lost else share if is_shared else step.size,
-                sd=step.sd * (2.0 * max(step.after, step.sd) / step.before**2 if is_shared else 1.0),
-                unit="1" if is_shared else "m/s",
-                onsets_s=(step.onset_s, step.onset_s - 1.0 / log.rate_hz, step.onset_s + 1.0 / log.rate_hz),
-                statistic=step.statistic,
-                words=AT_ONCE_EVIDENCE,
-            )
-            among = (finding.fault, "pitot_icing") if len(names) == 1 and lost else (finding.fault,)
-            effect = {other: twin.size for other, twin in alike.items()}
-            findings.append(replace(finding, among=among, channels=tuple(alike), effect=effect, offset_s=step.until_s))
+            fault, size, unit = ("pitot_icing", abs(share), "1") if lost else ("q_impact", share, "1")
+            sd *= 2.0 * max(step.after, step.sd) / step.before**2
+        finding = _step(
+            fault,
+            size,
+            sd=sd,
+            unit=unit,
+            onsets_s=(step.onset_s, step.onset_s - 1.0 / log.rate_hz, step.onset_s + 1.0 / log.rate_hz),
+            statistic=step.statistic,
+            words=AT_ONCE_EVIDENCE,
+        )
+        among = (fault, "pitot_icing") if len(names) == 1 and lost else (fault,)
+        effect = {other: twin.size for other, twin in alike.items()}
+        findings.append(replace(finding, among=among, channels=tuple(alike), effect=effect, offset_s=step.until_s))
     return tuple(findings)
 
 
@@ -517,19 +347,19 @@ def accelerometer_steps(record: Record, phases: Sequence[Phase]) -> tuple[Findin
     findings = []
     for k in _peaks(np.abs(change) / least, LOAD_MEAN_S):
         first, last = max(0, k - LOAD_MEAN_S), min(len(excess), k + LOAD_MEAN_S)
-        onset, low, high = _onset(excess[first:last])
-        if not abs(change[first + onset]) >= least:  # it splits what turns leave of a stretch, and says nothing
-            onset, low, high = k - first, 0, last - first - 1
-        size = float(shown[first + onset])
-        times = record.time_s[[first + onset, first + low, min(first + high, len(excess) - 1)]] - 0.5
+        onset, low, high = (first + place for place in _onset(excess[first:last]))
+        if not abs(change[onset]) >= least:  # it splits what turns leave of a stretch, and says nothing
+            onset, low, high = k, first, last - 1
+        size = float(shown[onset])
+        onset_s, low_s, high_s = (record.time_s[[onset, low, high]] - 0.5 * STEP_S).tolist()
         findings.append(
             _step(
                 "normal_acc",
                 size,
                 sd=float(np.quantile(np.abs(shown[np.abs(shown) < 0.5 * abs(size)]), 0.95)) / TWO_SIDED_95,
                 unit="m/s^2",
-                onsets_s=(float(times[0]), float(times[1]) - 1.0, float(times[2]) + 1.0),
-                statistic=float(abs(change[first + onset])) / least,
+                onsets_s=(onset_s, low_s - STEP_S, high_s + STEP_S),
+                statistic=float(abs(change[onset])) / least,
                 words="normal_acc against climb and bank",
             )
         )
@@ -638,14 +468,3 @@ def _onset(values: FloatArray) -> tuple[int, int, int]:
     squares, _ = squares_by_onset(values[known], after)
     near = as_good(squares, len(known), ALIKE_S)
     return tuple(known[[int(np.argmin(squares)) + 1, near[0], near[-1] + 1]].tolist())
-
-
-def without_frozen(log: FlightLog, findings: Sequence[Finding]) -> FlightLog:
-    """Return a log without the samples in which a channel is frozen."""
-    channels = dict(log.channels)
-    for finding in findings:
-        gone = (log.time_s >= finding.onset_ci95[0]) & (log.time_s <= finding.until_s)
-        values = np.where(gone, np.nan, channels[finding.fault].values)
-        values.setflags(write=False)
-        channels[finding.fault] = replace(channels[finding.fault], values=values)
-    return replace(log, channels=channels)

@@ -11,15 +11,14 @@ from made_logs import made_log
 
 from bfi_cli.airdata import G, channels_of, isa_temperature, pressure_at, speed_of_sound, static_temperature
 from bfi_cli.flight.parity import Record, record_of
+from bfi_cli.flight.parity.frozen import frozen_sensors, without_frozen
 from bfi_cli.flight.parity.sensors import (
     accelerometer_steps,
     airspeed_steps,
     altimeter_steps,
     altitude_step_within,
-    frozen_sensors,
     pitch_steps,
     probe_steps,
-    without_frozen,
 )
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.phases import Phase

@@ -204,12 +204,10 @@ def corrected_log(log: FlightLog, events: Sequence[Event]) -> FlightLog:
                 correctable = known & (channel in clean.channels)
                 right = clean.channels.get(channel, values[channel])
                 values[channel] = np.where(correctable, right, np.where(inside, np.nan, values[channel]))
-        if (
-            "baro_altitude" in event.channels and {"altitude", "baro_altitude"} <= values.keys()
-        ):  # apart by what the setting makes, a constant
-            values["baro_altitude"] = log.channels["baro_altitude"].values + (
-                values["altitude"] - log.channels["altitude"].values
-            )
+        if "baro_altitude" in event.channels and {"altitude", "baro_altitude"} <= values.keys():
+            # Apart by what the setting makes, a constant.
+            change = values["altitude"] - log.channels["altitude"].values
+            values["baro_altitude"] = log.channels["baro_altitude"].values + change
         record = replace(record, channels={channel: values[channel] for channel in record.channels})
         lost = ", ".join(channel for channel in event.channels if channel in values)
         size = "corrected" if known.any() else "left empty, nothing tells the size"

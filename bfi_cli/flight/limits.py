@@ -18,7 +18,7 @@ from .judge import REFERENCES, WIDE
 from .looks import Scanned
 from .parity import Bound, Hidden
 from .parity.lines import METRES
-from .parity.record import STATIC_LEAK, Record
+from .parity.record import STATIC_LEAK, UNITS, Record
 from .parity.windows import Window, overlaps, within
 from .relations import StaticWindows
 from .result import Event, FlightLimit, LimitCourse
@@ -29,8 +29,6 @@ PITOT_LINE = "pitot_icing"
 # Limits are compared over stretches of this length, by which the onsets that windows of 60 s cover (40 s each, every
 # 30 s) overlap, so that each lies within those of one window.
 BIN_S = 10.0
-# Units of hypotheses that are no channels.
-UNITS = {"q_impact": "1", "ground_speed": "m/s", STATIC_LEAK: "Pa"}
 # Standard deviations by which a slope exceeds its estimate in 5 % of windows at most: 1.645 of a normal distribution
 # times 1.2. By fault and length, the quantiles of 90 % of healthy windows of two recorded flights are 0.8 to 1.3 times
 # those of a normal distribution, 1.0 in the median.
@@ -68,10 +66,10 @@ def bounds_of(
         bounds.setdefault((hidden.fault, hidden.shape, hidden.bounds), []).append(bounded)
 
     for scan in scanned:
-        for name in () if overlaps(scan.window, left_out) else scan.magnitude:
-            if name in scan.lasting:
-                continue
-            part = flight.record.between(*scan.window)
+        if overlaps(scan.window, left_out):
+            continue
+        part = flight.record.between(*scan.window)
+        for name in (name for name in scan.magnitude if name not in scan.lasting):
             hidden = _drift_of(flight, scan, name, part)
             offer(hidden)
             if name in AIRSPEEDS and name == flight.record.airspeed and "q_impact" not in scan.magnitude:
@@ -87,11 +85,7 @@ def bounds_of(
 
 def declared_stretches(events: Sequence[Event]) -> list[Window]:
     """Return where a fault is declared, beside which no other of its size is excluded."""
-    return [
-        (event.onset_s, event.seen_until_s if event.offset_s is None else event.offset_s)
-        for event in events
-        if event.state == "declared" and event.stages[0] != "sensors"
-    ]
+    return [event.shown_s for event in events if event.state == "declared" and event.stages[0] != "sensors"]
 
 
 def _plausible(flight: Flight, fault: str) -> float:
@@ -184,7 +178,8 @@ def _rows(flight: Flight, bounds: Bounds) -> list[FlightLimit]:
     if not k.size:
         return []
     sizes, declared, spreads, reach, inside = sizes[k], declared[k], spreads[k], reach[k], inside[k]
-    per_tolerance = reach / np.array([hidden.tolerance or 1.0 for hidden in windows])
+    tolerances = np.array([hidden.tolerance or 1.0 for hidden in windows])
+    per_tolerance = reach / tolerances
     best = np.argmin(np.where(inside, spreads, np.inf) * np.where(inside, per_tolerance, 1.0), axis=1)
     at_best = (np.arange(len(k)), best)
     shares = sizes[at_best] * per_tolerance[at_best]
@@ -192,7 +187,7 @@ def _rows(flight: Flight, bounds: Bounds) -> list[FlightLimit]:
     # What is declared may be so by another window than that which excludes most.
     lengths = np.array([hidden.window[1] - hidden.window[0] if grows else 1.0 for hidden in windows])
     errors = np.where(inside, declared, np.inf) * lengths * np.array([hidden.scale for hidden in windows])
-    declared_shares = errors / np.array([hidden.tolerance or 1.0 for hidden in windows])
+    declared_shares = errors / tolerances
     soonest = np.argmin(declared_shares, axis=1)
     by_share = np.argsort(declared_shares.min(axis=1), kind="stable")
     rows = []
@@ -202,16 +197,12 @@ def _rows(flight: Flight, bounds: Bounds) -> list[FlightLimit]:
         row = _row(flight, hidden, size, size * float(reach[at, best[at]]), hidden.window, holds_in=holds_in)
         if np.isfinite(declared_shares[seen]):
             from_s, to_s = windows[seen[1]].window
-            row = replace(
-                row,
-                seen_above=float(declared[seen]),
-                seen_effect=float(errors[seen]),
-                seen_within_s=to_s - from_s,
-            )
+            above, effect = float(declared[seen]), float(errors[seen])
+            row = replace(row, seen_above=above, seen_effect=effect, seen_within_s=to_s - from_s)
         rows.append(row)
     if grows:
         size, share, first, last = _grown(sizes, spreads, per_tolerance, best)
-        effect = share * (windows[last].tolerance or 1.0)
+        effect = share * float(tolerances[last])
         span = (float(starts[k[first]]), windows[last].window[1])
         rows.append(_row(flight, windows[last], size, effect, span, grows_on=True))
     return rows
@@ -351,7 +342,7 @@ def _drift_of(flight: Flight, scan: Scanned, fault: str, part: Record) -> Hidden
         fault=name,
         shape="drift",
         channel=channel,
-        unit=per_second(UNITS.get(fault) or STANDARD[fault].unit),
+        unit=per_second(UNITS[fault]),
         bounds="error",
         window=scan.window,
         onsets_s=scan.onsets_s,

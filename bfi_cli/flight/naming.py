@@ -56,16 +56,8 @@ def hypotheses_of(finding: Finding) -> tuple[str, ...]:
 
 def channels_of(fault: str, recorded: Collection[str]) -> tuple[str, ...]:
     """Return the recorded channels that a fault makes wrong."""
-    line = "p_static" if fault in (STATIC_LEAK, "static_blocked") else "p_total"
-    if fault in (
-        "pitot_icing",
-        "pitot_water",
-        "pitot_leak",
-        "pitot_blocked",
-        "q_impact",
-        STATIC_LEAK,
-        "static_blocked",
-    ):
+    if fault in SHAPES or fault == "q_impact":
+        line = "p_static" if fault.startswith("static") else "p_total"
         return tuple(name for name in DEPENDS_ON if name in recorded and line in DEPENDS_ON[name])
     if fault == "ground_speed":
         return tuple(name for name in ("velocity_north", "velocity_east", "latitude", "longitude") if name in recorded)

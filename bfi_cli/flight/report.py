@@ -306,8 +306,7 @@ def _timeline(result: DiagnoseResult, units: Units) -> Drawing:
             label=_name(event),
             state=event.state,
             onset_s=event.onset_s,
-            # One that lasts ends with the last window that shows it.
-            offset_s=event.seen_until_s if event.offset_s is None else event.offset_s,
+            offset_s=event.shown_s[1],
             times_s=event.times_s or (),
         )
         for event in events

@@ -53,6 +53,11 @@ class Event(Explanation):
     margin: float | None = None
     refuted_by: tuple[str, ...] = ()
 
+    @property
+    def shown_s(self) -> tuple[float, float]:
+        """From its onset to its end, or to that of the last window that shows it."""
+        return self.onset_s, self.seen_until_s if self.offset_s is None else self.offset_s
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrdinaryEvent:

@@ -78,16 +78,9 @@ def unwatched_by_scan(
             if piece[1] - piece[0] >= LEAST_S:
                 unbounded.append((piece, "the pitot line" if name == PITOT_LINE else name))
     lasting = [(event.onset_s, event.until_s) for event in stand]
-    masked = [
-        (
-            window,
-            "the fault there masks others" if overlaps(window, lasting) else "what looks like a fault masks others",
-        )
-        for event in events
-        if event.state == "declared"
-        for window in [(event.onset_s, event.seen_until_s if event.offset_s is None else event.offset_s)]
-    ]
-    reasons = _reasons(flight, masked)
+    masked = [event.shown_s for event in events if event.state == "declared"]
+    fault, other = "the fault there masks others", "what looks like a fault masks others"
+    reasons = _reasons(flight, [(window, fault if overlaps(window, lasting) else other) for window in masked])
     parts = [(phase.from_s, phase.to_s) for phase in flight.part_phases]
     stretches = [*parts, *(piece for piece, _ in unbounded), *(window for window, _ in reasons)]
     known = [(phase.from_s, phase.to_s) for phase in flight.part_phases if phase.phase in PARTS]

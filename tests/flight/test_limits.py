@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from made_events import event_of
 
 from bfi_cli.config import Config
 from bfi_cli.decision import KINDS, conclude, decide
@@ -26,6 +26,7 @@ from bfi_cli.flight.looks import Scanned, rate_of, scan_flight, thresholds_of
 from bfi_cli.flight.parity import LENGTHS_S, ScanKey, shipped_tables
 from bfi_cli.flight.parity.holds import UnseenLine
 from bfi_cli.flight.parity.record import STATIC_LEAK
+from bfi_cli.flight.result import Event
 from bfi_cli.flight.unwatched import Unwatched, flown_of, unwatched_by_lines, unwatched_by_steps
 from bfi_cli.flight.verdict import evidence_of, sentence_of
 from bfi_cli.flightlog import FlightLog
@@ -187,14 +188,14 @@ def test_a_window_with_a_declared_fault_bounds_no_other(flight: Flight):
     """It shows that fault: its size, nor that of any other, is no limit."""
     windows = [(380.0, 440.0), (540.0, 600.0)]
     looks = scan_flight(flight, windows, thresholds_of(shipped_tables(), RATES, RATES, 1.0))
-    fault = SimpleNamespace(onset_s=400.0, seen_until_s=430.0, offset_s=None, state="declared", stages=("parity",))
+    fault = replace(event_of("tas", 400.0, "declared"), seen_until_s=430.0)
 
-    def bounded(*events: SimpleNamespace) -> set[tuple[float, float]]:
+    def bounded(*events: Event) -> set[tuple[float, float]]:
         return {hidden.window for windows in bounds_of(flight, looks, (), events) for hidden in windows}
 
     assert bounded() == set(windows)
     assert bounded(fault) == {windows[1]}
-    assert bounded(SimpleNamespace(**{**vars(fault), "state": "suspected"})) == set(windows)
+    assert bounded(replace(fault, state="suspected")) == set(windows)
 
 
 def test_what_hides_is_the_estimate_and_what_its_noise_allows(flight: Flight):

@@ -188,6 +188,7 @@ HYPOTHESES = (
     Hypothesis(fault="longitudinal_acc", unit="m/s^2", size=1e-3),
     Hypothesis(fault="ground_speed", unit="m/s", size=1e-2),
 )
+UNITS = {hypothesis.fault: hypothesis.unit for hypothesis in HYPOTHESES}
 
 
 def record_of(log: FlightLog) -> Record:

@@ -61,11 +61,8 @@ def implausible_channels(log: FlightLog) -> tuple[Implausible, ...]:
         *(_impossible(name, middle, sources) for name, middle in impossible.items()),
         *(_finding(_beyond_tolerance(blame, log, seconds), seconds, stated, sources) for blame in to_blame),
     )
-    turned = (
-        None
-        if any("tas" in finding.channels or finding.what == "clock" for finding in findings)
-        else scale_by_circles(log)
-    )
+    is_known = any("tas" in finding.channels or finding.what == "clock" for finding in findings)
+    turned = None if is_known else scale_by_circles(log)
     return with_settings(log, findings if turned is None else (*findings, turned))
 
 
@@ -161,7 +158,7 @@ def _finding(blame: Blame, seconds: State, stated: Mapping[str, str | None], sou
     every = [name for channels in explained for name in channels]
     others = tuple(dict.fromkeys(name for name in every if name not in change.channels))
     near = [name for name in explained[0] if name not in change.channels]
-    text = _text(change, _and(near) or _and(others), blame.misfit, stated)
+    text, advice = _words(change, _and(near or others), blame.misfit, stated, sources)
     if rivals := [f"{_and(rival.channels) or 'time'}{_wrong(rival)}" for rival in blame.rivals]:
         text += f"; or {' or '.join(rivals)}"
     is_stated = change.doubts_unit(stated)
@@ -175,7 +172,7 @@ def _finding(blame: Blame, seconds: State, stated: Mapping[str, str | None], sou
         relative_misfit=blame.misfit,
         rivals=tuple(dict.fromkeys(name for rival in blame.rivals for name in rival.channels)),
         text=text,
-        advice="kept as stated" if is_stated else _advice(change, sources),
+        advice="kept as stated" if is_stated else advice,
         factor_ci95=_interval(change.factor, blame.share_sd * (change.factor - 1.0)),
         offset_ci95=_interval(change.offset, blame.share_sd * change.offset),
         is_stated=is_stated,
@@ -204,25 +201,33 @@ def _impossible(name: str, middle: float, sources: Mapping[str, str]) -> Implaus
     )
 
 
-def _text(change: Change, others: str, misfit: float, stated: Mapping[str, str | None]) -> str:
+def _words(
+    change: Change, others: str, misfit: float, stated: Mapping[str, str | None], sources: Mapping[str, str]
+) -> tuple[str, str]:
+    """Return what is wrong, and what to do about it."""
     names, several = _and(change.channels), len(change.channels) > 1
-    to = f"to {max(100.0 * misfit, 0.1):.2g} %"
     if change.what == "unit":
         shift = f" {change.offset:+.4g}" if change.offset else ""
         was = stated[change.channels[0]]
         statement = f" {'are' if several else 'is'} stated in {was} and" if was else ""
-        looks = "look" if several else "looks"
-        return f"{names}{statement} {looks} like {change.unit}: x {change.factor:.3g}{shift} agrees with {others} {to}"
+        looks = f"{names}{statement} {'look' if several else 'looks'} like {change.unit}"
+        fits = f"x {change.factor:.3g}{shift} agrees with {others} to {max(100.0 * misfit, 0.1):.2g} %"
+        units = " ".join(f"--unit {name}={change.unit}" for name in change.channels)
+        return f"{looks}: {fits}", f"state the unit with {units}"
     if change.what == "sign":
-        return f"{names} {'have' if several else 'has'} the other sign: turned over it agrees with {others}"
+        text = f"{names} {'have' if several else 'has'} the other sign: turned over it agrees with {others}"
+        return text, f"turn {names} over, or read with --fix-units"
     if change.what == "swapped":
-        return f"{names} look swapped: each in the place of the other they agree with {others}"
+        first, other = change.channels
+        places = f"--channel {first}={sources[other]} --channel {other}={sources[first]}"
+        text = f"{names} look swapped: each in the place of the other they agree with {others}"
+        return text, f"state which is which with {places}"
     if change.what == "clock":
         runs = f"runs {change.unit}" if change.unit else f"runs {1.0 / change.factor:.3g} times too slow"
-        return f"time {runs}: where a second of it is {change.factor:.3g} s, {others} agree"
-    if change.what == "scale":
-        return f"{names} is {1.0 / change.factor:.3g} times what {others} imply"
-    return f"{names} is{_size(change)} what {others} imply"
+        text = f"time {runs}: where a second of it is {change.factor:.3g} s, {others} agree"
+        return text, "reverse the samples" if change.factor < 0.0 else f"multiply the times by {change.factor:.3g}"
+    size = f" {1.0 / change.factor:.3g} times" if change.what == "scale" else _size(change)
+    return f"{names} is{size} what {others} imply", f"check {names}"
 
 
 def _size(change: Change) -> str:
@@ -238,19 +243,6 @@ def _wrong(change: Change) -> str:
     """Return what is wrong with a rival."""
     words = {"unit": f" is in {change.unit}", "sign": " has the other sign", "swapped": " are swapped"}
     return words.get(change.what) or f" is{_size(change)} it"
-
-
-def _advice(change: Change, sources: Mapping[str, str]) -> str:
-    if change.what == "unit":
-        return "state the unit with " + " ".join(f"--unit {name}={change.unit}" for name in change.channels)
-    if change.what == "sign":
-        return f"turn {_and(change.channels)} over, or read with --fix-units"
-    if change.what == "swapped":
-        first, other = change.channels
-        return f"state which is which with --channel {first}={sources[other]} --channel {other}={sources[first]}"
-    if change.what == "clock":
-        return "reverse the samples" if change.factor < 0.0 else f"multiply the times by {change.factor:.3g}"
-    return f"check {_and(change.channels)}"
 
 
 def _and(names: Collection[str]) -> str:
@@ -274,7 +266,7 @@ DIGITS = 4  # of a setting that is printed: an autopilot's own calibration state
 
 def with_settings(log: FlightLog, findings: tuple[Implausible, ...]) -> tuple[Implausible, ...]:
     """Return findings, those about the scale of an airspeed with the parameter to set where the log lists it."""
-    if not any(_is_about_airspeed(finding) for finding in findings):
+    if not any(map(_is_about_airspeed, findings)):
         return findings
     try:
         parameters = parameters_of(log.path)
@@ -292,8 +284,8 @@ def with_setting(log: FlightLog, finding: Implausible, parameters: Mapping[str, 
     for name_of_topic, (spellings, power, applied) in SCALES.items():
         if topic != name_of_topic and not topic.startswith(f"{name_of_topic}_"):
             continue
-        sensor = 0 if topic == name_of_topic else _number(topic.removeprefix(f"{name_of_topic}_"))
-        names = spellings[sensor] if sensor is not None and sensor < len(spellings) else ()
+        sensor = "0" if topic == name_of_topic else topic.removeprefix(f"{name_of_topic}_")
+        names = spellings[int(sensor)] if sensor.isdecimal() and int(sensor) < len(spellings) else ()
         name = next((name for name in names if name in parameters), None)
         if name is not None:
             setting = _setting(finding, name, parameters[name], power, is_applied=channel in applied)
@@ -308,12 +300,7 @@ def sentence_of_setting(setting: Setting) -> str:
 
 
 def _is_about_airspeed(finding: Implausible) -> bool:
-    return (
-        finding.what == "scale"
-        and not finding.rivals
-        and len(finding.channels) == 1
-        and finding.channels[0] in AIRSPEEDS
-    )
+    return finding.what == "scale" and not finding.rivals and finding.channels in [(name,) for name in AIRSPEEDS]
 
 
 def _setting(finding: Implausible, name: str, present: float, power: int, *, is_applied: bool) -> Setting:
@@ -323,16 +310,8 @@ def _setting(finding: Implausible, name: str, present: float, power: int, *, is_
         return float(factor * by**power)
 
     ends = finding.factor_ci95
-    return Setting(
-        name=name,
-        present=present,
-        value=value(finding.factor),
-        ci95=None if ends is None else (value(ends[0]), value(ends[1])),
-    )
-
-
-def _number(text: str) -> int | None:
-    return int(text) if text.isdecimal() else None
+    ci95 = None if ends is None else (value(ends[0]), value(ends[1]))
+    return Setting(name=name, present=present, value=value(finding.factor), ci95=ci95)
 
 
 NEEDS = ("tas", "velocity_north", "velocity_east")

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..airdata import AirData, channels_of, static_temperature
 from ..flightlog import FlightLog
-from ..kernels import BoolArray, FloatArray
+from ..kernels import MAD, BoolArray, FloatArray
 from ..kernels.runs import bridged, mean_of_stretches, median
 from .parity.record import Record, over_seconds, record_of, seconds_of_samples
 
@@ -103,9 +103,9 @@ def rate_of(values: FloatArray, width: int = 3) -> FloatArray:
 
 
 def spread(values: FloatArray, where: BoolArray) -> float:
-    """Return 1.4826 times the median distance from the median: the sd of Gaussian values."""
+    """Return the standard deviation of Gaussian values by their median distance from the median."""
     part = values[where & np.isfinite(values)]
-    return 1.4826 * median(np.abs(part - median(part))) if part.size else 0.0
+    return MAD * median(np.abs(part - median(part))) if part.size else 0.0
 
 
 def temperature_of(seconds: Seconds) -> FloatArray | None:

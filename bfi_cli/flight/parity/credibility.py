@@ -255,13 +255,10 @@ def credibility_of(record: Record, phases: Sequence[Phase], *, without: Sequence
         rivals = tuple(
             (record.airspeed or "tas") if other == AIRSPEED else other
             for other in suspects
-            if {id(agreement) for agreement in failing} <= {id(agreement) for agreement in suspects[other]}
+            if {*failing} <= {*suspects[other]}
         )
-        known = {id(agreement) for agreement in failing}
-        rest = {
-            other: [agreement for agreement in ones if id(agreement) not in known] for other, ones in suspects.items()
-        }
-        suspects = {other: ones for other, ones in rest.items() if ones}
+        rest = {other: [each for each in accusing if each not in failing] for other, accusing in suspects.items()}
+        suspects = {other: accusing for other, accusing in rest.items() if accusing}
         if name == AIRSPEED:  # which the analyses are for that follow
             continue
         findings.append(_finding(name, rivals, failing))

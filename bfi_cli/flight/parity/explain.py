@@ -163,19 +163,12 @@ def explain(scan: WindowScan, record: Record, *, ruled_out: Collection[str] = ()
 
 
 def _with_odds(fit: FaultByOnset) -> float:
-    """Return the ratio less what its fault is rarer than the commonest."""
-    return fit.ratio - RARER * _rarity(fit)
-
-
-def _rarity(fit: FaultByOnset) -> int:
-    """Return how many steps rarer a fault is than ice in a probe."""
-    if fit.fault.fault in INERTIAL:
-        return 2
-    vane_drifts = fit.fault.fault == "aoa" and fit.shape != "bias"
-    if fit.fault.fault == STATIC_LEAK:
-        return 1
-    line_gains = fit.fault.fault == "q_impact" and fit.magnitude > 0.0
-    return int(vane_drifts or line_gains)
+    """Return the ratio less what its fault is rarer than ice in a probe."""
+    fault = fit.fault.fault
+    vane_drifts = fault == "aoa" and fit.shape != "bias"
+    line_gains = fault == "q_impact" and fit.magnitude > 0.0
+    steps = 2 if fault in INERTIAL else int(fault == STATIC_LEAK or vane_drifts or line_gains)
+    return fit.ratio - RARER * steps
 
 
 def corrected(record: Record, fit: FaultByOnset) -> Record:

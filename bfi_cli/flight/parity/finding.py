@@ -8,14 +8,14 @@ from typing import Literal
 
 import numpy as np
 
-from ...kernels import FloatArray, IntArray
+from ...kernels import CHI_SQUARE_95, FloatArray, IntArray
 from ...kernels.runs import runs
 
 Bound = Literal["error", "disagreement"]
 Stage = Literal["sensors", "static relations", "holds", "parity", "scan", "flight model"]
 
-
-CHI_SQUARE = 3.84  # with one degree of freedom, 95 %: twice what a log-likelihood may lose of an interval's middle
+# Twice the loss in log-likelihood up to which another fault explains as well: 2 ln 10, odds of ten to one.
+AS_GOOD = 4.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,4 +129,4 @@ def squares_by_onset(y: FloatArray, courses: FloatArray) -> tuple[FloatArray, Fl
 
 def as_good(squares: FloatArray, n: int, alike: float) -> IntArray:
     """Return which onsets explain n samples about as well as the best, of whose errors so many in a row are alike."""
-    return np.flatnonzero(squares <= squares.min() * (1.0 + alike * CHI_SQUARE / n))
+    return np.flatnonzero(squares <= squares.min() * (1.0 + alike * CHI_SQUARE_95 / n))

@@ -8,7 +8,7 @@ from ...airdata import G, ground_speed_of
 from ...flightlog import FlightLog
 from ...kernels import BoolArray, FloatArray
 from ...kernels.runs import median, median_of_known, runs
-from .finding import Finding, as_good, squares_by_onset
+from .finding import AS_GOOD, Finding, as_good, squares_by_onset
 from .lines import (
     LENGTH_S,
     METRES,
@@ -57,8 +57,8 @@ STILL_AFTER, STILL_AFTER_S, LONGEST_STILL_AFTER_S, SAME_LEVEL = 15.0, 15.0, 465.
 LARGEST_SHARE_OF_TOTAL, COMPARED = 0.5, 2.0
 # s before its onset, from which on what the pitot line shows is the leak's.
 BEFORE_LEAK_S = 5.0
-# Twice the logarithm of ten to one, by which ice must explain the loss better; s, in which no ice takes all of it.
-AS_GOOD, FASTEST_ICE_S = 4.6, 30.0
+# FASTEST_ICE_S [s]: in which no ice takes all of the impact pressure.
+FASTEST_ICE_S = 30.0
 # m; an aircraft that has landed does not climb or descend by this in the minute after, and came down by more within the
 # last minute: 15 m are 5 s of a glide of 3 degrees at 60 m/s.
 FLYING_M, AFTER_S, DESCENT_S = 15.0, 60.0, 60.0
@@ -105,12 +105,13 @@ def static_leaks(log: FlightLog, lines: Lines, from_s: float, to_s: float) -> li
     t = lines.time_s
     stretches = stretches_of(lines, line, LENGTH_S["p_static"], float(t[0]), np.inf)
     # With the cabin's pressure there may be no airspeed, and nothing that shows the flight.
-    still = np.flatnonzero(stretches.sd <= stretches.limit)
+    is_still = stretches.sd <= stretches.limit
+    still = np.flatnonzero(is_still)
     if not still.size:
         return []
     following = still[np.minimum(np.searchsorted(still, np.arange(len(t))), still.size - 1)]
     soon = (following >= np.arange(len(t))) & (t[following] - t <= LONGEST_STILL_AFTER_S)
-    held = touching_runs(stretches.sd <= stretches.limit, stretches.n)
+    held = touching_runs(is_still, stretches.n)
     least_jump = STOPPED_AT / METRES * line.values
     leaks: list[Finding] = []
     for relaxation in relaxations(t, line.values, soon & (t >= from_s - 1e-6) & (t < to_s), least_jump):
@@ -136,7 +137,8 @@ def static_leaks(log: FlightLog, lines: Lines, from_s: float, to_s: float) -> li
             evidence={"time_constant_s": relaxation.time_constant_s},
             doubt=FREED if any(first <= relaxation.onset <= last + stretches.n for first, last in held) else "",
         )
-        leaks += [] if any(begins_within(leak, earlier) for earlier in leaks) else [leak]
+        if not any(begins_within(leak, earlier) for earlier in leaks):
+            leaks.append(leak)
     return leaks
 
 
@@ -249,9 +251,8 @@ def _fall(
     ending = first
     while ending < last and q[ending + 1] > FITTED_TO * low and q[ending + 1] <= q[ending]:
         ending += 1
-    fits = (_kink(t, q, first, ending, low, within, longest_s) for longest_s in TIME_CONSTANTS_S)
-    lasting = zip(TIME_CONSTANTS_S, fits, strict=True)
-    fit = next((kink for longest_s, kink in lasting if kink is not None and kink[2] <= longest_s), None)
+    kinks = (_kink(t, q, first, ending, low, within, longest_s) for longest_s in TIME_CONSTANTS_S)
+    fit = next((kink for kink in kinks if kink is not None), None)
     if fit is None:
         return None
     at, squares, time_constant_s = fit
@@ -266,6 +267,8 @@ def _kink(
     t: FloatArray, q: FloatArray, first: int, ending: int, low: float, within: BoolArray, longest_s: float
 ) -> tuple[FloatArray, FloatArray, float] | None:
     """Return the times of a fall, the squares left by every onset, and the time constant of the best of these, s.
+
+    None where the best is no fall, or one of a longer time constant.
 
     Parameters
     ----------
@@ -292,7 +295,8 @@ def _kink(
     # What begins where nearly none is left is no fall to that: it was lost before, as in a descent with a blocked tube.
     if at[k + 2] >= t[first] or not rates[k] > 0.0 or np.sqrt(np.mean(rest[k + 2 :] ** 2)) > MISFIT_OF_LOG:
         return None
-    return at, squares, float(1.0 / rates[k])
+    time_constant_s = float(1.0 / rates[k])
+    return (at, squares, time_constant_s) if time_constant_s <= longest_s else None
 
 
 def _grows_evenly(t: FloatArray, q: FloatArray, onset_s: float, first: int) -> bool:

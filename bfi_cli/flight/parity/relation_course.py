@@ -16,13 +16,13 @@ from ...faults.filters import response_of
 from ...faults.shapes import SHAPES
 from ...flightlog import FlightLog
 from ...flightlog.quality import held_hz, recorder_filters
-from ...kernels import FloatArray
+from ...kernels import CHI_SQUARE_95, FloatArray
 from ...kernels.compiled import special
 from ...kernels.low_pass import Kind, Response, low_pass
 from ...kernels.runs import median
 from ...kernels.whiteness import autocorrelation
 from .explain import PRICE
-from .finding import CHI_SQUARE, Finding, as_good, squares_by_onset
+from .finding import Finding, as_good, squares_by_onset
 from .relation_series import AVERAGED, BLOCK_S, RelationSeries
 from .static_relations import MARGIN_S
 
@@ -108,7 +108,7 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
     squares = sd[same] ** 2 + (magnitude[same] - magnitude[best]) ** 2
     reached = float(np.max(np.abs(_averaged(names[best], time_s))))
     steps = AVERAGED * series.noise_sd / (median(np.abs(effect)) * reached)
-    near_s = np.array([course[2] for course in names])[same & (statistic >= statistic[best] - CHI_SQUARE)]
+    near_s = np.array([course[2] for course in names])[same & (statistic >= statistic[best] - CHI_SQUARE_95)]
     return replace(
         finding,
         shape=shape,
@@ -190,7 +190,7 @@ def with_onset_of_samples(series: RelationSeries, finding: Finding, log: FlightL
     near = as_good(
         squares + max(0.0, rest.size * series.noise_sd**2 - float(squares.min())),
         rest.size,
-        (1.0 + 2.0 * float(alike.sum())) * SHARP_CHANGE / CHI_SQUARE,
+        (1.0 + 2.0 * float(alike.sum())) * SHARP_CHANGE / CHI_SQUARE_95,
     )
     own_hz = [held_hz(log, log.channels[name]) or log.rate_hz for name in finding.among if name in series.effects]
     first_s, last_s = float(onsets_s[near[0]]) - 1.0 / min(own_hz), float(onsets_s[near[-1]]) + 0.5 / log.rate_hz

@@ -80,8 +80,6 @@ def relaxations(
         return []
     step_s = median(np.diff(time_s))
     before, after = (max(2, round(seconds / step_s)) for seconds in (RATE_BEFORE_S, RATE_AFTER_S))
-    if len(time_s) < before + after + 2:
-        return []
     k = np.arange(before, len(time_s) - after)
     earlier = (pressure[k] - pressure[k - before]) / (time_s[k] - time_s[k - before])
     later = (pressure[k + after] - pressure[k]) / (time_s[k + after] - time_s[k])

@@ -89,15 +89,6 @@ def _noise_beside(kind: ResidualKind, known: BoolArray, rounding: FloatArray | f
     return noise_model(time_s[known], levels, (kind.slow(time_s) + rounding)[np.ix_(known, known)])
 
 
-def _levels_beside(kind: ResidualKind, rounding: FloatArray) -> FloatArray:
-    """Return the levels of a residual that may be its fast noise, which rests where a reading does.
-
-    A sensor that rests within a step shows no noise there: the level of the flight is not below what the steps make.
-    """
-    least = 0.0 if kind.rate is not None else float(np.sqrt(median(rounding.diagonal())))
-    return np.maximum(kind.levels, min(least, kind.levels[-1]))
-
-
 def rounding_of(kind: ResidualKind, slopes: Slopes, roundings: Sequence[Rounding | None]) -> FloatArray | None:
     """Return (n, n) covariance of a residual by the steps of its channels, None where it is lost in its least noise.
 
@@ -124,7 +115,9 @@ def _noise_of(kind: ResidualKind, slopes: Slopes, roundings: Sequence[Rounding |
     rounding = rounding_of(kind, slopes, roundings)
     if rounding is None:
         return _noise(kind.name, known.size, (~known).tobytes(), tuple(kind.levels.tolist()))
-    return _noise_beside(kind, known, rounding, _levels_beside(kind, rounding))
+    # A sensor that rests within a step shows no noise there: the level of the flight is not below what the steps make.
+    least = 0.0 if kind.rate is not None else float(np.sqrt(median(rounding.diagonal())))
+    return _noise_beside(kind, known, rounding, np.maximum(kind.levels, min(least, kind.levels[-1])))
 
 
 def scan_window(

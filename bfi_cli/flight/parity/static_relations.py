@@ -12,10 +12,10 @@ import numpy as np
 from ...airdata.relations import AIR
 from ...faults.shapes import SHAPES
 from ...flightlog import FlightLog
-from ...kernels import BoolArray, FloatArray
+from ...kernels import CHI_SQUARE_95, BoolArray, FloatArray
 from ...kernels.change_scan import ChangeScan, steps_and_ramps
 from ...kernels.runs import median_of_known
-from .finding import CHI_SQUARE, Bound, Finding, Hidden, squares_by_onset
+from .finding import AS_GOOD, Bound, Finding, Hidden, squares_by_onset
 from .relation_series import AVERAGED, BLOCK_S, RelationSeries, Series, quantity_measured, relation_series
 from .sampled import unit_of
 from .stuck import stuck_errors
@@ -31,8 +31,6 @@ THRESHOLD = 25.0
 # A change is declared where the largest error that it makes is this many times the least noise: a quantity that rests
 # at the edge between two steps of a quantisation changes by a whole one, 12^0.5 standard deviations.
 LEAST_STEPS = 3.5
-# Twice the loss in log-likelihood up to which another channel explains the relations as well: ten to one.
-AS_GOOD = 4.6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -323,7 +321,7 @@ def _stuck_sensors(
         if statistic < THRESHOLD or sizes[-round(MARGIN_S / BLOCK_S)] < least:
             continue
         stuck_s = part.time_s[during[:, best]]
-        near_s = part.time_s[rows[losses[begins] <= losses[best] + CHI_SQUARE]]
+        near_s = part.time_s[rows[losses[begins] <= losses[best] + CHI_SQUARE_95]]
         first_s, last_s = (near_s[0], near_s[-1]) if best in begins else (-np.inf, stuck_s[0])
         finding = Finding(
             fault=channel,
@@ -356,11 +354,8 @@ def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onset
     def misfit(channel: str) -> float:
         """Return how badly an error of a channel, of the best size, explains what all relations show."""
         parts = np.array([relation.effects.get(channel, 0.0) for relation in scanned]) / sds
-        power = float(parts @ parts)
-        if power <= 0.0:
-            return np.inf
         rest = seen / sds
-        rest -= parts * (parts @ rest) / power
+        rest -= parts * (parts @ rest) / float(parts @ parts)
         return float(rest @ rest)
 
     # Losses of two sensors of one quantity are equal but for rounding: the first is named with its sign.
@@ -370,7 +365,7 @@ def _finding(log: FlightLog, scanned: list[_Scanned], strongest: _Scanned, onset
     # The size from the relation that shows it best, whose noise alone the interval has.
     magnitude, sd = scan.amplitude[best] / effects[fault], scan.sd[best] / abs(effects[fault])
     shape_onsets = slice(0, onsets_s.size) if shape == "bias" else slice(onsets_s.size, None)
-    near = onsets_s[scan.statistic[shape_onsets] >= scan.statistic[best] - CHI_SQUARE]
+    near = onsets_s[scan.statistic[shape_onsets] >= scan.statistic[best] - CHI_SQUARE_95]
     return Finding(
         fault=fault,
         among=among,

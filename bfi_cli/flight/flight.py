@@ -355,7 +355,7 @@ def _until_free(holds: Sequence[Finding], phases: Sequence[Phase], stop_s: float
 
     A total pressure that is trapped below the static one leaves no airspeed: that is no end of the hold.
     """
-    lost = [(phase.from_s, phase.to_s) for phase in phases if phase.phase == NO_AIRSPEED]
+    lost = spans_of(phases, (NO_AIRSPEED,))
     last: dict[str, Finding] = {}
     ended: list[Finding] = []
     for finding in sorted(holds, key=lambda finding: finding.onset_s):
@@ -373,12 +373,12 @@ def _until_free(holds: Sequence[Finding], phases: Sequence[Phase], stop_s: float
 
 def _doubted_in_stalls(findings: Sequence[Finding], phases: Sequence[Phase]) -> tuple[Finding, ...]:
     """Return the findings, those of a leak that ends with a stall doubted: the aircraft loses its airspeed then."""
-    stalls = [phase for phase in phases if phase.phase == "stall"]
+    stalls = spans_of(phases, ("stall",))
     return tuple(
         replace(finding, doubt=finding.doubt or STALLS)
         if finding.fault.endswith("_leak")
         and finding.offset_s is not None
-        and any(stall.from_s <= finding.offset_s <= stall.to_s + BRIDGE_S for stall in stalls)
+        and any(from_s <= finding.offset_s <= to_s + BRIDGE_S for from_s, to_s in stalls)
         else finding
         for finding in findings
     )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from ..flightlog.phases import AIRBORNE, NO_AIRSPEED, PARTS, note_on_rotors
+from ..flightlog.phases import AIRBORNE, NO_AIRSPEED, PARTS, note_on_rotors, spans_of
 from ..kernels.runs import left_of, union
 from ..quantities.text import quantity
 from .flight import Flight
@@ -83,7 +83,7 @@ def unwatched_by_scan(
     reasons = _reasons(flight, [(window, fault if overlaps(window, lasting) else other) for window in masked])
     parts = [(phase.from_s, phase.to_s) for phase in flight.part_phases]
     stretches = [*parts, *(piece for piece, _ in unbounded), *(window for window, _ in reasons)]
-    known = [(phase.from_s, phase.to_s) for phase in flight.part_phases if phase.phase in PARTS]
+    known = spans_of(flight.part_phases, PARTS)
     pieces = []
     # A reason holds in all of a piece between two cuts, or in none of it; so does a phase.
     for first, last in pairwise(sorted({time_s for stretch in stretches for time_s in stretch})):
@@ -100,13 +100,9 @@ def unwatched_by_scan(
 def _reasons(flight: Flight, masked: Sequence[tuple[Window, str]]) -> list[tuple[Window, str]]:
     """Return the stretches in which slow faults are not looked for, and why, the first that holds first."""
     return [
-        *(((phase.from_s, phase.to_s), NO_SPEED) for phase in flight.part_phases if phase.phase == NO_AIRSPEED),
+        *((span, NO_SPEED) for span in spans_of(flight.part_phases, (NO_AIRSPEED,))),
         *masked,
-        *(
-            ((phase.from_s, phase.to_s), "parabola: no slow fault is looked for")
-            for phase in flight.part_phases
-            if phase.phase == "parabola"
-        ),
+        *((span, "parabola: no slow fault is looked for") for span in spans_of(flight.part_phases, ("parabola",))),
         *((window, "flaps or gear may move") for window in flight.moved),
     ]
 
@@ -115,9 +111,8 @@ def unwatched_by_steps(flight: Flight, windows: Sequence[Window]) -> list[Unwatc
     """Return where no window of the scan for steps looked; `windows` are those that were scanned."""
     covered = [(first + STEP_MARGIN_S, last - STEP_MARGIN_S) for first, last in windows]
     why = f"no window of {GLANCE_S:g} s could be scanned for steps and oscillations"
-    return _long(
-        [Unwatched(from_s=first, to_s=last, why=why) for first, last in left_of(flown_of(flight), union(covered))]
-    )
+    left = left_of(flown_of(flight), union(covered))
+    return _long([Unwatched(from_s=first, to_s=last, why=why) for first, last in left])
 
 
 def unwatched_by_lines(flight: Flight) -> list[Unwatched]:
@@ -171,9 +166,8 @@ def missing_sentences(flight: Flight, scanned: Sequence[Scanned], limits: Sequen
         within = f"{quantity(mostly.effect, 'm/s')} in {mostly.to_s - mostly.from_s:.0f} s"
         cost = f"; in most of the flight a slow fault of the airspeed below {within} passes unseen"
     sentences = [note.text for note in note_on_rotors(flight.part_phases)]
-    if without := [
-        f"{phase.from_s:.0f} to {phase.to_s:.0f} s" for phase in flight.part_phases if phase.phase == NO_AIRSPEED
-    ]:
+    lost = spans_of(flight.part_phases, (NO_AIRSPEED,))
+    if without := [f"{from_s:.0f} to {to_s:.0f} s" for from_s, to_s in lost]:
         more = f" and {len(without) - 3} times more" if len(without) > 3 else ""
         sentences.append(
             f"from {', from '.join(without[:3])}{more} no airspeed shows the flight that other channels show: nothing "
@@ -184,9 +178,8 @@ def missing_sentences(flight: Flight, scanned: Sequence[Scanned], limits: Sequen
             sentences.append(f"no {channels}: {BOUNDS[name]}{cost}")
             cost = ""
     if not any(flight.windows(length_s) for length_s in LENGTHS_S):
-        sentences.append(
-            f"no slow fault was looked for: no {min(LENGTHS_S):g} s of flight between take-off and landing"
-        )
+        shortest = f"{min(LENGTHS_S):g} s of flight between take-off and landing"
+        sentences.append(f"no slow fault was looked for: no {shortest}")
     elif not kinds:
         sentences.append("no slow fault was looked for: nothing bounds the airspeed")
     elif not scanned:

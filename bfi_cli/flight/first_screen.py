@@ -72,6 +72,8 @@ def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
     bounds = _bounds_in_words(result, units, state)
     seen = [*bounds.pop("Would have been found", ()), *_steps_in_words(result, units, state)]
     seen = [*(["; ".join(seen)] if seen else []), *proof_in_words(result.proved, units)]
+    longest = sorted(result.unwatched, key=lambda stretch: stretch[0] - stretch[1])
+    unwatched = [f"{from_s:.0f} to {to_s:.0f} s: {why}" for from_s, to_s, why in longest]
     notes = note_lines(result.notes, units)
     wrong = first.channels if first is not None and state == "fault" else ()
     return Screen(
@@ -85,11 +87,8 @@ def diagnose_screen(result: DiagnoseResult, units: Units = SI) -> Screen:
                 "Ordinary": _ordinary_in_words(result.ordinary),
                 **bounds,
                 "Would have been found": seen,
-                "Not checked": [*_unwatched_in_words(result.unwatched), *map(units.sentence, result.missing)],
-                "Caution": [
-                    *(units.sentence(event.note) for event in declared if event.note),
-                    *notes["Caution"],
-                ],
+                "Not checked": [*unwatched, *map(units.sentence, result.missing)],
+                "Caution": [*(units.sentence(event.note) for event in declared if event.note), *notes["Caution"]],
                 "To decide": [*(event.repeat for event in result.events if event.repeat), *notes["To decide"]],
                 "Look at": [LOOK_AT.get(event.fault, "") for event in declared],
             }
@@ -264,9 +263,3 @@ def _cause_and_time(event: OrdinaryEvent) -> str:
     """Return "flaps or gear move at 4780 s"."""
     at = f"at {event.from_s:.0f} s" if event.to_s is None else f"from {event.from_s:.0f} to {event.to_s:.0f} s"
     return f"{cause_in_words(event.cause)} {at}{', as is stated' if event.stated else ''}"
-
-
-def _unwatched_in_words(unwatched: Sequence[tuple[float, float, str]]) -> list[str]:
-    """Return the stretches that were not checked and why, the longest first."""
-    longest = sorted(unwatched, key=lambda stretch: stretch[0] - stretch[1])
-    return [f"{from_s:.0f} to {to_s:.0f} s: {why}" for from_s, to_s, why in longest]

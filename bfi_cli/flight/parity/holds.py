@@ -191,7 +191,7 @@ def _or_blocked_port(log: FlightLog, lines: Lines, line: PressureLine, leak: Fin
     during = (lines.time_s >= leak.onset_s) & (lines.time_s <= low_s) & np.isfinite(line.values)
     moved = METRES * np.ptp(line.values[during]) / median(line.values[during]) if during.any() else 0.0
     at = int(np.searchsorted(lines.time_s, leak.onset_s))
-    rests = BAND * METRES * float(np.hypot(line.step_sd[at], line.noise_sd)) / float(line.values[at])
+    rests = BAND * METRES * line.sd_at(at) / float(line.values[at])
     if moved > rests:
         return leak
     return replace(leak, among=(leak.fault, "static_blocked"), channels=channels_after(log, "p_static"))
@@ -408,7 +408,7 @@ def _passage_s(lines: Lines, line: PressureLine, onset: int) -> float:
     x = line.values[max(0, onset - PASSAGES * most) : onset]
     if len(x) < 2 * most:
         return LONGEST_PASSAGE_S
-    band = BAND * float(np.hypot(line.step_sd[onset], line.noise_sd))
+    band = BAND * line.sd_at(onset)
     away = np.abs(np.lib.stride_tricks.sliding_window_view(x, most) - x[: len(x) - most + 1, None]) > band
     passage = np.where(away.any(axis=1), np.argmax(away, axis=1), most)
     return float(np.quantile(passage, 0.975)) * lines.step_s

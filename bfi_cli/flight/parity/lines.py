@@ -58,6 +58,10 @@ class PressureLine:
     noise_sd: float
     point_noise_sd: float
 
+    def sd_at(self, block: int) -> float:
+        """Return what steps and noise make of a block, Pa."""
+        return float(np.hypot(self.step_sd[block], self.noise_sd))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Lines:
@@ -257,7 +261,7 @@ def edge_of(lines: Lines, line: PressureLine, middle: int, way: int) -> int:
         level = np.linalg.lstsq(design, rises[held][known], rcond=None)[0]
         off = np.abs(rises - level[0] - level[1] * at)
         rms = float(np.sqrt(np.nanmean(off[held] ** 2)))
-        band = band or BAND * max(float(np.hypot(line.step_sd[middle], line.noise_sd)), rms)
+        band = band or BAND * max(line.sd_at(middle), rms)
         # Two blocks in a row: one of noise may stray.
         away = ~(off <= band)
         away = away[middle:] if way > 0 else away[middle::-1]

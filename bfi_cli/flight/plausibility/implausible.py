@@ -115,17 +115,19 @@ def without_constant_errors(
 
 
 def _changed(log: FlightLog, findings: Sequence[Implausible], who: str) -> FlightLog:
-    steps = [(finding.channels, finding.factor, finding.offset) for finding in findings]
-
     def change(name: str, values: FloatArray) -> FloatArray:
-        for channels, factor, offset in steps:
-            if name in channels:
-                values = factor * values + offset
+        for finding in findings:
+            if name in finding.channels:
+                values = finding.factor * values + finding.offset
                 values.setflags(write=False)
         return values
 
-    notes = tuple(Note.method(f"{who}: {finding.text}; read as {_as_read(finding)}") for finding in findings)
-    return log.changed(change, notes=(*log.notes, *notes)) if steps else log
+    notes = []
+    for finding in findings:
+        shift = f" {finding.offset:+.4g} {STANDARD[finding.channels[0]].unit}" if finding.offset else ""
+        read = f"{finding.factor:.4g} x {_and(finding.channels)}{shift}"
+        notes.append(Note.method(f"{who}: {finding.text}; read as {read}"))
+    return log.changed(change, notes=(*log.notes, *notes)) if findings else log
 
 
 def _beyond_tolerance(blame: Blame, log: FlightLog, seconds: State) -> Blame:
@@ -145,11 +147,6 @@ def _beyond_tolerance(blame: Blame, log: FlightLog, seconds: State) -> Blame:
     every = (blame.change, *blame.rivals)
     kept = [change for change in every if shares(change) > 1.0] or every
     return replace(blame, change=kept[0], rivals=tuple(kept[1:]))
-
-
-def _as_read(finding: Implausible) -> str:
-    shift = f" {finding.offset:+.4g} {STANDARD[finding.channels[0]].unit}" if finding.offset else ""
-    return f"{finding.factor:.4g} x {_and(finding.channels)}{shift}"
 
 
 def _finding(blame: Blame, seconds: State, stated: Mapping[str, str | None], sources: Mapping[str, str]) -> Implausible:
@@ -288,7 +285,11 @@ def with_setting(log: FlightLog, finding: Implausible, parameters: Mapping[str, 
         names = spellings[int(sensor)] if sensor.isdecimal() and int(sensor) < len(spellings) else ()
         name = next((name for name in names if name in parameters), None)
         if name is not None:
-            setting = _setting(finding, name, parameters[name], power, is_applied=channel in applied)
+            present = parameters[name]
+            factor = present if channel in applied else 1.0
+            value, *ends = (float(factor * by**power) for by in (finding.factor, *(finding.factor_ci95 or ())))
+            ci95 = (ends[0], ends[1]) if ends else None
+            setting = Setting(name=name, present=present, value=value, ci95=ci95)
             return replace(finding, setting=setting, advice=sentence_of_setting(setting))
     return finding
 
@@ -301,17 +302,6 @@ def sentence_of_setting(setting: Setting) -> str:
 
 def _is_about_airspeed(finding: Implausible) -> bool:
     return finding.what == "scale" and not finding.rivals and finding.channels in [(name,) for name in AIRSPEEDS]
-
-
-def _setting(finding: Implausible, name: str, present: float, power: int, *, is_applied: bool) -> Setting:
-    factor = present if is_applied else 1.0
-
-    def value(by: float) -> float:
-        return float(factor * by**power)
-
-    ends = finding.factor_ci95
-    ci95 = None if ends is None else (value(ends[0]), value(ends[1]))
-    return Setting(name=name, present=present, value=value(finding.factor), ci95=ci95)
 
 
 NEEDS = ("tas", "velocity_north", "velocity_east")

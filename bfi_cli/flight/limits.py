@@ -335,9 +335,7 @@ def _drift_of(flight: Flight, scan: Scanned, fault: str, part: Record) -> Hidden
     elif fault == STATIC_LEAK:
         channel = "altitude"
         scale = METRES / median_of_known(part.air.p_static)
-    # The statistic, which a rougher flight raises, goes with the square of a slope.
-    spreads = EXCEEDED_BY * np.sqrt(scan.rule.scale) * scan.sd[fault]
-    sizes = np.abs(scan.magnitude[fault]) + spreads
+    sizes, spreads = not_excluded(scan.magnitude[fault], scan.sd[fault], scan.rule.scale)
     return Hidden(
         fault=name,
         shape="drift",
@@ -351,6 +349,15 @@ def _drift_of(flight: Flight, scan: Scanned, fault: str, part: Record) -> Hidden
         spreads=spreads,
         scale=scale,
     )
+
+
+def not_excluded(magnitude: FloatArray, sd: FloatArray, scale: float) -> tuple[FloatArray, FloatArray]:
+    """Return the largest sizes that estimates leave at 95 %, and what of these their noise makes.
+
+    The statistic, which a rougher flight raises by a scale, goes with the square of a size.
+    """
+    spreads = EXCEEDED_BY * np.sqrt(scale) * sd
+    return np.abs(magnitude) + spreads, spreads
 
 
 def _speed(part: Record, channel: str) -> float:

@@ -17,7 +17,7 @@ from ..faults.shapes import SHAPES
 from ..kernels import FloatArray
 from ..kernels.likelihood_ratio import likelihood_ratios
 from .flight import Flight
-from .limits import EXCEEDED_BY, PITOT_LINE, declared_stretches
+from .limits import PITOT_LINE, declared_stretches, not_excluded
 from .looks import Scanned
 from .parity import Bound, Record
 from .parity.record import STATIC_LEAK, STEP_S, climbing, hypotheses
@@ -126,8 +126,7 @@ def _sizes_of(flight: Flight, scan: WindowScan, window: Window, scale: float, ch
     faults, columns = hypotheses(record), courses(record.time_s)
     signatures = fault_signatures(scan, record, faults, columns, flight.record)
     magnitude, sd = likelihood_ratios(scan.residuals, signatures, len(faults)).weighted(scan.weights)
-    # The statistic, which a rougher flight raises, goes with the square of a size.
-    hidden = np.abs(magnitude) + EXCEEDED_BY * np.sqrt(scale) * sd
+    hidden, _ = not_excluded(magnitude, sd, scale)
     by_fault = {fault.fault: worst(sizes) for fault, sizes in zip(faults, hidden, strict=True)}
     related = {
         (channel, bounds): worst(sizes)

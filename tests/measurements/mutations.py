@@ -176,8 +176,8 @@ LINES = (
     Line("flight/looks.py", "beside=bool(lasting))", ("beside=False)", "beside=True)"), FLIGHT_LIMITS),
     Line(
         "flight/limits.py",
-        "sizes = np.abs(scan.magnitude[fault]) + spreads",
-        ("sizes = spreads", "sizes = scan.magnitude[fault] + spreads", "sizes = np.abs(scan.magnitude[fault])"),
+        "return np.abs(magnitude) + spreads, spreads",
+        ("return spreads, spreads", "return magnitude + spreads, spreads", "return np.abs(magnitude), spreads"),
         FLIGHT_LIMITS,
     ),
     Line(

@@ -23,7 +23,7 @@ from ...kernels.runs import median
 from ...kernels.whiteness import autocorrelation
 from .explain import PRICE
 from .finding import Finding, as_good, squares_by_onset
-from .relation_series import AVERAGED, BLOCK_S, RelationSeries
+from .relation_series import AVERAGED, BLOCK_S, RelationSeries, beside_line
 from .static_relations import MARGIN_S
 
 Candidate = tuple[str, float | None, float]  # shape; duration, time constant, or what draws a step out; onset; in s
@@ -167,17 +167,12 @@ def with_onset_of_samples(series: RelationSeries, finding: Finding, log: FlightL
     if finding.shape != "bias" or beside < FEWEST_BESIDE:
         return finding
     onsets_s = np.arange(first_s, last_s, max(1.0 / (FINE * log.rate_hz), FINER_S[-1]))
-    line = np.column_stack([np.ones(time_s.size), time_s - time_s.mean()])
-
-    def beside_line(x: FloatArray) -> FloatArray:
-        return np.asarray(x - line @ np.linalg.lstsq(line, x, rcond=None)[0])
-
-    y, rest, squares = beside_line(y), y, np.full(onsets_s.size, np.inf)
+    y, rest, squares = beside_line(y, time_s), y, np.full(onsets_s.size, np.inf)
     for response in _drawn_out(log):
         lag_s = (np.arange(len(response.taps)) - response.before) / (FINE * log.rate_hz)
         steps = np.concatenate([[0.0], np.cumsum(response.taps)])
         after = np.searchsorted(lag_s, time_s[:, None] - onsets_s + ROUNDING_S, side="right")
-        courses = beside_line(steps[after])
+        courses = beside_line(steps[after], time_s)
         left, sizes = squares_by_onset(y, courses)
         k = int(np.argmin(left))
         if left[k] < squares.min():

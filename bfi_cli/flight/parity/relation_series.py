@@ -361,13 +361,18 @@ def _effect(relation: Balance, values: Values, name: str) -> FloatArray:
     return np.asarray((relation.of({**values, name: values[name] + step}) - relation.of(values)) / step)
 
 
+def beside_line(x: FloatArray, time_s: FloatArray) -> FloatArray:
+    """Return (n, ...) what is left of signals beside the straight line over times (n,) that fits each best."""
+    line = np.column_stack([np.ones(time_s.size), time_s - time_s.mean()])
+    return np.asarray(x - line @ np.linalg.lstsq(line, x, rcond=None)[0])
+
+
 def _noise_about_lines(x: FloatArray, time_s: FloatArray) -> float:
     """Return the median standard deviation about a line of pieces of a relation."""
     edges = np.flatnonzero(np.diff(np.floor((time_s - time_s[0]) / PIECE_S)) > 0) + 1
     sds = []
     for piece, at in zip(np.split(x, edges), np.split(time_s, edges), strict=True):
         if len(piece) >= 0.5 * PIECE_S / BLOCK_S and len(piece) > 2:
-            line = np.column_stack([np.ones(len(at)), at - at.mean()])
-            rest = piece - line @ np.linalg.lstsq(line, piece, rcond=None)[0]
+            rest = beside_line(piece, at)
             sds.append(float(np.sqrt(rest @ rest / (len(piece) - 2))))
     return median(sds) if sds else 0.0

@@ -5,9 +5,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -81,8 +80,7 @@ def course_of(flight: Flight, event: Event, index: int) -> Course | None:
     if hypothesis is None or scan is None or event.window_s[1] - event.onset_s < FEWEST_S:
         return None
     try:
-        smooth = _smoother(without_fault(part, fault, named), scan, hypothesis)
-        course = None if smooth is None else smooth(onset_s=event.onset_s, at_s=part.time_s)
+        course = _smoothed(without_fault(part, fault, named), scan, hypothesis, event.onset_s)
     except ValueError:  # the residuals do not tell it, or the fault leaves the air that their equations hold for
         return None
     if course is None:
@@ -101,11 +99,8 @@ def course_of(flight: Flight, event: Event, index: int) -> Course | None:
     )
 
 
-def _smoother(part: Record, scan: WindowScan, hypothesis: Hypothesis) -> Callable[..., SmoothedCourse] | None:
-    """Return what smooths the course of a fault: residuals, what one unit of it makes of each, nuisances, covariance.
-
-    None where no residual shows it at once.
-    """
+def _smoothed(part: Record, scan: WindowScan, hypothesis: Hypothesis, onset_s: float) -> SmoothedCourse | None:
+    """Return the course of a fault in a window by the residuals that show it at once, None where none does."""
     faulty = with_fault(part, hypothesis.fault, np.full(part.time_s.shape, hypothesis.size))
     times, values, gains, columns, blocks = [], [], [], [], []
     for kind, residual, known, nuisances in zip(scan.kinds, scan.residuals, scan.known, scan.columns, strict=True):
@@ -124,13 +119,14 @@ def _smoother(part: Record, scan: WindowScan, hypothesis: Hypothesis) -> Callabl
         blocks.append(correlated_noise(t, sd=residual.level, time_constant_s=FAST_S) + kind.slow(t - t[0]))
     if not times:
         return None
-    return partial(
-        smoothed_course,
+    return smoothed_course(
         np.concatenate(times),
         np.concatenate(values),
         gain=np.concatenate(gains),
         nuisances=_block_diagonal(columns),
         covariance=_block_diagonal(blocks),
+        onset_s=onset_s,
+        at_s=part.time_s,
     )
 
 

@@ -151,11 +151,9 @@ def find_holds(
             leaks = [(_or_blocked_port(log, lines, line, leak, low_s), low_s) for leak, low_s in leaks]
     findings += [leak for leak, _ in leaks]
     # While the static line shows the cabin it holds, and no impact pressure tells of the pitot tube.
-    findings = [
-        finding for finding in findings if not any(begins_within(finding, leak) for leak in to_cabin)
-    ] + to_cabin
-    findings.sort(key=lambda finding: finding.onset_s)
-    return Holds(findings=tuple(findings), untold=untold, unseen=tuple(unseen), lacking=lines.missing)
+    beside = (finding for finding in findings if not any(begins_within(finding, leak) for leak in to_cabin))
+    ordered = sorted([*beside, *to_cabin], key=lambda finding: finding.onset_s)
+    return Holds(findings=tuple(ordered), untold=untold, unseen=tuple(unseen), lacking=lines.missing)
 
 
 def _unseen(

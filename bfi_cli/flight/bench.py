@@ -85,7 +85,7 @@ def bench_of(
             if 0 <= second - 1 < model.n:
                 Q[int(second) - 1, model.state("setting")] += SET_M**2
     for cause, at_s in causes:
-        beside = int(np.searchsorted(model.time_s, at_s - 0.5)) - 1 + np.array(JUMP_S)
+        beside = model.second(at_s) - 1 + np.array(JUMP_S)
         seconds = beside[(beside >= 0) & (beside < model.n)]
         for name, sd in ORDINARY[cause].jumps.items():
             if name in model.states and seconds.size:
@@ -226,7 +226,7 @@ def place_of(
     earlier_s : by how much the onset may be earlier.
     """
     model = bench.model
-    at = int(np.searchsorted(model.time_s, onset_s - 0.5))
+    at = model.second(onset_s)
     if at >= model.n or not model.frame.airborne[min(at, model.n - 1)]:
         return None
     first = at - earlier_s - CALM_BEFORE_S

@@ -14,12 +14,12 @@ import numpy as np
 
 from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.bounded_filter import StackRun
-from .bench import FAULT_STATES, JUMP_S, SHOWN_S, Bench, Place, jump, jump_seconds, place_of, run_place
+from .bench import CALM_BEFORE_S, FAULT_STATES, JUMP_S, SHOWN_S, Bench, Place, jump, jump_seconds, place_of, run_place
 from .lines import line_weights
 from .model import FlightModel, second_airspeed
 from .result import Event
 from .tables import MANOEUVRE, ORDINARY, ROWS, Loads
-from .weight import ALIKE, Ordinary, Weight, against, beside, dispersion, floored_density
+from .weight import ALIKE, Ordinary, Weight, against, beside, dispersion, floored_density, memory
 
 # What air data are held against. A receiver of satellites errs by itself so much more rarely than a tube or a port that
 # it is no rival of theirs; where a finder names it, it is.
@@ -104,7 +104,7 @@ def judge_spans(
     """Return what every fault is worth in spans of one part of a flight, with the log density of the ordinary there.
 
     A margin is over an ordinary explanation that may jump where its span ends: margins of spans with other ends compare
-    only with that. Empty where nothing is flown.
+    only with that. Empty where nothing is flown, or where a span begins after what is weighed.
 
     Parameters
     ----------
@@ -113,7 +113,8 @@ def judge_spans(
     ends_s = [end_s for _, end_s in spans if end_s is not None]
     first_s, last_s = min(onset_s for onset_s, _ in spans), max(ends_s, default=None)
     place = place_of(bench, first_s, last_s, until_s)
-    if place is None:
+    latest = bench.model.second(max(onset_s for onset_s, _ in spans))
+    if place is None or latest + CALM_BEFORE_S > place.end:
         return []
     answers = []
     for span in spans:
@@ -298,6 +299,7 @@ def _weight_of_channel(place: Place, ordinary: Ordinary, run: StackRun, h: int, 
         growth_s=growth_s,
         refused=refused,
         dispersion=dispersion(place, run.innovation[:, h], list(loads)),
+        memory_s=memory(place, run.innovation[:, h], list(loads)),
     )
 
 
@@ -335,8 +337,8 @@ def _refused(fault: str, loads: Loads, size: float) -> str:
 def rows_of(bench: Bench, channels: Sequence[str]) -> tuple[str, ...]:
     """Return the rows that measure some channels."""
     model = bench.model
-    second = second_airspeed(model.seconds)
-    names = {second: "cas", "tat": "sat", "ias": "cas" if second == "ias" else "tas", "p_static": "altitude"}
+    airspeed, second = model.seconds.record.airspeed, second_airspeed(model.seconds)
+    names = {airspeed: "tas", second: "cas", "tat": "sat", "p_static": "altitude"}
     rows = [names.get(channel, channel) for channel in channels]
     if "ground_speed" in channels:
         rows += ["velocity_north", "velocity_east"]

@@ -25,7 +25,7 @@ from .model import FlightModel, second_airspeed
 from .parity.record import STATIC_LEAK, without_fault
 from .seconds import filled, rate_of, smoothed
 from .tables import AIRSPEED_ROWS
-from .weight import ALIKE, Ordinary, Weight, against, beside, dispersion, floored_density
+from .weight import ALIKE, Ordinary, Weight, against, beside, dispersion, floored_density, memory
 
 OfCourse = Callable[[FloatArray], FloatArray]
 PITOT_LEAK, PITOT_ICING, PITOT_BLOCKED, STATIC_BLOCKED = "pitot_leak", "pitot_icing", "pitot_blocked", "static_blocked"
@@ -137,7 +137,10 @@ def rests_about(bench: Bench, at_s: float) -> Iterator[tuple[str, float, float]]
     if not has_lines(model):
         return
     air, at = model.seconds.air, int(np.searchsorted(model.time_s, at_s))
-    for fault, pressure in ((PITOT_BLOCKED, air.p_total), (STATIC_BLOCKED, air.p_static)):
+    # An airspeed that reads nothing does not show where its tube is.
+    reads = filled(model.y[:, model.row("tas")]) >= ZERO * model.frame.middle_speed
+    shows = {PITOT_BLOCKED: (air.p_total, reads), STATIC_BLOCKED: (air.p_static, np.ones(model.n, dtype=bool))}
+    for fault, (pressure, read) in shows.items():
         values, stretches = filled(pressure), set()
         flown = values[model.frame.airborne]
         # Of flight as it usually is and as it is at its calmest, between which the noise of a trapped line lies.
@@ -145,7 +148,7 @@ def rests_about(bench: Bench, at_s: float) -> Iterator[tuple[str, float, float]]
             noise = noise_of_second_differences(flown, 2 * REFERENCE_S, quiet)
             for second in (at - REFERENCE_S, at, at + REFERENCE_S):
                 level = np.median(values[max(second - COURSE_S // 2, 0) : second + COURSE_S // 2 + 1])
-                away = np.abs(values - level) > STRAYS * noise
+                away = read & (np.abs(values - level) > STRAYS * noise)
                 first, last = next(((a, b) for a, b in runs(~(away & np.roll(away, 1))) if a <= second < b), (0, 0))
                 stretches.add((first, last))
         for first, last in sorted(stretches):
@@ -172,6 +175,7 @@ def _weight_of_law(place: Place, fault: str, ordinary: Ordinary, run: StackRun, 
         sd=float(np.sqrt(max(run.final_covariance[h, -FAULT_STATES, -FAULT_STATES], 0.0))),
         refused=_refused(fault, size),
         dispersion=dispersion(place, run.innovation[:, h], shown_rows(place.bench.model, fault)),
+        memory_s=memory(place, run.innovation[:, h], shown_rows(place.bench.model, fault)),
     )
 
 

@@ -244,7 +244,7 @@ def likeliest(n: int, weigh: Callable[[Sequence[int]], Sequence[Weight]]) -> tup
         weights.update(zip(fine, weigh(fine), strict=True))
     peak, weighed = best(), sorted(weights)
     profile = np.interp(range(n), weighed, [weights[k].margin for k in weighed])
-    share = np.exp((profile - profile.max()) / weights[peak].dispersion)
+    share = np.exp((profile - profile.max()) / (weights[peak].dispersion * weights[peak].memory_s))
     below = np.cumsum(share) / share.sum()
     first, last = int(np.searchsorted(below, TAIL)), int(np.searchsorted(below, 1.0 - TAIL))
     return peak, min(first, peak), max(min(last, n - 1), peak)

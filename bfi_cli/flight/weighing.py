@@ -219,8 +219,7 @@ def _placed_events(
             if begun is not None:
                 returns[k] = placed[k].onset_s
                 placed[k] = _from_its_onset(bench, placed[k], begun)
-    steps = _sudden_errors(flight, bench, (*swinging, *placed), gains)
-    return [*placed, *(_as_trapped(bench, step, flight.to_s) for step in steps)], returns
+    return [*placed, *_sudden_errors(flight, bench, (*swinging, *placed), gains)], returns
 
 
 def _weighing(
@@ -300,8 +299,8 @@ def _sudden_errors(flight: Flight, bench: Bench, events: Sequence[Event], gains:
         clearly = judgement.weights[0].margin - DECLARED * judgement.weights[0].dispersion
         among = (each.fault for each in judgement.weights if not each.refused and each.margin >= clearly)
         event = replace(_timed(bench, event, timing), among=tuple(dict.fromkeys((fault, *among))), state="declared")
-        events.append(event)
-        yield event
+        events.append(_as_trapped(bench, event, flight.to_s))
+        yield events[-1]
 
 
 def _is_about(at_s: float, events: Iterable[Event]) -> bool:
@@ -709,15 +708,19 @@ def _as_trapped(bench: Bench, event: Event, until_s: float) -> Event:
         if not judgements:
             continue
         (as_proposed, ordinary), (there, beside) = judgements
-        weight = there.weights[0]
-        more = weight.margin + beside - max(DECLARED, as_proposed.weights[0].margin) - ordinary
-        if weight.fault != fault or weight.margin <= DECLARED or more <= gain:
+        weight = there.weight(fault)
+        if weight is None or weight.margin <= DECLARED:
             continue
-        timing = timing_of(bench, weight, from_s, to_s, until_s=until_s)
-        if timing is not None:
-            # A line may rest before the flight contradicts it.
-            within = min(from_s - 1.0, timing.onset_ci95[0]), timing.onset_ci95[1]
-            gain, trapped = more, _timed(bench, rest, replace(timing, onset_ci95=within))
+        more = weight.margin + beside - max(DECLARED, as_proposed.weights[0].margin) - ordinary
+        timing = timing_of(bench, weight, from_s, to_s, until_s=until_s) if more > gain else None
+        if timing is None:
+            continue
+        # A line may rest before the flight contradicts it, and seems to for a while in the steps of its record.
+        within = min(from_s - 1.0, timing.onset_ci95[0]), timing.onset_ci95[1]
+        timed = _timed(bench, rest, replace(timing, onset_ci95=within))
+        judgement = _judgement(bench, timed, until_s)
+        if judgement is not None and judgement.weights[0].fault == fault:
+            gain, trapped = more, timed
     return trapped
 
 

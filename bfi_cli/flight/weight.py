@@ -14,6 +14,7 @@ from .tables import MANOEUVRE
 
 # Ten to one: what explains a place as well as the best but for this is told with it.
 ALIKE = float(np.log(10.0))
+LIKEST = 0.95  # correlation of neighbours that a minute of readings tells from one without an end
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,6 +31,7 @@ class Weight:
     refused : why it can be none, "" where it can.
     dispersion : twice the loss of a measurement of its channels while it lasts, in the mean; 1 of what it describes to
         their noise.
+    memory_s : for which its errors last, 1 where each is of its own: readings within that say the same.
     heats : whether the static temperature is made of a total one and the Mach number that a line shows.
     """
 
@@ -41,6 +43,7 @@ class Weight:
     growth_s: float | None = None
     refused: str = ""
     dispersion: float = 1.0
+    memory_s: float = 1.0
     heats: bool = False
 
 
@@ -98,6 +101,18 @@ def dispersion(place: Place, innovation: FloatArray, rows: Collection[str]) -> f
     inside = np.minimum(size, BOUND)
     losses = inside * (2.0 * size - inside)
     return max(1.0, float(np.nanmean(losses))) if np.isfinite(losses).any() else 1.0
+
+
+def memory(place: Place, innovation: FloatArray, rows: Collection[str]) -> float:
+    """Return for how many seconds errors of some rows last while a fault does, as those of a process of first order.
+
+    Their mean is known as well as that of n / memory independent ones: (1 + r) / (1 - r) with the correlation r of
+    neighbours.
+    """
+    size = np.clip(innovation[place.during][:, [place.bench.model.row(name) for name in rows]], -BOUND, BOUND)
+    squares, products = np.nansum(size**2), np.nansum(size[1:] * size[:-1])
+    r = float(np.clip(products / squares, 0.0, LIKEST)) if squares > 0.0 else 0.0
+    return (1.0 + r) / (1.0 - r)
 
 
 def floored_density(

@@ -32,7 +32,7 @@ from bfi_cli.flight.model import FlightModel, flight_model
 from bfi_cli.flight.seconds import filled, seconds_of
 from bfi_cli.flight.tables import LEVELS
 from bfi_cli.flight.weighing import DECLARED
-from bfi_cli.flight.weight import ALIKE, beside
+from bfi_cli.flight.weight import ALIKE, beside, memory
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.record import frozen_array
@@ -220,6 +220,7 @@ def test_spans_of_one_place_are_judged_on_the_same_samples(with_fault: Callable[
     assert with_end.weights[0].margin == pytest.approx(same.weights[0].margin)
     assert with_end.weights[0].margin + ordinary > without.weights[0].margin + beside + DECLARED
     assert judge_spans(bench, [(1e4, None)]) == []
+    assert judge_spans(bench, [(300.0, 330.0), (535.0, None)]) == []  # the second begins where the part ends
 
 
 @pytest.mark.parametrize("lag_s", [0.0, lines.THERMOMETER_S, None])
@@ -236,19 +237,50 @@ def test_a_line_that_loses_nothing_leaves_the_temperature_as_it_is(
     np.testing.assert_allclose(rows.Z[:, sat], healthy.model.Z[place.part, sat], atol=1e-9)
 
 
-@pytest.mark.parametrize(("strays", "until_s"), [(1, 301.0), (2, 200.0)])
-def test_a_trapped_pressure_strays_from_itself_once_and_never_twice(strays: int, until_s: float) -> None:
-    """It rests from 100 to 300 s, but for seconds in which it is ten standard deviations away."""
+@pytest.mark.parametrize(("strays", "speed", "until_s"), [(1, 50.0, 301.0), (2, 50.0, 200.0), (2, 0.0, 301.0)])
+def test_a_trapped_pressure_strays_from_itself_once_and_never_twice(strays: int, speed: float, until_s: float) -> None:
+    """It rests from 100 to 300 s, but for seconds in which it is ten standard deviations away, or nothing is read."""
     moves = 50.0 * np.abs(np.clip(np.arange(400.0), 100.0, 300.0) - np.arange(400.0))
     pressure = 9e4 + moves + np.random.default_rng(0).standard_normal(400)
-    pressure[200 : 200 + strays] += 10.0
-    air = SimpleNamespace(p_total=pressure, p_static=9e4 + 50.0 * np.arange(400.0))
-    frame = SimpleNamespace(airborne=np.ones(400, dtype=bool))
-    seconds, rows = SimpleNamespace(air=air), ("tas", "altitude")
-    bench: Any = SimpleNamespace(
-        model=SimpleNamespace(n=400, time_s=np.arange(400.0), rows=rows, frame=frame, seconds=seconds)
+    away = slice(200, 200 + strays)
+    pressure[away] += 10.0
+    y = np.full((400, 2), 50.0)
+    y[away, 0] = speed
+    seconds = SimpleNamespace(air=SimpleNamespace(p_total=pressure, p_static=9e4 + 50.0 * np.arange(400.0)))
+    frame = SimpleNamespace(airborne=np.ones(400, dtype=bool), middle_speed=50.0)
+    rows = ("tas", "altitude")
+    model = SimpleNamespace(
+        n=400, time_s=np.arange(400.0), rows=rows, row=rows.index, frame=frame, seconds=seconds, y=y
     )
+    bench: Any = SimpleNamespace(model=model)
     assert [*rests_about(bench, 150.0)] == [("pitot_blocked", 100.0, until_s)]
+
+
+def test_errors_of_first_order_say_the_same_for_their_memory() -> None:
+    """Of a correlation of 0.8 between neighbours the mean is known as that of a ninth of the samples."""
+    rng, size = np.random.default_rng(0), np.zeros(20000)
+    for k in range(1, size.size):
+        size[k] = 0.8 * size[k - 1] + 0.1 * rng.standard_normal()
+    place: Any = SimpleNamespace(
+        during=np.arange(size.size) >= 100, bench=SimpleNamespace(model=SimpleNamespace(row={"tas": 0}.get))
+    )
+    assert memory(place, size[:, None], ["tas"]) == pytest.approx(9.0, rel=0.15)
+    assert memory(place, rng.standard_normal((size.size, 1)), ["tas"]) == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.slow
+def test_a_layer_of_other_air_refutes_no_line(journey: FlightLog) -> None:
+    """A temperature of its own sensor jumps by 3 K while the tube ices, as it does in any flight."""
+    iced = inject(journey, [parse_spec(f"pitot_icing,magnitude=0.006,onset_s={ONSET_S}")])
+    layer = 3.0 * (journey.time_s > ONSET_S - 2.0)
+    colder = {
+        name: replace(iced.channels[name], values=frozen_array(iced.channels[name].values - layer))
+        for name in ("sat", "tat")
+    }
+    judgement = judge(bench_of(model_of(replace(iced, channels={**iced.channels, **colder}))), ONSET_S, None)
+    assert judgement is not None
+    assert judgement.weights[0].fault == "pitot_icing"
+    assert judgement.weights[0].margin > DECLARED
 
 
 def test_what_may_happen_beside_a_fault_may_happen_without_one(journey: FlightLog) -> None:
@@ -326,6 +358,13 @@ def test_rows_of_a_known_fault_testify_no_more(with_fault: Callable[[str], Bench
     judgement = judge(known, ONSET_S, None)
     assert judgement is not None
     assert all(one.margin < DECLARED for one in judgement.weights if not one.refused)
+
+
+@pytest.mark.parametrize("name", ["cas", "mach"])
+def test_the_row_of_the_airspeed_is_that_of_the_one_that_is_recorded(journey: FlightLog, name: str) -> None:
+    others = {"tas", "cas", "mach"} - {name}
+    channels = {at: channel for at, channel in journey.channels.items() if at not in others}
+    assert rows_of(bench_of(model_of(replace(journey, channels=channels))), (name,)) == ("tas",)
 
 
 def test_what_the_ground_shows_is_no_place_in_flight(healthy: Bench) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -161,14 +161,17 @@ def test_an_onset_is_sought_in_the_seven_minutes_before_what_may_be_its_end(
 
 
 def test_an_interval_of_a_normal_likelihood_is_that_of_its_quantiles() -> None:
-    """Of a standard deviation of 100 places, 196 to both sides hold 95 %; where the dispersion is 4, twice as many."""
+    """Of a standard deviation of 100 places, 196 to both sides hold 95 %; where the dispersion is 4, twice as many.
 
-    def weigh(places: Sequence[int], wide: float = 1.0) -> list[Weight]:
-        return [
-            Weight(fault="tas", margin=-0.5 * ((k - 1000) / 100.0) ** 2, shares={}, size=1.0, dispersion=wide)
-            for k in places
-        ]
+    So it is where four neighbours say the same.
+    """
+
+    def weigh(places: Sequence[int], wide: float = 1.0, memory_s: float = 1.0) -> list[Weight]:
+        margins = [-0.5 * ((k - 1000) / 100.0) ** 2 for k in places]
+        same = Weight(fault="tas", margin=0.0, shares={}, size=1.0, dispersion=wide, memory_s=memory_s)
+        return [replace(same, margin=margin) for margin in margins]
 
     assert likeliest(2001, weigh) == (1000, pytest.approx(804, abs=2), pytest.approx(1196, abs=2))
-    _, first, last = likeliest(2001, lambda places: weigh(places, 4.0))
-    assert (first, last) == (pytest.approx(608, abs=2), pytest.approx(1392, abs=2))
+    for wide, memory_s in ((4.0, 1.0), (1.0, 4.0)):
+        _, first, last = likeliest(2001, partial(weigh, wide=wide, memory_s=memory_s))
+        assert (first, last) == (pytest.approx(608, abs=2), pytest.approx(1392, abs=2))

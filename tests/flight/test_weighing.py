@@ -60,9 +60,8 @@ def test_a_line_that_rests_is_told_from_its_onset_to_its_end_whatever_of_it_stan
     fault: str, proposed: str, at_s: float
 ) -> None:
     """Of a static temperature that is made of the airspeed a blocked tube gives back a step, and nothing else is."""
-    blocked = inject(
-        made_journey(rate_hz=1.0).window(None, 640.0), [parse_spec(f"{fault},onset_s={ONSET_S},offset_s=520")]
-    )
+    made = made_part(200.0, 600.0, (*FEW, "sat", "tat"))
+    blocked = inject(made, [parse_spec(f"{fault},onset_s={ONSET_S},offset_s=520")])
     log = replace(blocked, channels={name: blocked.channels[name] for name in blocked.channels if name != "tat"})
     step = replace(event_of(proposed, at_s, "declared"), stages=("static relations",))
     step = replace(step, channels=("altitude",) if fault == "static_blocked" else (proposed,))

@@ -81,7 +81,8 @@ def command(asked: Asked) -> Answer:
     flight = replace(flight, earlier=tuple(_earlier_log(word, asked.config) for word in asked.options["logs"]))
     result = identify(
         flight,
-        config=asked.config,
+        asked.dictionary,
+        asked.config,
         allow_outside=asked.options["allow_outside"],
         prove=asked.proving(),
         progress=asked.progress,

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
@@ -237,7 +238,8 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
             f"{log.path}: no part of the log is in flight between take-off and landing; give a log of a flight, or "
             "map its airspeed with --channel"
         )
-    resting = frozen_sensors(log, record_of(log), phases)
+    recorded = lru_cache(maxsize=1)(record_of)  # most logs lose no channel below
+    resting = frozen_sensors(log, recorded(log), phases)
     log = without_frozen(log, resting)
     # What one airspeed says against all others is no sign of a pressure line.
     overruled = {disagreement.channel for disagreement in disagreements if disagreement.alone}
@@ -246,12 +248,11 @@ def flight_of(log: FlightLog, config: Config) -> Flight:
     coarse = coarse_positions(log)
     if coarse:
         log = without(log, "latitude", "longitude")
-    log, unlike = without_other_conventions(log, phases)
-    record = record_of(log)
-    credible = credibility_of(record, phases, without=held_stretches(held.findings))
+    log, unlike = without_other_conventions(log, phases, recorded)
+    credible = credibility_of(recorded(log), phases, without=held_stretches(held.findings))
     if credible.findings:
         log = without(log, *credible.unused)
-        record = record_of(log)
+    record = recorded(log)
     calibration = None if config.diagnose.calibration is None else load_air_data(config.diagnose.calibration)
     flight = Flight(
         log=log,
@@ -388,7 +389,9 @@ def _reaches(hold: Finding, time_s: float) -> bool:
     return hold.offset_s is None or hold.offset_s >= time_s - UNHELD_S
 
 
-def without_other_conventions(log: FlightLog, phases: Sequence[Phase]) -> tuple[FlightLog, tuple[str, ...]]:
+def without_other_conventions(
+    log: FlightLog, phases: Sequence[Phase], recorded: Callable[[FlightLog], Record] = record_of
+) -> tuple[FlightLog, tuple[str, ...]]:
     """Return the log without channels whose median or mean over the flight no aircraft has, and a sentence on each."""
     sentences = []
     flown = within(log.time_s, flight_stretches(phases))
@@ -398,7 +401,7 @@ def without_other_conventions(log: FlightLog, phases: Sequence[Phase]) -> tuple[
             if middle is not None:
                 sentences.append(sentence_of_impossible(name, middle))
                 log = without(log, name)
-    record = record_of(log)
+    record = recorded(log)
     if record.gained is not None and "tas" in record.channels:
         off = _mean_rate(record, phases)
         if abs(off) > MEAN_RATE:

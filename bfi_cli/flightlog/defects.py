@@ -426,7 +426,7 @@ def _excursions(
         size = np.max([np.where(mask, np.abs(errors[half][0]), 0.0) for half, mask in stands_out.items()], axis=0)
         if not size.any():
             break
-        widest = 3 * max(errors)
+        widest, known_before = 3 * max(errors), len(flaws)
         while size.any():
             k = int(np.argmax(size))
             ratios = {half: ratio[k] / others[k] / level[half] for half, (_, ratio) in errors.items()}
@@ -441,6 +441,8 @@ def _excursions(
             flaws.append(replace(flaw, hidden=(flaw.hidden[0] - sure_s, flaw.hidden[1] + sure_s)))
             _take_out(track, flaws[-1].hidden)
             size[max(0, k - widest) : k + widest + 1] = 0.0
+        if len(flaws) == known_before:  # all that stands out is refused
+            break
     return flaws
 
 

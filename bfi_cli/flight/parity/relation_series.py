@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cache, partial
 from itertools import combinations
 from operator import itemgetter
 
@@ -195,6 +195,7 @@ def quantity_measured(channel: str) -> str:
     return channel if match is None else quantity_of(match.name)
 
 
+@cache
 def _sensors(channel: str) -> frozenset[str]:
     """Return the sensors of a channel; a second one of a quantity may have those of the first."""
     quantity = quantity_measured(channel)

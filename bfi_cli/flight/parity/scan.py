@@ -157,7 +157,7 @@ def scan_window(
     begun = [candidate for candidate in possible if candidate.fault in lasting]
     course = np.column_stack([np.ones(n), (record.time_s - record.time_s[0]) / n])
     roundings = [record.rounding.get(hypothesis.fault) for hypothesis in possible]
-    used: list[tuple[ResidualKind, Residual, BoolArray, FloatArray]] = []
+    used: list[tuple[ResidualKind, Residual, BoolArray, FloatArray, Slopes]] = []
     for kind in kinds:
         values = residual_values(record, record, constants, kind)
         columns, prior_sd = np.ones((n, 1)), np.array([np.inf])
@@ -172,12 +172,13 @@ def scan_window(
         if np.count_nonzero(known) < fewest:
             lacking[kind.name] = _gaps(record, kind, fewest)
             continue
-        noise = _noise_of(kind, _slopes_in(whole, kind, record, possible, constants), roundings, known)
+        slopes = _slopes_in(whole, kind, record, possible, constants)
+        noise = _noise_of(kind, slopes, roundings, known)
         residual = Residual.of(noise, values[known], columns[known], prior_sd, ramps[known])
-        used.append((kind, residual, known, columns[known]))
+        used.append((kind, residual, known, columns[known], slopes))
     if not used:
         return None
-    kinds, residuals, masks, nuisances = zip(*used, strict=True)
+    kinds, residuals, masks, nuisances, sloped = zip(*used, strict=True)
     none = np.empty((0, len(residuals), len(onsets_s)))
     scan = WindowScan(
         onsets_s=onsets_s,
@@ -190,7 +191,7 @@ def scan_window(
         constants=constants,
         lacking=lacking,
     )
-    every = likelihood_ratios(residuals, fault_signatures(scan, record, possible, ramps, whole), len(possible))
+    every = likelihood_ratios(residuals, _signatures(sloped, masks, ramps), len(possible))
     shown = every.power.any(axis=(1, 2))
     faults = tuple(possible[i].fault for i in np.flatnonzero(shown))
     ratios = replace(every, shown=every.shown[shown], power=every.power[shown])
@@ -349,9 +350,15 @@ def fault_signatures(
     record : where it is linearised; whole : see `scan_window`.
     courses : (n, n_courses).
     """
+    sloped = [_slopes_in(whole, kind, record, faults, scan.constants) for kind in scan.kinds]
+    return _signatures(sloped, scan.known, courses)
+
+
+def _signatures(
+    sloped: Sequence[Slopes], masks: Sequence[BoolArray], courses: FloatArray
+) -> list[tuple[IntArray, FloatArray]]:
     signatures = []
-    for kind, known in zip(scan.kinds, scan.known, strict=True):
-        slopes = _slopes_in(whole, kind, record, faults, scan.constants)
+    for slopes, known in zip(sloped, masks, strict=True):
         by_fault = slopes.signatures(courses)
         signatures.append((slopes.acting, by_fault if known.all() else by_fault[known]))
     return signatures

@@ -194,7 +194,7 @@ def filter_stack(
         # 2. Each row given those before it.
         inverse, e, sd[k] = _white(S, v)
         innovation[k] = e
-        if (is_beyond := np.abs(e) > bound).any():
+        if np.count_nonzero(is_beyond := np.abs(e) > bound):
             some = np.flatnonzero(is_beyond.any(axis=1))
             white = inverse[some], e[some], sd[k, some]
             inverse[some], e[some], innovation[k, some], sd[k, some] = _bounded(S[some], v[some], white, bound)

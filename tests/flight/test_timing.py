@@ -12,7 +12,8 @@ from made_journeys import made_journey
 
 from bfi_cli.faults import parse_spec
 from bfi_cli.flight.bench import Bench, bench_of, place_of
-from bfi_cli.flight.judge import channel_faults, judge, ordinary_of, weights_of_channel
+from bfi_cli.flight.judge import channel_faults, ordinary_of, weights_of_channel
+from bfi_cli.flight.lines import LAWS, weights_of_laws
 from bfi_cli.flight.model import flight_model
 from bfi_cli.flight.seconds import seconds_of
 from bfi_cli.flight.timing import begun_before, likeliest, timing_of
@@ -38,15 +39,14 @@ def bench_with(spec: str, *, part: tuple[float, float] = (0.0, 600.0), names: tu
 
 @cache
 def weight_of(bench: Bench, fault: str, onset_s: float, offset_s: float | None) -> Weight:
+    """Return what a step of a channel, or a line by its first law, is worth: from there on it is placed."""
+    place = place_of(bench, onset_s, offset_s)
+    assert place is not None
     if fault in channel_faults(bench.model):
-        place = place_of(bench, onset_s, offset_s)
-        assert place is not None
-        (step,) = weights_of_channel(fault, 0.0, [place], ordinary_of(place))
-        return step
-    judgement = judge(bench, onset_s, offset_s, named=(fault,))
-    assert judgement is not None
-    weight = judgement.weight(fault)
-    assert weight is not None
+        (weight,) = weights_of_channel(fault, 0.0, [place], ordinary_of(place))
+    else:
+        law = next(law for law in LAWS if law.fault == fault)
+        (weight,) = weights_of_laws([(law, place)], ordinary_of(place))
     return weight
 
 

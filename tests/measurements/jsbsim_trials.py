@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from bars import FULL
 from threadpoolctl import threadpool_limits
 
 from bfi_cli.aircraft import STICK, Dryden, FlightPlan, deviations, find_model, simulate, time_axis
@@ -24,6 +25,7 @@ from bfi_cli.model.result import IdentifyResult
 AIRCRAFT = ("c172p", "737", "f16")
 DURATION_S, RATE_HZ, NOISE = 60.0, 50.0, 0.1
 ONSET_S = 30.0
+AFTER_S = 200.0  # of a tour, behind an onset where BFI_FULL=1 is not set
 # An onset that is searched is found to about a sample of the analysis.
 NEAR_S = 0.5
 BIAS = Fault(shape="bias", channel="tas", magnitude=1.0, onset_s=ONSET_S)
@@ -171,6 +173,7 @@ def tour_trial(job: tuple[str, int, str]) -> TourTrial:
     """Diagnose a tour with a pressure line blocked at a time drawn from the seed, or healthy for ""."""
     name, seed, shape = job
     log, onset_s = tour(name, seed=seed), float(np.random.default_rng([5, seed]).uniform(150.0, 750.0))
+    log = log if FULL else log.window(None, onset_s + AFTER_S)
     if shape:
         log = inject(log, [Fault(shape=shape, onset_s=onset_s)])
     with threadpool_limits(1):

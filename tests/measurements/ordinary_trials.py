@@ -7,10 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from bars import FULL
 from cut_faults import Trial as FaultTrial
 from cut_faults import faulty
 from flight_faults import Maker, Truth, blocked, course, icing, leak
-from jsbsim_trials import AIRCRAFT, SENSORS, tour
+from jsbsim_trials import AFTER_S, AIRCRAFT, SENSORS, tour
 from threadpoolctl import threadpool_limits
 from whole_flight_trials import NEAR_S, said_of
 
@@ -100,6 +101,7 @@ def with_cause(trial: CauseTrial) -> tuple[FlightLog, Occurrence]:
 def answer_to_cause(trial: CauseTrial) -> CauseAnswer:
     """Diagnose a flight in which something ordinary happens."""
     log, made = with_cause(trial)
+    log = log if FULL else log.window(None, made.at_s + AFTER_S)
     with threadpool_limits(1):
         result = diagnose_flight(log, Config())
     right = [event for event in result.ordinary if event.cause == made.cause and abs(event.from_s - made.at_s) < NEAR_S]

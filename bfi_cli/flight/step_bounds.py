@@ -7,7 +7,6 @@ airspeed that gains metres per second within ten seconds asks for a force.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,30 +35,6 @@ FRONT, INVERSION = 3.0, 0.01
 COURSES = tuple((shape, seconds) for shape in STEPS for seconds in SHAPES[shape].claimed_s or (0.0,))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _WindowSizes:
-    """The largest steps that one window leaves unseen.
-
-    Attributes
-    ----------
-    onsets_s : (n,); record : its seconds.
-    by_fault : (n,) by hypothesis of the scan; related : by channel and what a relation bounds.
-    """
-
-    window: Window
-    record: Record
-    onsets_s: FloatArray
-    by_fault: dict[str, FloatArray]
-    related: dict[tuple[str, Bound], FloatArray]
-
-    def hidden(self, fault: str, bounds: Bound) -> FloatArray:
-        """Return (n,) the largest size of a fault, infinite where nothing bounds it."""
-        name = next((hypothesis for hypothesis, line in LINES if line == fault), fault)
-        nothing = np.full(len(self.onsets_s), np.inf)
-        scanned = self.by_fault.get(name, nothing) if bounds == "error" else nothing
-        return np.minimum(scanned, self.related.get((fault, bounds), nothing))
-
-
 def step_bounds(
     flight: Flight,
     scanned: Sequence[Scanned],
@@ -77,39 +52,38 @@ def step_bounds(
     scanned, static, events : of the flight, see `limits.bounds_of`.
     """
     left_out, scales = declared_stretches(events), {look.window: look.rule.scale for look in scanned}
-    by_window = list[_WindowSizes]()
+    by_window = list[tuple[FloatArray, FloatArray, dict[str, FloatArray]]]()
     for window, answer in static:
         scan = None if flight.lasting_in(window) or overlaps(window, left_out) else flight.scan(window)
         if scan is not None and window in scales and not answer.findings:
-            by_window.append(_sizes_of(flight, scan, window, scales[window], channels))
+            onsets_s = np.arange(np.ceil(window[0] / STEP_S) * STEP_S, window[1], STEP_S)[1:]
+            depths = np.minimum(onsets_s - window[0], window[1] - onsets_s)
+            by_window.append((onsets_s, depths, _errors(flight, scan, window, onsets_s, scales[window], channels)))
+    if not by_window:
+        return ()
+    onsets_s = np.concatenate([onsets_s for onsets_s, _, _ in by_window])
+    depths = np.concatenate([depths for _, depths, _ in by_window])
+    # By onset, the farthest from the ends of its window first, of which the first of each onset counts.
+    order = np.lexsort((-depths, onsets_s))
+    at, first = np.unique(onsets_s[order], return_index=True)
     bounds = []
-    for channel in channels if by_window else ():
-        errors = [
-            error_by_any_sensor(sizes.record, channel, sizes.hidden, np.ones(len(sizes.onsets_s)), is_sudden=True)
-            for sizes in by_window
-        ]
-        onsets_s = np.concatenate([sizes.onsets_s for sizes in by_window])
-        # By onset, the farthest from the ends of its window first, of which the first of each onset counts.
-        depth = np.concatenate(
-            [np.minimum(sizes.onsets_s - sizes.window[0], sizes.window[1] - sizes.onsets_s) for sizes in by_window]
-        )
-        order = np.lexsort((-depth, onsets_s))
-        at, first = np.unique(onsets_s[order], return_index=True)
-        least = np.concatenate(errors)[order][first]
+    for channel in channels:
+        least = np.concatenate([errors[channel] for _, _, errors in by_window])[order][first]
         if np.isfinite(least).any():
             bounds.append(OnsetBound(channel=channel, onsets_s=at, errors=least))
     return tuple(bounds)
 
 
-def _sizes_of(flight: Flight, scan: WindowScan, window: Window, scale: float, channels: Sequence[str]) -> _WindowSizes:
-    """Return the largest steps that one window leaves unseen.
+def _errors(
+    flight: Flight, scan: WindowScan, window: Window, onsets_s: FloatArray, scale: float, channels: Sequence[str]
+) -> dict[str, FloatArray]:
+    """Return by channel (n_onsets,) the largest error of a step that one window leaves unseen.
 
     Parameters
     ----------
     scale : by which the flight shows more than those of the tables.
     """
     record = flight.record.between(*window)
-    onsets_s = np.arange(np.ceil(window[0] / STEP_S) * STEP_S, window[1], STEP_S)[1:]
 
     def courses(time_s: FloatArray) -> FloatArray:
         """Return (n, n_onsets * n_courses) of largest error 1 until the end of what is analysed."""
@@ -126,14 +100,22 @@ def _sizes_of(flight: Flight, scan: WindowScan, window: Window, scale: float, ch
     faults, columns = hypotheses(record), courses(record.time_s)
     signatures = fault_signatures(scan, record, faults, columns, flight.record)
     magnitude, sd = likelihood_ratios(scan.residuals, signatures, len(faults)).weighted(scan.weights)
-    hidden, _ = not_excluded(magnitude, sd, scale)
-    by_fault = {fault.fault: worst(sizes) for fault, sizes in zip(faults, hidden, strict=True)}
-    related = {
-        (channel, bounds): worst(sizes)
-        for channel in channels
-        for bounds, sizes in hidden_sizes(flight.series, channel, window, courses).items()
-    }
-    return _WindowSizes(window=window, record=record, onsets_s=onsets_s, by_fault=by_fault, related=related)
+    sizes, _ = not_excluded(magnitude, sd, scale)
+    by_fault = {fault.fault: worst(largest) for fault, largest in zip(faults, sizes, strict=True)}
+    related = {channel: hidden_sizes(flight.series, channel, window, courses) for channel in channels}
+
+    def hidden(fault: str, bounds: Bound) -> FloatArray:
+        """Return (n_onsets,) the largest size of a fault, infinite where nothing bounds it."""
+        name = next((hypothesis for hypothesis, line in LINES if line == fault), fault)
+        least = np.full(len(onsets_s), np.inf)
+        if bounds == "error" and name in by_fault:
+            least = by_fault[name]
+        if bounds in related.get(fault, {}):
+            least = np.minimum(least, worst(related[fault][bounds]))
+        return least
+
+    steps = np.ones(len(onsets_s))
+    return {name: error_by_any_sensor(record, name, hidden, steps, is_sudden=True) for name in channels}
 
 
 def error_by_any_sensor(

@@ -77,18 +77,16 @@ def calibrate_air_data(logs: Sequence[FlightLog]) -> AirDataCalibration | None:
     Windows in which flaps and gear move are left out. Of several flights, each is scanned with the angle of zero lift
     of all; tables with fewer windows than a threshold needs are not kept.
     """
-    records, phases = [record_of(log) for log in logs], [phases_of(log) for log in logs]
-    angles = [zero_lift_of(record, parts) for record, parts in zip(records, phases, strict=True)]
-    known = [angle for angle in angles if angle is not None]
+    flights = [(record_of(log), phases_of(log)) for log in logs]
+    known = [angle for record, phases in flights if (angle := zero_lift_of(record, phases)) is not None]
     zero_lift = float(np.mean(known)) if known else None
     statistics: dict[tuple[tuple[str, ...], float], list[float]] = {}
-    for record, parts in zip(records, phases, strict=True):
+    for record, phases in flights:
+        moved = configuration_changes(phases, record)
         for length_s in LENGTHS_S:
-            moved = configuration_changes(parts, record)
             for step_s in (None, CLOSEST_S):
-                windows = [
-                    interval for interval in windows_in(parts, length_s, step_s=step_s) if not overlaps(interval, moved)
-                ]
+                every = windows_in(phases, length_s, step_s=step_s)
+                windows = [window for window in every if not overlaps(window, moved)]
                 if len(windows) >= FEWEST_WINDOWS:
                     break
             for window in windows:

@@ -165,7 +165,8 @@ def _weighed_events(flight: Flight, events: Sequence[Event], causes: Sequence[Kn
             for j, later in enumerate(answers):
                 if not isinstance(later, Event) or later not in known or later.onset_s <= answer.onset_s:
                     continue
-                if _line(later) == _line(answer) and _follows(bench, later, answer):
+                is_of_it = _line(later) == _line(answer) or {*later.channels} <= {*answer.channels}
+                if is_of_it and _follows(bench, later, answer):
                     answers[j] = _after(later, answer)
             known.append(answer)
             bench = with_known(bench, answer)
@@ -418,7 +419,7 @@ def _follows(bench: Bench, event: Event, known: Event) -> bool:
         return measured and overlaps(event.window_s, [(known.onset_s, known.until_s)])
     if known.stages == (MODEL,):
         return known.onset_s - BESIDE_S < event.onset_s < known.until_s + BESIDE_S
-    return measured and known.onset_ci95[0] - BEFORE_NEXT_S <= event.onset_s < known.until_s
+    return measured and known.onset_ci95[0] - BEFORE_NEXT_S <= event.onset_s and event.onset_ci95[0] < known.until_s
 
 
 def _weighed(

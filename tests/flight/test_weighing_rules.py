@@ -100,6 +100,7 @@ def weighed(monkeypatch: pytest.MonkeyPatch) -> Callable[[Model, Sequence[Event]
         replaced |= dict.fromkeys(nothing, lambda *args: ())
         replaced |= {
             "change_gains": lambda bench: None,
+            "causes_of": lambda model: {},
             "noisy_events": lambda *args: (),
             "begun_before": lambda *args, **sure: None,
         }
@@ -284,3 +285,24 @@ def test_what_jumps_out_where_a_line_fails_or_comes_back_is_of_the_line(
     spike = replace(event_of("altitude", limit_s + after_s, "declared"), shape="spikes")
     events = weighed(model, [held_line("static_blocked", "altitude"), spike]).events
     assert len(events) == (2 if stands else 1)
+
+
+@pytest.mark.parametrize(
+    ("stage", "channel", "earliest_s", "stands"),
+    [
+        ("holds", "tas", AT_S + 199.0, False),
+        ("holds", "tas", AT_S + 201.0, True),
+        ("flight model", "tas", AT_S + 199.0, False),  # weighed after the step
+        ("flight model", "pitch", AT_S + 199.0, True),
+    ],
+)
+def test_what_steps_back_where_a_line_comes_back_is_of_the_line(
+    weighed: Any, stage: Stage, channel: str, earliest_s: float, stands: bool
+):
+    """A step that may begin before the line is free again is its return."""
+    model = Model(judgement=lambda onset_s: says(weight("pitot_blocked", growth_s=None), weight(channel, margin=90.0)))
+    line = replace(held_line("pitot_blocked", "tas"), stages=(stage,))
+    step = event_of(channel, AT_S + 200.5, "declared")
+    step = replace(step, onset_ci95=(earliest_s, AT_S + 202.0), stages=("static relations",))
+    names = {event.fault for event in weighed(model, [line, step]).events}
+    assert names == ({"pitot_blocked", channel} if stands else {"pitot_blocked"})

@@ -226,7 +226,7 @@ def greatest_of_neighbours(x: FloatArray, size: int) -> FloatArray:
 def median(x: FloatArray | Sequence[float], *, in_place: bool = False) -> float:
     """Return the median of numbers, NaN where one of them is NaN or there are none.
 
-    As of `np.median`, which orders a record about its middle twice, and a third time for what is no number.
+    That of `np.median`, which orders a record about its middle twice, and a third time for what is no number.
 
     Parameters
     ----------

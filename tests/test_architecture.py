@@ -233,14 +233,6 @@ def test_help_imports_click_and_little_of_this_package():
     assert ours == {"", ".commands", ".errors", ".printable"}
 
 
-def test_a_command_checks_its_configuration_without_a_search_for_plugins():
-    words = (sys.executable, "-X", "importtime", "-m", "bfi_cli", "info", "data/citation_bias.h5", "--json")
-    done = subprocess.run(words, capture_output=True, text=True, cwd=PACKAGE.parent, check=True)
-    loaded = {line.rpartition("|")[2].strip() for line in done.stderr.splitlines()}
-    assert "pydantic.plugin._schema_validator" in loaded
-    assert not loaded & {"pydantic.plugin._loader", "importlib.metadata", "email.message"}
-
-
 @pytest.mark.parametrize("name", COMMANDS)
 def test_a_command_has_a_module_and_a_help(name: str):
     assert f"commands.{name.replace('-', '_')}" in MODULES

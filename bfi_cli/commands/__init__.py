@@ -15,7 +15,6 @@ import signal
 import sys
 import warnings
 from collections.abc import Iterable, Iterator, Sequence
-from types import ModuleType
 from typing import TextIO
 
 import click
@@ -66,7 +65,7 @@ COLLECTED = (200_000, 20, 100)
 
 # Bytes from which on glibc asks the system for memory of its own for an array, and of free memory gives it back, by the
 # numbers of its settings. It comes to these, its largest, by itself when large arrays are freed; until then the system
-# takes and clears the same pages again and again, which takes a twentieth of most commands.
+# takes and clears the same pages again and again, a twenty-fifth of a diagnosis.
 KEPT = {-3: 2**25, -1: 2**26}
 
 # Patterns of click's messages about a value, and the messages of this program for them.
@@ -147,30 +146,14 @@ def main(argv: list[str] | None = None) -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     gc.set_threshold(*COLLECTED)
-    if (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
+    # pydantic would search every installed package for plugins, on which no check of an input may depend.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    if sys.platform == "linux" and (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
         for setting, size in KEPT.items():
             mallopt(setting, size)
-    _leave_out_plugins()
     _open_streams()
     code = run_command(argv)
     sys.exit(code)
-
-
-def _leave_out_plugins() -> None:
-    """Keep pydantic from a search of every installed package for plugins, on which no check of an input may depend."""
-    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    # What searches imports the standard library's readers of mail, a fortieth of a short command; it is not called.
-    name = "pydantic.plugin._loader"
-
-    def searching(attribute: str) -> object:
-        if attribute == "__path__":  # it is no package
-            raise AttributeError(attribute)
-        del sys.modules[name]
-        return getattr(importlib.import_module(name), attribute)
-
-    empty = ModuleType(name)
-    empty.__dict__.update(get_plugins=tuple, __getattr__=searching)
-    sys.modules[name] = empty
 
 
 def _open_streams() -> None:

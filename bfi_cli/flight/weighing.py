@@ -465,7 +465,7 @@ def _weighed(
     # A number that is entered steps at once, as no knob that is turned: the model takes neither for the fault.
     has_twin = event.stages == (MODEL,) and TWINS.get(event.fault) in causes_of(bench.model)
     if weight.margin > DECLARED and not weight.refused and not has_twin:
-        return _confirmed(event, weight, judgement, may_be_sure=may_be_sure)
+        return _confirmed(_dated(bench, event, judgement, until_s), weight, judgement, may_be_sure=may_be_sure)
     known = _stated_cause(bench, event, weight, causes)
     if known is not None:
         return _ordinary(event, known.cause, {"margin": weight.margin}, stated=True)
@@ -619,6 +619,17 @@ def _may_be_renamed(event: Event, best: Weight, as_named: float) -> bool:
     if event.stages == (MODEL,):
         return is_line  # of all channels it proposed the best
     return fault in event.among or not EXACT & {*event.stages}
+
+
+def _dated(bench: Bench, event: Event, judgement: Judgement, until_s: float) -> Event:
+    """Return a line that loses slowly with its onset by the flight: where its finder's windows begin it has begun."""
+    weight = judgement.weight(event.fault)
+    if event.fault not in SLOW or weight is None or {*event.stages} & {*EXACT, "holds", MODEL}:
+        return event
+    timing = timing_of(bench, weight, event.onset_s, event.offset_s, until_s=until_s)
+    if timing is None or timing.weight.refused or timing.weight.margin <= DECLARED:
+        return event
+    return replace(event, onset_s=timing.onset_s, onset_ci95=timing.onset_ci95)
 
 
 def _confirmed(event: Event, weight: Weight, judgement: Judgement, *, may_be_sure: bool) -> Event:

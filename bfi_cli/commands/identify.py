@@ -81,8 +81,7 @@ def command(asked: Asked) -> Answer:
     flight = replace(flight, earlier=tuple(_earlier_log(word, asked.config) for word in asked.options["logs"]))
     result = identify(
         flight,
-        asked.dictionary,
-        asked.config,
+        config=asked.config,
         allow_outside=asked.options["allow_outside"],
         prove=asked.proving(),
         progress=asked.progress,

@@ -309,22 +309,23 @@ def test_what_steps_back_where_a_line_comes_back_is_of_the_line(
 
 
 @pytest.mark.parametrize(
-    ("fault", "stage", "margin", "is_dated"),
+    ("fault", "shape", "stage", "margin", "is_dated"),
     [
-        ("pitot_icing", "parity", 21.0, True),
-        ("pitot_icing", "parity", 19.0, False),
-        ("pitot_icing", "static relations", 21.0, False),
-        ("tas", "parity", 21.0, False),
+        ("pitot_icing", "drift", "parity", 21.0, True),
+        ("pitot_icing", "drift", "parity", 19.0, False),
+        ("pitot_icing", "ramp_hold", "parity", 21.0, False),
+        ("pitot_icing", "drift", "static relations", 21.0, False),
+        ("tas", "drift", "parity", 21.0, False),
     ],
 )
-def test_a_line_that_loses_slowly_begins_by_the_flight(
-    weighed: Any, fault: str, stage: Stage, margin: float, is_dated: bool
+def test_a_line_that_goes_on_losing_begins_by_the_flight(
+    weighed: Any, fault: str, shape: str, stage: Stage, margin: float, is_dated: bool
 ):
     """Windows of a minute or more tell no onset of what grows as well as the likelihood does."""
     timing = Timing(
         onset_s=AT_S - 40.0, onset_ci95=(AT_S - 45.0, AT_S - 30.0), offset_s=None, weight=weight(fault, margin=margin)
     )
     model = Model(judgement=lambda onset_s: says(weight(fault)), timing=lambda onset_s: timing)
-    (event,) = weighed(model, [replace(event_of(fault, AT_S, "declared"), stages=(stage,))]).events
+    (event,) = weighed(model, [replace(event_of(fault, AT_S, "declared"), stages=(stage,), shape=shape)]).events
     assert event.onset_s == (AT_S - 40.0 if is_dated else AT_S)
     assert event.onset_ci95 == ((AT_S - 45.0, AT_S - 30.0) if is_dated else (AT_S, AT_S))

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..kernels import MAD
-from ..kernels.runs import block_means, median
+from ..kernels.runs import block_means
 from .airspeed import SEA_LEVEL_PRESSURE, SEA_LEVEL_TEMPERATURE, FloatArray, G
 
 # Fits are made again without samples this many robust standard deviations off: flaps, gear, the ground, gusts.
@@ -109,7 +109,7 @@ def zero_lift_angle(normal_acc: FloatArray, aoa: FloatArray, q_impact: FloatArra
         slope = float(centred @ force) / power if power > 0.0 else np.nan
         correlation = slope * np.sqrt(power / float(force @ force)) if np.any(force) else np.nan
         error = np.abs(lift - level - slope * (aoa - middle))
-        kept = error <= OUTLYING * MAD * median(error[kept])
+        kept = error <= OUTLYING * MAD * np.median(error[kept])
     if not slope > 0.0 or not correlation >= LEAST_CORRELATION:
         shown = f"{correlation:.2f}" if slope > 0.0 else "no lift that grows with it"
         raise ValueError(

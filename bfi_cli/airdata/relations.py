@@ -20,7 +20,6 @@ from itertools import product
 
 import numpy as np
 
-from ..kernels.runs import median_of_known
 from .airspeed import (
     HIGHEST,
     LOWEST,
@@ -231,7 +230,7 @@ def vane(state: State, source: str) -> FloatArray:
 def _lift(state: State, name: str) -> FloatArray:
     """Return what the angle of attack follows, in its size: the lift over an impact pressure or a squared airspeed."""
     pressure = state.values[name] if name == "q_impact" else state.values[name] ** 2
-    return TYPICAL_ANGLE * (state.of("normal_acc") + G) / G * median_of_known(pressure) / np.maximum(pressure, 1.0)
+    return TYPICAL_ANGLE * (state.of("normal_acc") + G) / G * np.nanmedian(pressure) / np.maximum(pressure, 1.0)
 
 
 def load(state: State) -> FloatArray:

@@ -19,7 +19,6 @@ import numpy as np
 
 from ..errors import ConfigError
 from ..kernels import FloatArray
-from ..kernels.runs import median
 from ..kernels.whiteness import ExcessTail
 from ..notes import Note, unique
 from ..serialization import SCHEMA, Provenance, check_schema, from_plain, mapping, member, to_json
@@ -318,8 +317,8 @@ def wrong_statistics(values: FloatArray) -> str | None:
         return f"{float(values.min()):.4g} is negative, which no likelihood ratio is"
     if values.size >= FEWEST_WINDOWS and float(np.ptp(values)) <= SAME * float(values.max(initial=0.0)):
         return f"all of them are {float(values[0]):.4g}"
-    if values.size and median(values) < LEAST_STATISTIC:
-        return f"their median is {median(values):.4g}, less than white noise alone gives"
+    if values.size and float(np.median(values)) < LEAST_STATISTIC:
+        return f"their median is {float(np.median(values)):.4g}, less than white noise alone gives"
     return None
 
 

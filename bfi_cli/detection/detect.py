@@ -14,7 +14,6 @@ from ..faults import Fault
 from ..flightlog import FlightLog
 from ..flightlog.record import frozen_array
 from ..kernels.progress import Report, silent
-from ..kernels.runs import median
 from ..model.preprocessing.defaults import tolerances_of
 from ..model.result import log_summary
 from ..notes import Note
@@ -119,7 +118,7 @@ def _candidates(
         size, sd, detectable, hidden, checked = declared.get(channel), None, None, None, None
         if limits is not None and bounded:
             checked = ((float(limits.onset_s[0]), float(limits.onset_s[-1])),)
-            detectable, hidden = median(limits.detectable[:, i]), float(limits.hidden[:, i].max())
+            detectable, hidden = float(np.median(limits.detectable[:, i])), float(limits.hidden[:, i].max())
             clearest = int(np.argmax(np.abs(limits.size[:, i]) / np.maximum(limits.sd[:, i], np.finfo(float).tiny)))
             if limits.sd[clearest, i] > 0.0:
                 size, sd = float(limits.size[clearest, i]), float(limits.sd[clearest, i])

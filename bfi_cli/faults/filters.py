@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 from ..errors import LogError
 from ..kernels.low_pass import IDENTITY, Kind, Response, decimated, low_pass
-from ..kernels.runs import median
 from .fault import Fault, unit_signals
 
 FloatArray = NDArray[np.float64]
@@ -148,7 +147,7 @@ def recorded_signals(
     """
     filtered = not response.changes_nothing and len(time_s) >= 2
     if filtered:
-        step = median(np.diff(time_s))
+        step = float(np.median(np.diff(time_s)))
         before, after = step * np.arange(response.after, 0, -1), step * np.arange(1, response.before + 1)
         time_s = np.concatenate([time_s[0] - before, time_s, time_s[-1] + after])
     made = unit_signals(faults, time_s, window_start_s=window_start_s)

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..airdata import ground_speed_of
 from ..kernels import BoolArray, FloatArray
-from ..kernels.runs import median, runs
+from ..kernels.runs import runs
 from .bench import Bench, Place, place_of, run_place
 from .judge import ordinary_of
 from .lines import PITOT_LEAK
@@ -128,7 +128,7 @@ def _beside(bench: Bench, gross: Gross, values: FloatArray) -> tuple[float, floa
     time_s = bench.model.time_s
     before = (time_s >= gross.from_s - 25.0) & (time_s < gross.from_s - 5.0) & np.isfinite(values)
     after = (time_s >= gross.to_s + 5.0) & (time_s < gross.to_s + 25.0) & np.isfinite(values)
-    first, last = (median(values[side]) if side.any() else np.nan for side in (before, after))
+    first, last = (float(np.median(values[side])) if side.any() else np.nan for side in (before, after))
     return first, last
 
 

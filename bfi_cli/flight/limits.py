@@ -11,7 +11,6 @@ import numpy as np
 
 from ..decision import MOSTLY
 from ..kernels import BoolArray, FloatArray, IntArray
-from ..kernels.runs import median, median_of_known
 from ..quantities.channels import LARGEST_ERROR, STANDARD, per_second
 from .flight import Flight
 from .judge import REFERENCES, WIDE
@@ -98,7 +97,7 @@ def _plausible(flight: Flight, fault: str) -> float:
         return ROWS[fault].plausible if fault in ROWS else np.inf
     flown = within(flight.record.time_s, flight.stretches)
     share = (flight.record.air.q_impact / flight.record.air.p_static)[flown]
-    return METRES * median_of_known(share) if np.isfinite(share).any() else np.inf
+    return METRES * float(np.nanmedian(share)) if np.isfinite(share).any() else np.inf
 
 
 def _is_weighed(fault: str) -> bool:
@@ -317,7 +316,7 @@ def _largest_error(flight: Flight, channel: str, fault: str) -> float:
         return largest
     flown = values[within(flight.record.time_s, flight.stretches) & np.isfinite(values)]
     share = 0.5 if fault == PITOT_LINE else 1.0
-    return min(largest, share * median(flown)) if flown.size else largest
+    return min(largest, share * float(np.median(flown))) if flown.size else largest
 
 
 def _drift_of(flight: Flight, scan: Scanned, fault: str, part: Record) -> Hidden:
@@ -334,7 +333,7 @@ def _drift_of(flight: Flight, scan: Scanned, fault: str, part: Record) -> Hidden
         scale = 0.5 * _speed(part, channel)
     elif fault == STATIC_LEAK:
         channel = "altitude"
-        scale = METRES / median_of_known(part.air.p_static)
+        scale = METRES / float(np.nanmedian(part.air.p_static))
     sizes, spreads = not_excluded(scan.magnitude[fault], scan.sd[fault], scan.rule.scale)
     return Hidden(
         fault=name,

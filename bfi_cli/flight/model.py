@@ -24,7 +24,7 @@ from ..airdata import (
 )
 from ..kernels import BoolArray, FloatArray
 from ..kernels.bounded_filter import Coupling, Transition
-from ..kernels.runs import greatest_of_neighbours, median, median_of_neighbours, runs
+from ..kernels.runs import greatest_of_neighbours, median_of_neighbours, runs
 from .seconds import Seconds, filled, rate_of, smoothed, spread, temperature_of
 from .tables import AIRSPEED_ROWS, LEVELS, ROWS, STATES, Coefficients
 
@@ -230,11 +230,11 @@ def _frame(seconds: Seconds, flown: BoolArray | None) -> Frame:
     airborne = _airborne(seconds, fast, height)
     if flown is not None:
         airborne |= flown
-    middle = max(median(speed[airborne]), 0.6 * fast) if airborne.any() else fast
+    middle = max(float(np.median(speed[airborne])), 0.6 * fast) if airborne.any() else fast
     frame = Frame(
         middle_speed=middle,
         middle_load=1.0,
-        middle_height=median(height),
+        middle_height=float(np.median(height)),
         zero_lift=0.0,
         lift_slope=0.06,
         heading_offset=0.0,
@@ -247,7 +247,7 @@ def _frame(seconds: Seconds, flown: BoolArray | None) -> Frame:
     if not airborne.any():
         return frame
     load = _load_over_pressure(seconds, _smooth_airspeed(seconds, middle))
-    frame = replace(frame, middle_load=median(load[airborne]))
+    frame = replace(frame, middle_load=float(np.median(load[airborne])))
     zero_lift, slope = _start_of_lift(seconds, frame)
     offset, wind, ground = 0.0, (0.0, 0.0), channels.get("ground_speed")
     if "yaw" in channels and ground is not None:
@@ -403,7 +403,7 @@ def _mach_as_airspeed(seconds: Seconds) -> FloatArray | None:
     if "mach" not in seconds.channels:
         return None
     sound = speed_of_sound(_temperature(seconds))
-    if seconds.rounding.get("mach", 0.0) * median(sound) > 2.0:
+    if seconds.rounding.get("mach", 0.0) * float(np.median(sound)) > 2.0:
         return None
     return seconds.channels["mach"] * sound
 
@@ -512,7 +512,7 @@ def _step(seconds: Seconds, row: str) -> float:
     if row == "cas":
         return seconds.rounding.get(second_airspeed(seconds), 0.0)
     if row == "mach":
-        return seconds.rounding.get("mach", 0.0) * median(speed_of_sound(_temperature(seconds)))
+        return seconds.rounding.get("mach", 0.0) * float(np.median(speed_of_sound(_temperature(seconds))))
     if row == "sat":
         return max(seconds.rounding.get("sat", 0.0), seconds.rounding.get("tat", 0.0))
     if row == "tas":
@@ -528,14 +528,14 @@ def _widening(model: FlightModel) -> dict[str, FloatArray]:
         if name in channels:
             values = filled(channels[name])
             moved = np.sqrt(np.maximum(smoothed((values - smoothed(values, LOAD_S)) ** 2, SLOW_S), 0.0))
-            usual = median(moved[airborne])
+            usual = float(np.median(moved[airborne]))
             if usual > 0.0:
                 parts.append(np.log(np.clip(moved / usual, CALMEST, ROUGHEST)))
     activity = np.exp(np.mean(parts, axis=0)) if parts else np.ones(model.n)
     name = next((name for name in AIRSPEED_ROWS[::-1] if name in model.rows and name != "mach"), "tas")
     values = filled(channels[second_airspeed(model.seconds) if name == "cas" else "tas"])
     moved = median_of_neighbours(np.abs(values - smoothed(values, LOAD_S)), GUSTS_S)
-    usual = max(median(moved[airborne]), LEAST_GUST, 0.003 * model.frame.middle_speed)
+    usual = max(float(np.median(moved[airborne])), LEAST_GUST, 0.003 * model.frame.middle_speed)
     gusts = np.maximum(np.clip(moved / usual, 1.0, GUSTIEST), activity)
     turns = np.sqrt(1.0 + 20.0 * np.minimum(np.abs(c.bank), 1.0))
     return {"activity": activity, "gusts": gusts, "turns": turns}

@@ -15,7 +15,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ..flightlog import FlightLog
 from ..flightlog.phases import Phase
 from ..kernels import BoolArray, FloatArray, IntArray
-from ..kernels.runs import median, within
+from ..kernels.runs import within
 from .parity.record import over_seconds, seconds_of_samples
 from .parity.windows import flight_stretches
 from .result import Event, OrdinaryEvent
@@ -70,7 +70,7 @@ def _levels(log: FlightLog, name: str, seconds: IntArray, *, flies: BoolArray) -
     differences = np.diff(log.channels[name].values, n=2, prepend=np.nan, append=np.nan)
     level = np.where(flies, over_seconds(differences**2, seconds, flies.size, log.rate_hz), np.nan)
     moving = level[level > 0.0]
-    usual = median(moving) if moving.size else 1.0
+    usual = float(np.median(moving)) if moving.size else 1.0
     return 0.5 * np.log(np.maximum(level / usual, QUIETEST**2))
 
 

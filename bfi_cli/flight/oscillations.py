@@ -17,7 +17,7 @@ from ..faults.filters import response_of
 from ..kernels import TWO_SIDED_95, BoolArray, FloatArray
 from ..kernels.bounded_filter import StackRun
 from ..kernels.low_pass import IDENTITY, Response
-from ..kernels.runs import medians_of_rows, runs
+from ..kernels.runs import runs
 from .bench import CHECK_S, FAULT_STATES, Bench, Place, place_of, run_place
 from .events import FREQUENCY_TOLERANCE
 from .flight import Flight
@@ -191,7 +191,7 @@ def spectral_lines(bench: Bench) -> tuple[Line, ...]:
             if not part.size:
                 continue
             power = np.abs(waves @ np.nan_to_num(part - np.nanmean(part, axis=0))) ** 2
-            noise = medians_of_rows(power[beside_each]) / MEDIAN_POWER
+            noise = np.median(power[beside_each], axis=1) / MEDIAN_POWER
             share = (power / np.maximum(noise, TINY)).max(axis=1)
             best, to_s = int(np.argmax(share)), float(model.time_s[first]) + WINDOW_S
             if lasting is not None:

@@ -10,7 +10,7 @@ import numpy as np
 from ..airdata import AirData, channels_of, static_temperature
 from ..flightlog import FlightLog
 from ..kernels import MAD, BoolArray, FloatArray
-from ..kernels.runs import bridged, mean_of_stretches, median
+from ..kernels.runs import bridged, mean_of_stretches
 from .parity.record import Record, over_seconds, record_of, seconds_of_samples
 
 GROUND_VELOCITY = frozenset(("velocity_north", "velocity_east"))
@@ -105,7 +105,7 @@ def rate_of(values: FloatArray, width: int = 3) -> FloatArray:
 def spread(values: FloatArray, where: BoolArray) -> float:
     """Return the standard deviation of Gaussian values by their median distance from the median."""
     part = values[where & np.isfinite(values)]
-    return MAD * median(np.abs(part - median(part))) if part.size else 0.0
+    return MAD * float(np.median(np.abs(part - np.median(part)))) if part.size else 0.0
 
 
 def temperature_of(seconds: Seconds) -> FloatArray | None:

@@ -15,7 +15,7 @@ from ..epoch import DAY_S
 from ..errors import LogError
 from ..kernels import BoolArray, IntArray
 from ..kernels.regular_clock import quantum_of, regular_times
-from ..kernels.runs import median, runs
+from ..kernels.runs import runs
 from ..notes import Note
 from ..quantities.text import instant
 from .record import FloatArray, frozen_array
@@ -113,7 +113,7 @@ def out_of_order(time_s: FloatArray) -> BoolArray:
     if time_s.size < FEWEST_TIMES or step.min() >= 0.0:
         return single
     forward = step[step > 0.0]
-    typical = median(forward) if forward.size else 0.0
+    typical = float(np.median(forward)) if forward.size else 0.0
     if not np.any(step < -BACK * typical):
         return single
     out = np.ones(time_s.size, dtype=bool)
@@ -131,8 +131,8 @@ def with_midnights(time_s: FloatArray) -> FloatArray:
     """
     midnights = np.zeros(time_s.size)
     for k in (np.flatnonzero(np.diff(time_s) < -0.5 * DAY_S) + 1).tolist():
-        before = median(time_s[max(0, k - BESIDE_MIDNIGHT) : k])
-        midnights[k] = median(time_s[k : k + BESIDE_MIDNIGHT]) - before < -0.5 * DAY_S
+        before = np.median(time_s[max(0, k - BESIDE_MIDNIGHT) : k])
+        midnights[k] = np.median(time_s[k : k + BESIDE_MIDNIGHT]) - before < -0.5 * DAY_S
     return np.asarray(time_s + DAY_S * np.cumsum(midnights))
 
 
@@ -170,7 +170,7 @@ def without_jumps(source: str, time_s: FloatArray, *, zones: bool = False) -> tu
     forward = step[step > 0.0]
     if not forward.size:
         return time_s, []
-    typical = median(forward)
+    typical = float(np.median(forward))
     jump, notes = step - typical, list[Note]()
     quarters = np.round(jump / ZONE_S)
     is_zone = zones & (quarters != 0.0) & (np.abs(jump) <= FARTHEST_ZONE_S)
@@ -209,7 +209,7 @@ def boot_starts(time_s: FloatArray) -> list[int]:
     if not (step < -RESTART_S).any():
         return [0]
     forward = step[step > 0.0]
-    least = max(RESTART_S, RESTART_STEPS * median(forward)) if forward.size else RESTART_S
+    least = max(RESTART_S, RESTART_STEPS * float(np.median(forward))) if forward.size else RESTART_S
     starts = [0]
     for k in (np.flatnonzero(step < -least) + 1).tolist():
         before = np.sort(time_s[max(starts[-1], k - BESIDE_RESTART) : k])

@@ -25,7 +25,6 @@ from ..kernels.runs import (
     bridged,
     greatest_of_neighbours,
     interpolation_error,
-    median,
     running_median,
     runs,
     travel,
@@ -336,7 +335,7 @@ def _track(log: FlightLog, channel: Channel, ticks: Callable[[float, float], Int
         apart = max(1, round(1.0 / step_s))
         moves = np.abs(values[apart:] - values[:-apart])
         moved = moves > ROUNDING * float(np.abs(values).max())
-        quantum = median(moves[moved]) if moved.any() and float(np.mean(moved)) < 0.5 else 0.0
+        quantum = float(np.median(moves[moved])) if moved.any() and float(np.mean(moved)) < 0.5 else 0.0
     return _Track(
         channel=channel,
         time_s=np.asarray(log.time_s[0] + phase / log.rate_hz + step_s * at, dtype=np.float64),
@@ -369,7 +368,7 @@ def _errors(track: _Track) -> _Errors:
         error = np.where(track.known, interpolation_error(track.values, half), 0.0)
         size = np.abs(error)
         usual = running_median(size, half, max(5, track.size(AROUND_S) // half))
-        usual = MAD * np.maximum(usual, CALMEST * median(size))
+        usual = MAD * np.maximum(usual, CALMEST * float(np.median(size)))
         errors[half] = error, size / np.maximum(usual, least)
     return errors
 
@@ -475,7 +474,7 @@ def _described(track: _Track, k: int, half: int, width_s: float, least: float, s
     if low - beside < 0 or high + beside >= len(track.values):
         return None
     x = track.values
-    before, after = median(x[low - beside : low + 1]), median(x[high : high + beside + 1])
+    before, after = float(np.median(x[low - beside : low + 1])), float(np.median(x[high : high + beside + 1]))
     ticks = np.arange(low + 1, high)
     course = np.interp(ticks, (low - 0.5 * beside, high + 0.5 * beside), (before, after))
     error = x[low + 1 : high] - course
@@ -495,7 +494,7 @@ def _described(track: _Track, k: int, half: int, width_s: float, least: float, s
     core = x[low + 1 + upper[0] + inner : low + 1 + upper[1] - inner]
     if not core.size:
         core = x[low + 1 + peak : low + 2 + peak]
-    level = median(core)
+    level = float(np.median(core))
     is_sharp = width_s < step_s
     is_zero = abs(level) <= (ZERO_SHARP if is_sharp else ZERO) * abs(reading) and sign != np.sign(reading)
     rests = float(np.ptp(np.quantile(core, MIDDLE))) <= max(RESTS * abs(height), STILL_QUANTUM * track.quantum)
@@ -611,7 +610,7 @@ def _rests(
         while marked.any() and (marked := marked & _all_of(~taken, size)).any():
             k = int(np.argmax(np.where(marked, should, 0.0)))
             # The samples about the middle of the stretch that stay at its level, and those beside it that do as well.
-            off = np.abs(track.values - median(track.values[k : k + size]))
+            off = np.abs(track.values - np.median(track.values[k : k + size]))
             is_still = off <= max(floor, STILL_BESIDE * float(should[k]))
             first, last = _around(is_still, k + int(np.argmin(off[k : k + size])))
             marked[max(0, first - size) : last] = False
@@ -693,7 +692,7 @@ def _error_of_rest(
     errors = []
     for course, _, _ in relatives:
         error = track.values - course
-        if not all(error[part].size and median(np.abs(error[part])) <= alike for part in beside):
+        if not all(error[part].size and np.median(np.abs(error[part])) <= alike for part in beside):
             return None
         errors.append(error[first:last])
     return min((float(error[np.argmax(np.abs(error))]) for error in errors), key=abs)

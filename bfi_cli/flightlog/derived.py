@@ -34,7 +34,7 @@ from ..airdata import (
 from ..errors import LogError
 from ..kernels import MAD, BoolArray
 from ..kernels.quantisation import find_quantum
-from ..kernels.runs import median, median_of_known, runs
+from ..kernels.runs import runs
 from ..notes import Note
 from ..quantities.channels import STANDARD, quantity_of
 from ..quantities.text import instant
@@ -96,7 +96,7 @@ def follows_setting(time_s: FloatArray, altitude: FloatArray, setting: FloatArra
     clicks = np.flatnonzero(np.diff(shown))
     if not clicks.size:
         return False
-    step_s = median(np.diff(time_s))
+    step_s = float(np.median(np.diff(time_s)))
     beside = max(FEWEST_BESIDE, round(CLIMB_S / step_s))
     evidence = 0.0
     for group in np.split(clicks, np.flatnonzero(np.diff(time_s[clicks]) > TOGETHER_S) + 1):
@@ -113,7 +113,7 @@ def follows_setting(time_s: FloatArray, altitude: FloatArray, setting: FloatArra
         quiet = places[np.ptp(settings, axis=1) == 0.0]
         if len(quiet) < FEWEST_PLACES:
             continue
-        sd = float(np.hypot(MAD * median(np.abs(quiet @ weights)), APART))
+        sd = float(np.hypot(MAD * np.median(np.abs(quiet @ weights)), APART))
         behind = max(1, round(BEHIND_S / step_s))
         near = altitude[max(0, first - behind) : last + behind]
         part = float(np.max(np.lib.stride_tricks.sliding_window_view(near, last - first) @ weights))
@@ -346,7 +346,7 @@ def _lift(sources: Sources) -> tuple[Maker, str]:
     ratio = (recorded["tas"] / shape(recorded))[sources.reference]
     if not np.isfinite(ratio).any():
         raise ValueError("the lift needs samples in flight with an airspeed, got none")
-    scale = median_of_known(ratio)
+    scale = float(np.nanmedian(ratio))
     return lambda values: scale * shape(values), f"an angle of zero lift of {np.degrees(zero_lift):.2f} degrees"
 
 

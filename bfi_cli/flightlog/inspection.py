@@ -10,7 +10,6 @@ import numpy as np
 
 from ..faults.filters import Filter
 from ..kernels.quantisation import repeat_fraction
-from ..kernels.runs import median
 from ..notes import Note
 from ..quantities.channels import INPUTS, STANDARD, quantity_of
 from ..quantities.text import quantity
@@ -160,11 +159,11 @@ def _sensors_of_one_quantity(log: FlightLog) -> Iterator[Note]:
             apart = other.values - first.values
             known = apart[np.isfinite(apart)]
             if known.size:
-                middle, unit = median(known), "" if first.unit == "1" else first.unit
-                most = float(np.quantile(np.abs(known - middle), 0.95))
+                median, unit = float(np.median(known)), "" if first.unit == "1" else first.unit
+                most = float(np.quantile(np.abs(known - median), 0.95))
                 yield Note.method(
                     f"{first.name} and {other.name} are two sensors of one quantity: the second reads "
-                    f"{quantity(abs(middle), unit)} {'less' if middle < 0.0 else 'more'} in the median, "
+                    f"{quantity(abs(median), unit)} {'less' if median < 0.0 else 'more'} in the median, "
                     f"within {quantity(most, unit)} of that for 95 % of the samples"
                 )
     for several in sensors.values():

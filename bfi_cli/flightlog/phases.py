@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from ..airdata import G
 from ..kernels import BoolArray, FloatArray
-from ..kernels.runs import Run, block_means, bridged, joined, left_of, median, runs, runs_with, within
+from ..kernels.runs import Run, block_means, bridged, joined, left_of, runs, runs_with, within
 from ..notes import Note
 from ..quantities.channels import quantity_of
 from ..quantities.text import instant
@@ -463,7 +463,7 @@ def _ratio(means: Mapping[str, FloatArray], verdict: SignsVerdict, name: str, ot
     for conflict in verdict.against:
         if conflict.channel in (name, other):
             used[slice(*conflict.run)] = False
-    return median(means[name][used] / means[other][used]) if used.any() else None
+    return float(np.median(means[name][used] / means[other][used])) if used.any() else None
 
 
 def _disagreements(
@@ -482,7 +482,7 @@ def _disagreements(
             ratio = _ratio(means, verdict, name, other)
             agrees = (verdict.claims[other] == verdict.on_ground)[part] & np.isfinite(means[name] - means[other])[part]
             if other != name and ratio is not None and agrees.any():
-                off = median((means[name] - ratio * means[other])[part][agrees])
+                off = np.median((means[name] - ratio * means[other])[part][agrees])
                 error = float(off) / METRES_PER_SECOND.get(name, 1.0)
                 break
         yield Disagreement(
@@ -543,7 +543,7 @@ def _to_screen(flight: _Flight, run: Run, first: int, end: int) -> Run:
         if flight.height is None or not heights.size or not n:
             margins.append(min(n, flight.samples(2.0)))
             continue
-        below = (flight.height[side] - median(heights) < screen)[::way]
+        below = (flight.height[side] - float(np.median(heights)) < screen)[::way]
         margins.append(int(np.flatnonzero(below)[-1]) + 1 if below.any() and not below.all() else 0)
     return max(first, low - margins[0]), min(end, high + margins[1])
 
@@ -610,7 +610,7 @@ def _ways(flight: _Flight, height: FloatArray) -> NDArray[np.int8]:
     for sign in (1, -1):
         for first, end in runs_with(sign * rate > steady, sign * rate > 0.5 * steady):
             # The mean rate over a period is half of the climb's where the climb begins and where it ends.
-            strong = first + np.flatnonzero(sign * rate[first:end] > 0.5 * median(sign * rate[first:end]))
+            strong = first + np.flatnonzero(sign * rate[first:end] > 0.5 * np.median(sign * rate[first:end]))
             way[strong[0] : strong[-1] + 1] = sign
     # Short level flight between two climbs belongs to them; short climbs, and low ones, belong to level flight.
     for first, end in runs(way == 0):

@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..airdata import G
-from ..kernels.runs import median
 from ..notes import Note
 from ..quantities.channels import STANDARD
 from .record import LARGEST_VALUE, Channel, FlightLog, FloatArray, StoredChannel, frozen_array
@@ -72,13 +71,13 @@ def convention_of(channels: Mapping[str, Channel]) -> Convention | None:
         level = known
     if not level.any():
         return None
-    typical = median(load[level])
-    in_g = channel.unit == "1" or (channel.source_unit is None and ONE[0] <= abs(typical) <= ONE[1])
+    median = float(np.median(load[level]))
+    in_g = channel.unit == "1" or (channel.source_unit is None and ONE[0] <= abs(median) <= ONE[1])
     scale = G if in_g else 1.0
-    weights = float(np.sign(typical)) if abs(scale * typical) > 0.5 * G else 0.0
+    weights = float(np.sign(median)) if abs(scale * median) > 0.5 * G else 0.0
     # Without gravity in it an acceleration is upward; with it, the weight says which way it counts.
     return Convention(
-        factor=scale * (weights or 1.0), offset=-G * abs(weights), median=typical, unit="g" if in_g else ""
+        factor=scale * (weights or 1.0), offset=-G * abs(weights), median=median, unit="g" if in_g else ""
     )
 
 
@@ -101,12 +100,12 @@ def with_conventions(channels: Mapping[str, Channel]) -> tuple[dict[str, Channel
 
 def sentence_of(convention: Convention) -> str:
     """Return in words how a normal acceleration is recorded, and what was made of it."""
-    level = f"its median in level flight is {convention.median:.3g} {convention.unit or 'm/s^2'}"
+    median = f"its median in level flight is {convention.median:.3g} {convention.unit or 'm/s^2'}"
     if not convention.offset:
-        return f"has no weight in it: {level}"
+        return f"has no weight in it: {median}"
     upward = convention.factor > 0.0
     return (
-        f"has the weight in it, {'upward' if upward else 'downward'}: {level}; {NORMAL} is it "
+        f"has the weight in it, {'upward' if upward else 'downward'}: {median}; {NORMAL} is it "
         f"{'' if upward else 'turned upward, '}less gravity"
     )
 
@@ -217,7 +216,7 @@ def impossible_median(name: str, flown: FloatArray) -> float | None:
     if name not in IN_FLIGHT or known.size < PARTS:
         return None
     low, high = IN_FLIGHT[name]
-    middle, first = (median(part) for part in (known, known[: known.size // PARTS]))
+    middle, first = (float(np.median(part)) for part in (known, known[: known.size // PARTS]))
     return None if low <= middle <= high or low <= first <= high else middle
 
 

@@ -13,7 +13,7 @@ from ..errors import LogError
 from ..faults.filters import Filter
 from ..kernels.low_pass import Kind, recorder_from_jumps, recorder_from_spectra
 from ..kernels.quantisation import Hold, find_hold, may_be_held, repeat_fraction
-from ..kernels.runs import median, repeats, shared
+from ..kernels.runs import repeats, shared
 from ..quantities.channels import INDEPENDENT
 from ..quantities.text import instant
 from .phases import HOVER, NO_AIRSPEED, TRANSITION, phases_of, spans_of
@@ -38,7 +38,7 @@ FEWEST_REPEATS = 20
 
 def median_step(time_s: FloatArray) -> float:
     """Return the median time step, s, in the memory of one array of the steps."""
-    return median(np.diff(time_s), in_place=True)
+    return float(np.median(np.diff(time_s), overwrite_input=True))
 
 
 def gap_starts(time_s: FloatArray) -> NDArray[np.intp]:

@@ -21,7 +21,6 @@ from ..errors import LogError
 from ..kernels.low_pass import WHITE, lowpass_taps
 from ..kernels.quantisation import find_quantum
 from ..kernels.regular_clock import regular_times
-from ..kernels.runs import median
 from ..notes import Note
 from ..quantities.channels import match_name, si_unit, to_si
 from ..quantities.text import instant
@@ -119,8 +118,8 @@ def one_base(path: str, tracks: Sequence[Track], *, output: str | None = None, n
 def mean_rate(time_s: FloatArray) -> float:
     """Return samples per second, gaps left out, and of a regular clock all odd steps too."""
     step = np.diff(time_s)
-    typical = median(step)
-    alike = step[np.abs(step - typical) <= ALIKE * typical]
+    median = float(np.median(step))
+    alike = step[np.abs(step - median) <= ALIKE * median]
     if alike.size >= NEARLY_ALL * step.size:
         return 1.0 / float(np.mean(alike))
     at_most = max(3, int(FEW * step.size))
@@ -171,7 +170,7 @@ def _grid(path: str, base: Track, rate_hz: float) -> FloatArray:
     # The grid's phase is that of most samples: their median distance from it vanishes.
     period = 1.0 / rate_hz
     beside = (piece - piece[0]) / period
-    start = piece[0] + period * median((beside + 0.5) % 1.0 - 0.5)
+    start = piece[0] + period * float(np.median((beside + 0.5) % 1.0 - 0.5))
     rows = []
     for begin, end in zip(time_s[starts], time_s[stops], strict=True):
         k = np.arange(np.ceil((begin - start) / period - BESIDE), np.floor((end - start) / period + BESIDE) + 1)
@@ -312,7 +311,7 @@ def _is_clock(times: FloatArray, main: FloatArray) -> bool:
     known = times[np.isfinite(times)]
     if known.size < 2 or np.any(np.diff(known) <= 0.0):
         return False
-    if times.size == main.size and np.nanmax(np.abs(times - main)) <= SAME_NUMBER * median(np.diff(known)):
+    if times.size == main.size and np.nanmax(np.abs(times - main)) <= SAME_NUMBER * np.median(np.diff(known)):
         return False
     shared = min(known[-1], np.nanmax(main)) - max(known[0], np.nanmin(main))
     return bool(shared > SHARED * min(known[-1] - known[0], np.nanmax(main) - np.nanmin(main)))

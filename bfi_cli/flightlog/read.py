@@ -13,7 +13,6 @@ import numpy as np
 
 from ..epoch import Epoch, epoch_since_1970
 from ..errors import ConfigError, LogError
-from ..kernels.runs import median
 from ..notes import Note
 from ..quantities.channels import STANDARD, match_name, meant_channel, si_unit, to_si
 from ..quantities.text import instant
@@ -388,7 +387,7 @@ def _check_clock(log: FlightLog, source: str) -> None:
     ------
     LogError : the step is no recorder's, the record runs backwards, or a second of the axis is no second.
     """
-    step = median(np.diff(log.time_s))
+    step = float(np.median(np.diff(log.time_s)))
     if (step > SLOWEST_S and log.n_samples >= FEWEST_TIMES) or step < 1.0 / FASTEST_CLOCK:
         fit = _units_of(step)
         advice = f"state its unit with --unit {source}={fit[0]}" if fit else "mend it"
@@ -475,7 +474,7 @@ def _unit_of_time(path: str, time: Track) -> tuple[str | None, tuple[Note, ...]]
     """
     step = np.abs(np.diff(time.values))
     step = step[np.isfinite(step) & (step > 0.0)]
-    typical = median(step) if step.size else 0.0
+    typical = float(np.median(step)) if step.size else 0.0
     if typical <= LONGEST_STEP:
         return None, ()
     fit = _units_of(typical)

@@ -15,7 +15,6 @@ from ..errors import LogError
 from ..faults import Fault
 from ..faults.filters import Filter
 from ..kernels.quantisation import find_quantum, quantum_of_plateaus
-from ..kernels.runs import median
 from ..notes import Note
 from ..quantities.channels import meant_channel, unit_of
 from ..quantities.text import instant
@@ -283,7 +282,7 @@ class FlightLog:
     def rate_hz(self) -> float:
         """Sampling rate from the median time step, free of the time axis's rounding."""
         if not self._rate_hz:
-            self._rate_hz.append(float(f"{1.0 / median(np.diff(self.time_s), in_place=True):.10g}"))
+            self._rate_hz.append(float(f"{1.0 / float(np.median(np.diff(self.time_s), overwrite_input=True)):.10g}"))
         return self._rate_hz[0]
 
     @property

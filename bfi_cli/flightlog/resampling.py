@@ -18,7 +18,7 @@ from ..errors import ConfigError, LogError
 from ..faults.filters import Filter
 from ..kernels.low_pass import decimate, lost_samples
 from ..kernels.quantisation import Hold
-from ..kernels.runs import bridged, median, runs
+from ..kernels.runs import bridged, runs
 from ..notes import Note
 from ..quantities.text import instant
 from .quality import hold_of, is_uniform
@@ -130,7 +130,7 @@ def _grid(log: FlightLog, rate_hz: float) -> FloatArray:
         return np.asarray(log.time_s[0] + np.linspace(0.0, span, log.n_samples))
     step = np.diff(log.time_s)
     k = int(np.argmax(step))
-    if step[k] > LONGEST_BRIDGE * median(step):
+    if step[k] > LONGEST_BRIDGE * np.median(step):
         raise LogError(
             f"{log.path}: gap of {step[k]:.4g} s from {instant(log.time_s[k])} s to {instant(log.time_s[k + 1])} s; "
             "choose a window beside it with --from/--to"

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..airdata import SEA_LEVEL_PRESSURE, ground_speed_of, isa_temperature, pressure_at
 from ..kernels import BoolArray, FloatArray
-from ..kernels.runs import Run, bridged, median, median_of_neighbours, runs
+from ..kernels.runs import Run, bridged, median_of_neighbours, runs
 from .record import LARGEST_VALUE, FlightLog
 
 Says = Literal["ground", "flight"]
@@ -310,7 +310,7 @@ def _altitude_says(
     before = np.flatnonzero(claimed[:low])  # the flight right before the run, and right after it
     after = np.append(np.flatnonzero(claimed[high:]), claimed.size - high)
     sides = [height[(int(before[-1]) + 1 if before.size else 0) : low], height[high : high + int(after[0])]]
-    level = median(heights)
+    level = float(np.median(heights))
     # A shorter side may be the roll before lift-off or after touch-down.
     longer = [side for side in sides if side.size >= long and np.isfinite(side).any()]
     rises = [float(np.nanmax(side)) - level for side in longer]
@@ -332,7 +332,7 @@ def _usual(values: FloatArray, run: slice, ground: BoolArray, flight: BoolArray,
     low, high = float(np.quantile(on_ground, MOST_ON_GROUND)), float(np.quantile(in_flight, LEAST_IN_FLIGHT))
     if not low < high:
         return 0
-    return 1 if median(here) < 0.5 * (low + high) else -1
+    return 1 if float(np.median(here)) < 0.5 * (low + high) else -1
 
 
 def _variance(values: FloatArray, long: int) -> FloatArray:
@@ -340,7 +340,7 @@ def _variance(values: FloatArray, long: int) -> FloatArray:
     number = np.arange(values.size) // long
     good = np.isfinite(values)
     count = np.bincount(number, good)
-    middle = median(values[good]) if good.any() else 0.0
+    middle = float(np.median(values[good])) if good.any() else 0.0
     kept = np.where(good, values - middle, 0.0)
     total, squares = np.bincount(number, kept), np.bincount(number, kept**2)
     variance = np.maximum(squares / np.maximum(count, 1) - (total / np.maximum(count, 1)) ** 2, 0.0)

@@ -14,7 +14,6 @@ import numpy as np
 
 from ..epoch import DAY_S, Epoch, epoch_of_clock
 from ..errors import LogError
-from ..kernels.runs import median
 from ..notes import Note
 from ..quantities.channels import match_name, si_unit, to_si
 from .axis import made_regular, note_on_order, out_of_order, with_midnights, without_jumps
@@ -172,7 +171,7 @@ def in_seconds(columns: Sequence[Track], kinds: Sequence[Kind | None]) -> RawLog
     notes += regular
     steps = np.diff(time_s[rows])
     if np.any(steps == 0.0) and np.all(time_s[rows] % 1.0 == 0.0):
-        if median(steps) == 0.0:
+        if np.median(steps) == 0.0:
             time_s[rows] = _spread(time_s[rows])
             notes.append(
                 Note.method(f"the clock '{chosen.source}' has whole seconds; the rows of a second are spread over it")
@@ -193,7 +192,7 @@ def _spread(time_s: np.ndarray) -> np.ndarray:
     """Return whole seconds with the rows of each spread evenly over it; first and last second at the usual rate."""
     starts = np.flatnonzero(np.diff(time_s, prepend=time_s[0] - 1.0))
     counts = np.diff(np.append(starts, time_s.size))
-    usual = max(int(median(counts)), int(counts[-1]))
+    usual = max(int(np.median(counts)), int(counts[-1]))
     within = np.arange(time_s.size) - np.repeat(starts, counts)
     dense = counts.copy()
     dense[-1] = usual

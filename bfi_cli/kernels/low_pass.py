@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import EPS, TINY, FloatArray
-from .runs import mean_of_stretches, median, travel
+from .runs import mean_of_stretches, travel
 
 Kind = Literal["gaussian", "fir", "butterworth", "causal", "sinc"]
 
@@ -313,7 +313,7 @@ def _jumps(values: FloatArray, rate_hz: float, width_s: float) -> tuple[FloatArr
     at = np.flatnonzero(isolated & ((last - middle) * (first - middle) <= 0.0) & (last != first))
     if at.size < FEWEST_JUMPS:
         return None
-    alike = np.abs(np.abs(jump[at]) / median(np.abs(jump[at])) - 1.0) < ALIKE
+    alike = np.abs(np.abs(jump[at]) / np.median(np.abs(jump[at])) - 1.0) < ALIKE
     at, share = at[alike], float(alike.mean())
     if at.size < FEWEST_JUMPS or share < MOST_ALIKE_SHARE:
         return None
@@ -360,7 +360,7 @@ def _averaged(delay: FloatArray, level: FloatArray) -> tuple[FloatArray, FloatAr
     order = np.argsort(bins, kind="stable")
     starts = np.flatnonzero(np.diff(bins[order], prepend=bins[order[0]] - 1))
     groups = [group for group in np.split(order, starts[1:]) if len(group) >= 0.2 * len(order) / len(starts)]
-    return np.array([delay[group].mean() for group in groups]), np.array([median(level[group]) for group in groups])
+    return np.array([delay[group].mean() for group in groups]), np.array([np.median(level[group]) for group in groups])
 
 
 def _misfit(edge: float, kind: Kind, grid: FloatArray, response: FloatArray) -> float:

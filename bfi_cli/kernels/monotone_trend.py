@@ -15,7 +15,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import MAD, TWO_SIDED_95, FloatArray
-from .runs import median
 
 # Standard deviations beyond which a value says nothing: 95 % of the power of least squares in normal noise (Holland &
 # Welsch, table 1).
@@ -65,19 +64,19 @@ def monotone_trend(values: FloatArray, *, rng: np.random.Generator) -> MonotoneT
     half = TWO_SIDED_95 * math.sqrt(max(variance, 0.0))
     ranks = ((slopes.size - half) / 2.0, (slopes.size + half) / 2.0 + 1.0)
     low, high = np.interp(ranks, np.arange(1, slopes.size + 1), slopes)
-    slope = median(slopes)
+    slope = float(np.median(slopes))
     return MonotoneTrend(
         slope=slope,
         ci95=(float(low), float(high)),
-        level=median(values - slope * np.arange(n)),
+        level=float(np.median(values - slope * np.arange(n))),
         p_value=_chance_of_order(values, rng),
     )
 
 
 def _chance_of_order(values: FloatArray, rng: np.random.Generator) -> float:
     """Return the chance that values (n,) in a random order have a score as large as in theirs."""
-    off = values - median(values)
-    scale = MAD * median(np.abs(off)) or float(np.mean(np.abs(off)))
+    off = values - np.median(values)
+    scale = MAD * float(np.median(np.abs(off))) or float(np.mean(np.abs(off)))
     if scale == 0.0:
         return 1.0
     shares = off / (BIWEIGHT * scale)

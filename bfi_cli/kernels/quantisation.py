@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import FloatArray
-from .runs import median, runs, travel
+from .runs import runs, travel
 
 # s; a signal that rests this long has left a recorder's low-pass of 0.4 Hz and more behind it.
 PLATEAU_S = 0.9
@@ -57,7 +57,7 @@ def quantum_of_plateaus(x: FloatArray, rate_hz: float) -> float | None:
     moves = moves[moves > 0.0]
     if x.size < 4 * size or not moves.size:
         return None
-    rest = max(REST * median(moves), ROUNDING * float(np.abs(x).max()))
+    rest = max(REST * float(np.median(moves)), ROUNDING * float(np.abs(x).max()))
     # About every sample, the record mirrored at its ends.
     rests = travel(np.pad(x, (size // 2, (size - 1) // 2), mode="symmetric"), size) <= rest
     levels = x[[(first + end) // 2 for first, end in runs(rests)]]
@@ -65,7 +65,7 @@ def quantum_of_plateaus(x: FloatArray, rate_hz: float) -> float | None:
     jumps = jumps[jumps > 4.0 * rest]
     if jumps.size < FEWEST_JUMPS:
         return None
-    middle = median(jumps)
+    middle = float(np.median(jumps))
     jumps = jumps[jumps <= LARGEST_JUMP * middle]
     low = max(5.0 * rest, 0.3 * float(np.quantile(jumps, 0.02)))
     if low >= middle:

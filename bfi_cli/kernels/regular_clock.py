@@ -13,8 +13,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from .runs import median
-
 FloatArray = NDArray[np.float64]
 Counts = NDArray[np.intp]
 
@@ -88,7 +86,7 @@ def regular_times(time_s: FloatArray) -> Regular | None:
     if is_decimal and _is_single(time_s):
         written = time_s[0] + np.round((time_s - time_s[0]) / quantum) * quantum
     step = np.diff(written)
-    typical = median(step)
+    typical = float(np.median(step))
     periods = step / (typical or quantum)
     is_whole = bool(np.all(periods > 0.5) and np.all(np.abs(periods - np.round(periods)) <= LEAST))
     n_longer = int(np.count_nonzero(periods > 1.5))
@@ -165,8 +163,8 @@ def _first_period(time_s: FloatArray, quantum: float) -> float:
     """Return the mean step over the blocks whose length is that of most: those without missing rows."""
     rows = max(2, min(BLOCK, time_s.size // 8))
     length = np.diff(time_s[::rows])
-    typical = median(length)
-    alike = np.abs(length - typical) <= quantum + 1e-9 * abs(typical)
+    median = float(np.median(length))
+    alike = np.abs(length - median) <= quantum + 1e-9 * abs(median)
     return float(np.mean(length[alike])) / rows if alike.any() else 0.0
 
 

@@ -6,7 +6,7 @@ weights of rows whose errors change in size, since gusts come and go within a fl
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from typing import TypeVar
 
 import numpy as np
@@ -223,31 +223,8 @@ def greatest_of_neighbours(x: FloatArray, size: int) -> FloatArray:
     return np.asarray(np.lib.stride_tricks.sliding_window_view(padded, size).max(axis=1))
 
 
-def median(x: FloatArray | Sequence[float], *, in_place: bool = False) -> float:
-    """Return the median of numbers, NaN where one of them is NaN or there are none.
-
-    That of `np.median`, which orders a record about its middle twice, and a third time for what is no number.
-
-    Parameters
-    ----------
-    in_place : whether the numbers may be left in another order, which saves a copy.
-    """
-    ordered = x if in_place and isinstance(x, np.ndarray) else np.array(x, dtype=np.float64).ravel()
-    if not len(ordered):
-        return float("nan")
-    half = len(ordered) // 2
-    ordered.partition(half)
-    upper = ordered[half] if len(ordered) % 2 else 0.5 * (ordered[:half].max() + ordered[half])
-    return float("nan") if np.isnan(ordered[half:].max()) else float(upper)
-
-
-def median_of_known(x: FloatArray) -> float:
-    """Return the median of the numbers that are not NaN, NaN where none is known."""
-    return median(x[~np.isnan(x)], in_place=True)
-
-
 def medians_of_rows(x: FloatArray) -> FloatArray:
-    """Return (n_rows, ...) medians of rows (n_rows, n, ...), NaN of a row that holds NaN."""
+    """Return (n_rows,) medians of rows (n_rows, n), NaN of a row that holds NaN: `np.median`, sorted at once."""
     ordered, n = np.sort(x, axis=1), x.shape[1]
     middle = 0.5 * (ordered[:, (n - 1) // 2] + ordered[:, n // 2])
     return np.asarray(np.where(np.isnan(ordered[:, -1]), np.nan, middle))
@@ -326,14 +303,14 @@ def running_weights(error: FloatArray, half_width: int) -> FloatArray:
     """
     n = len(error)
     half = min(half_width, (n - 1) // 2)
-    typical = medians_of_rows(np.abs(error).T)
+    typical = np.median(np.abs(error), axis=0)
     if half < 1 or not np.all(typical > 0.0):
         return np.ones(n)
     size = np.sqrt(np.mean((error / typical) ** 2, axis=1)) if error.shape[1] > 1 else np.abs(error[:, 0])
     size = _median_around(size, half)
     size *= MAD
     size = _mean_around(size, half)
-    np.maximum(size, LEAST * median(size), out=size)
+    np.maximum(size, LEAST * np.median(size), out=size)
     np.divide(1.0, size, out=size)
     size /= np.sqrt(np.mean(size**2))
     return size
@@ -360,11 +337,11 @@ def _median_around(x: FloatArray, half: int) -> FloatArray:
     if n * width > MOST_VALUES:
         from scipy.ndimage import median_filter  # a tenth of a second of imports that a short window does not need
 
-        medians = np.asarray(median_filter(x, width), dtype=np.float64)
+        median = np.asarray(median_filter(x, width), dtype=np.float64)
         head, tail = x[: 2 * half], x[n - 2 * half :]
         for k in range(half):
-            medians[k], medians[n - 1 - k] = median(head[: half + 1 + k]), median(tail[half - 1 - k :])
-        return medians
+            median[k], median[n - 1 - k] = np.median(head[: half + 1 + k]), np.median(tail[half - 1 - k :])
+        return median
     at = np.arange(n)
     count = np.minimum(at, half) + np.minimum(n - 1 - at, half) + 1
     padded = np.pad(x, half, constant_values=np.inf)

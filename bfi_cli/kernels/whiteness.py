@@ -13,7 +13,6 @@ import numpy as np
 
 from . import FloatArray, IntArray
 from .compiled import special
-from .runs import median
 
 # Products beyond which autocorrelations are taken by Fourier transforms of blocks of so many rows; the speed only.
 MOST_PRODUCTS, BLOCK = 10**8, 65_536
@@ -65,9 +64,9 @@ def effective_rows(e: FloatArray) -> float:
 
 def robust_sd(e: FloatArray) -> float:
     """Standard deviation from the median absolute deviation, so that a step does not hide itself."""
-    deviation = e - median(e)
+    deviation = e - np.median(e)
     np.abs(deviation, out=deviation)
-    return float(median(deviation, in_place=True) / special.ndtri(0.75))
+    return float(np.median(deviation, overwrite_input=True) / special.ndtri(0.75))
 
 
 def exceedances(e: FloatArray, sigmas: float = 5.0) -> IntArray:
@@ -160,7 +159,7 @@ def fit_tail(maxima: FloatArray, n_tests: float, *, alike: float = 1.0) -> Exces
     n_tests : independent deviates that each is the largest of.
     alike : blocks in a row whose excesses are of one size: so many tell as much as one.
     """
-    start = median(maxima) if len(maxima) else white_level(n_tests, 0.5)
+    start = float(np.median(maxima)) if len(maxima) else white_level(n_tests, 0.5)
     above = maxima[maxima > start] - start
     mean = (float(above.sum()) + WHITE_WEIGHT * white_excess(n_tests)) / (len(above) + WHITE_WEIGHT)
     return ExcessTail(start=start, mean=mean, k=len(above) / max(alike, 1.0) + WHITE_WEIGHT, share=0.5)

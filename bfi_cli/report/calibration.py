@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..decision.calibration import FEWEST_WINDOWS, CalibrationTable, Null, check_calibration, null_of
-from ..kernels.runs import median
 from ..notes import Note
 from .content import ReportContent, Table, notes_of
 
@@ -83,4 +84,4 @@ def table_lines(table: CalibrationTable) -> list[str]:
 
 def _limits(table: CalibrationTable, null: Null, shape: str) -> tuple[str, str]:
     """Return the median of the statistic of a shape, and the threshold at 1 % false alarms."""
-    return f"{median(table.statistics[shape]):.4g}", f"{null.threshold(shape, 0.01):.4g}"
+    return f"{np.median(table.statistics[shape]):.4g}", f"{null.threshold(shape, 0.01):.4g}"

@@ -12,7 +12,6 @@ from ..flightlog.axis import LATEST
 from ..flightlog.raw import require_memory
 from ..flightlog.record import FlightLog, frozen_array
 from ..kernels import FloatArray
-from ..kernels.runs import median
 from ..quantities.text import instant
 
 # A step of more than so many typical steps is a gap, in which nothing is interpolated.
@@ -124,7 +123,7 @@ def time_shift(first: FlightLog, second: FlightLog, names: Sequence[str]) -> flo
         left.append(np.where(enough, np.maximum(square - mean**2, LEAST_LEFT), np.inf))
     shares = np.array(left).reshape(-1, lags.size)
     best = int(np.argmin(np.log(shares).sum(axis=0)))
-    if not left or not median(shares[:, best]) <= MOST_LEFT:
+    if not left or not np.median(shares[:, best]) <= MOST_LEFT:
         raise LogError(
             f"{second.path}: no shift of its time makes {', '.join(names) or 'its channels'} those of {first.path}; "
             "give --align S, seconds to add, or --channel NAME that both have"

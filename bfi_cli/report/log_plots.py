@@ -17,7 +17,6 @@ from ..flightlog.excitation import ExcitedWindow, ranked_windows
 from ..flightlog.phases import Phase, phases_of
 from ..flightlog.record import LARGEST_VALUE, Channel, FlightLog, FloatArray
 from ..kernels import IntArray
-from ..kernels.runs import median
 from ..notes import Note
 from ..quantities.text import SI, Units, change, instant
 from ..serialization import (
@@ -360,7 +359,7 @@ def _difference(name: str, unit: str, time_s: FloatArray, values: FloatArray) ->
 def _gaps(time_s: FloatArray) -> IntArray:
     """Return the samples after which a line is broken."""
     steps = np.diff(time_s)
-    return np.flatnonzero(steps > GAP * median(steps))
+    return np.flatnonzero(steps > GAP * float(np.median(steps)))
 
 
 def _series(log: int | None, channel: Channel, time_s: FloatArray, values: FloatArray, before: IntArray) -> Series:

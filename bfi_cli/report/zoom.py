@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels.runs import median
 from ..printable import printable
 from ..serialization import to_json
 from .content import Block, Curve, Panel, ReportContent
@@ -68,7 +67,7 @@ def _limits(panels: list[Panel]) -> tuple[float, float]:
 
 def _step(panels: list[Panel], limits: tuple[float, float]) -> float:
     """Return the smallest median time step of the curves, which limits the zoom."""
-    steps = [median(np.diff(curve.x)) for panel in panels for curve in panel.curves if curve.x.size > 1]
+    steps = [float(np.median(np.diff(curve.x))) for panel in panels for curve in panel.curves if curve.x.size > 1]
     return min((step for step in steps if step > 0.0), default=0.01 * (limits[1] - limits[0]))
 
 

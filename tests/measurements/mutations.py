@@ -383,10 +383,10 @@ LINES = (
     ),
     Line(
         "airdata/motion.py",
-        "kept = error <= OUTLYING * MAD * median(error[kept])",
+        "kept = error <= OUTLYING * MAD * np.median(error[kept])",
         (
-            "kept = error <= OUTLYING * median(error[kept])",
-            "kept = error <= OUTLYING * MAD * median(error)",
+            "kept = error <= OUTLYING * np.median(error[kept])",
+            "kept = error <= OUTLYING * MAD * np.median(error)",
         ),
         ("tests/airdata/test_*motion*.py",),
     ),

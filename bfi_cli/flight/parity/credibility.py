@@ -21,7 +21,6 @@ from ...decision.implausible import Implausible
 from ...flightlog import FlightLog
 from ...flightlog.phases import Phase
 from ...kernels import TWO_SIDED_95, BoolArray, FloatArray
-from ...kernels.runs import median_of_known
 from ...model.preprocessing.defaults import AIRSPEED_LEAST, FIXED
 from .lines import RENEWED_S, renewed_every_s
 from .record import STEP_S, Record
@@ -168,7 +167,7 @@ def agreements(record: Record, phases: Sequence[Phase], *, without: Sequence[Win
 def _agreement(relation: Relation, state: State, used: BoolArray, stretches: Sequence[Window]) -> Agreement:
     speeds = state.values["tas"][used] if "tas" in state.values else np.empty(0)
     # An airspeed that is lost for most of the flight tells no speed either.
-    speed = median_of_known(speeds) if np.isfinite(speeds).any() else 0.0
+    speed = float(np.nanmedian(speeds)) if np.isfinite(speeds).any() else 0.0
     speed = speed if speed > 0.0 else np.inf
     piece_s = float(np.clip(PIECE * speed / G, SHORTEST_PIECE_S, LONGEST_PIECE_S))
     reference, reading = (

@@ -15,7 +15,7 @@ import numpy as np
 from ...flightlog import FlightLog
 from ...flightlog.phases import Phase
 from ...kernels import BoolArray
-from ...kernels.runs import median, median_of_known, runs
+from ...kernels.runs import runs
 from .finding import Finding
 from .leaks import LANDING, LEFT, begins_within, brakes, pitot_leaks, static_leaks
 from .lines import (
@@ -187,7 +187,7 @@ def _or_blocked_port(log: FlightLog, lines: Lines, line: PressureLine, leak: Fin
     In a climb a blocked port loses the airspeed too; in coarse steps, or beside gaps, its hold may not be told.
     """
     during = (lines.time_s >= leak.onset_s) & (lines.time_s <= low_s) & np.isfinite(line.values)
-    moved = METRES * np.ptp(line.values[during]) / median(line.values[during]) if during.any() else 0.0
+    moved = METRES * np.ptp(line.values[during]) / np.median(line.values[during]) if during.any() else 0.0
     at = int(np.searchsorted(lines.time_s, leak.onset_s))
     rests = BAND * METRES * line.sd_at(at) / float(line.values[at])
     if moved > rests:
@@ -379,7 +379,7 @@ def _has_landed(log: FlightLog, lines: Lines, line: PressureLine, onset: int) ->
     q, t = lines.q_impact, lines.time_s
     if q is None:
         return False
-    typical = median_of_known(q[lines.flies])
+    typical = float(np.nanmedian(q[lines.flies]))
     after = (t >= t[onset]) & (t <= t[onset] + AFTER_S) & (q < LEFT * typical)
     if not after.any():
         return False

@@ -7,7 +7,7 @@ import numpy as np
 from ...airdata import G, ground_speed_of
 from ...flightlog import FlightLog
 from ...kernels import BoolArray, FloatArray
-from ...kernels.runs import median, median_of_known, runs
+from ...kernels.runs import runs
 from .finding import AS_GOOD, Finding, as_good, squares_by_onset
 from .lines import (
     LENGTH_S,
@@ -152,8 +152,8 @@ def _leaves_total(lines: Lines, line: PressureLine, total: PressureLine, relaxat
     before = (t >= t[relaxation.onset] - LEVEL_S) & (t < t[relaxation.onset])
     if q is None or last >= len(t) or not before.any():
         return False
-    level = median(q[before])
-    if not level > LEFT * median_of_known(q[lines.flies]):
+    level = float(np.median(q[before]))
+    if not level > LEFT * float(np.nanmedian(q[lines.flies])):
         return False
     if q[last] < LEFT * level:
         return True
@@ -169,7 +169,7 @@ def pitot_leaks(
     static = lines.of("p_static")
     if q is None or static is None or not lines.flies.any():
         return [], []
-    typical = median_of_known(q[lines.flies])
+    typical = float(np.nanmedian(q[lines.flies]))
     within = (t >= from_s - 1e-6) & (t < to_s)
     leaks, landings = [], []
     for first, end in runs((q < LEFT * typical) & within):
@@ -178,7 +178,7 @@ def pitot_leaks(
         if fall is None:
             continue
         onset_s, onset_ci95, time_constant_s = fall
-        level = median_of_known(q[within & (t >= onset_s - LEVEL_S) & (t <= onset_s)])
+        level = float(np.nanmedian(q[within & (t >= onset_s - LEVEL_S) & (t <= onset_s)]))
         after = slice(first, min(last + 1, first + round(AFTER_S / lines.step_s)))
         p_static = static.values[after]
         metres = METRES * np.ptp(p_static) / np.mean(p_static)
@@ -234,7 +234,7 @@ def _share_gained(t: FloatArray, q: FloatArray, p_static: FloatArray, onset_s: f
     from_s = onset_s - max(LEAST_LEVEL_S, LEVEL * (float(t[first]) - onset_s))
     part = np.flatnonzero((t >= from_s) & (np.arange(len(t)) <= first) & np.isfinite(q) & np.isfinite(p_static))
     at, falls = t[part] - onset_s, t[part] >= onset_s
-    level = median(q[part][~falls]) if not falls.all() else float(q[part][0])
+    level = float(np.median(q[part][~falls])) if not falls.all() else float(q[part][0])
     design = np.column_stack([np.ones(len(at)), at, np.where(falls, level - q[part], 0.0)])
     return float(np.linalg.lstsq(design, p_static[part], rcond=None)[0][2])
 

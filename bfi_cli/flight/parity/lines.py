@@ -16,7 +16,7 @@ from ...flightlog.derived import pressures_of
 from ...flightlog.phases import Phase, airborne
 from ...kernels import BoolArray, FloatArray
 from ...kernels.quantisation import find_hold
-from ...kernels.runs import median, median_of_known, noise_of_second_differences, runs, sd_about_lines
+from ...kernels.runs import noise_of_second_differences, runs, sd_about_lines
 from .sampled import Blocks, quanta_of
 
 # s of a log of which one mean is taken: five to a point.
@@ -94,7 +94,7 @@ class Lines:
 def lines_of(log: FlightLog, phases: Sequence[Phase] | None = None) -> Lines:
     """Return the pressure lines of a log, their steps and their noise; `phases` of the log, None to find them."""
     blocks = Blocks.of(log.time_s, BLOCK_S)
-    step_s = max(BLOCK_S, median(np.diff(blocks.time_s)) if len(blocks.time_s) > 1 else BLOCK_S)
+    step_s = max(BLOCK_S, float(np.median(np.diff(blocks.time_s))) if len(blocks.time_s) > 1 else BLOCK_S)
     flies = airborne(log, blocks.time_s, phases)
     names = {*STATIC_SOURCES, *IMPACT_SOURCES, "tat", "sat"} & log.channels.keys()
     t = blocks.time_s
@@ -143,7 +143,7 @@ def lines_of(log: FlightLog, phases: Sequence[Phase] | None = None) -> Lines:
         missing.append(f"the {watched} is not watched: '{slowest}' is renewed every {renewed[slowest]:.3g} s only")
     return replace(
         unwatched,
-        borne=air.q_impact >= BORNE * median_of_known(air.q_impact[flies]) if has_impact else flies,
+        borne=air.q_impact >= BORNE * np.nanmedian(air.q_impact[flies]) if has_impact else flies,
         q_impact=np.asarray(air.q_impact) if has_impact else None,
         lines=tuple(lines),
         missing=tuple(missing),
@@ -167,7 +167,7 @@ def _line(
         steps = steps + (np.asarray(getattr(moved, pressure)) - pressures) ** 2 / 12.0
     piece = max(2, round(PIECE_S / blocks.step_s))
     flown = np.where(blocks.flies, pressures, np.nan)
-    rounded = ROUNDING * median_of_known(flown) if np.isfinite(flown).any() else 0.0
+    rounded = ROUNDING * float(np.nanmedian(flown)) if np.isfinite(flown).any() else 0.0
     noise = noise_of_second_differences(flown, piece, CALMEST, rests=rounded)
     # A step that the log does not show may be as slow as a stretch is long: its noise then does not average.
     averaged = max(1, round(POINT_S / blocks.step_s)) if {*used} <= quanta.keys() else 1

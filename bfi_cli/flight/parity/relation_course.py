@@ -19,7 +19,6 @@ from ...flightlog.quality import held_hz, recorder_filters
 from ...kernels import CHI_SQUARE_95, FloatArray
 from ...kernels.compiled import special
 from ...kernels.low_pass import Kind, Response, low_pass
-from ...kernels.runs import median
 from ...kernels.whiteness import autocorrelation
 from .explain import PRICE
 from .finding import Finding, as_good, squares_by_onset
@@ -107,7 +106,7 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
     share = np.exp(0.5 * (statistic[same] - statistic[best]))
     squares = sd[same] ** 2 + (magnitude[same] - magnitude[best]) ** 2
     reached = float(np.max(np.abs(_averaged(names[best], time_s))))
-    steps = AVERAGED * series.noise_sd / (median(np.abs(effect)) * reached)
+    steps = AVERAGED * series.noise_sd / (float(np.median(np.abs(effect))) * reached)
     near_s = np.array([course[2] for course in names])[same & (statistic >= statistic[best] - CHI_SQUARE_95)]
     return replace(
         finding,

@@ -23,7 +23,6 @@ from ...flightlog import FlightLog
 from ...flightlog.phases import Phase, airborne
 from ...kernels import FloatArray
 from ...kernels.change_scan import ChangeScan, scan_changes
-from ...kernels.runs import median, median_of_known
 from ...quantities.channels import REPEATED, STANDARD, match_name, quantity_of
 from .finding import Bound
 from .sampled import Blocks, quanta_of, unit_of
@@ -300,7 +299,7 @@ def relation_series(log: FlightLog, phases: Sequence[Phase] | None = None) -> Se
             missing.append(f"{relation.words}: no sample in flight has all of {', '.join(relation.needs)}")
             continue
         effects = {name: _effect(relation, values, name)[kept] for name in relation.needs}
-        typical = {name: median_of_known(np.abs(effect)) for name, effect in effects.items()}
+        typical = {name: float(np.nanmedian(np.abs(effect))) for name, effect in effects.items()}
         time_s, made = blocks.time_s[kept], made[kept]
         read_as = about | {name: name for name in relation.needs}
         nuisances, sizes = follows[kept], list(FOLLOWS)
@@ -310,7 +309,7 @@ def relation_series(log: FlightLog, phases: Sequence[Phase] | None = None) -> Se
         unexplained = np.sqrt(max(0.0, _noise_about_lines(made, time_s) ** 2 - steps))
         unexplained *= UNSEEN_STEPS if effects.keys() - quanta.keys() else 1.0
         numbers = float(np.finfo(np.float32).eps) * sum(
-            median_of_known(np.abs(effect * values[name][kept])) for name, effect in effects.items()
+            float(np.nanmedian(np.abs(effect * values[name][kept]))) for name, effect in effects.items()
         )
         series.append(
             RelationSeries(
@@ -349,14 +348,14 @@ def _follows(values: Values, time_s: FloatArray) -> FloatArray:
 
 def _with_position_error(follows: FloatArray) -> FloatArray:
     """Return (n, 6) `_follows`, and what a static pressure that errs with the coefficient of lift makes of airspeed."""
-    typical = max(median(follows[:, 1]), 1e-9)
+    typical = max(float(np.median(follows[:, 1])), 1e-9)
     return np.column_stack([follows, typical**2 / np.maximum(follows[:, 1], SLOWEST * typical)])
 
 
 def _effect(relation: Balance, values: Values, name: str) -> FloatArray:
     """Return what one unit of a channel's error adds to a relation, by a difference."""
     known = np.abs(values[name][np.isfinite(values[name])])
-    size = 1e-4 * max(median(known) if known.size else 0.0, 1e-6)
+    size = 1e-4 * max(float(np.median(known)) if known.size else 0.0, 1e-6)
     # Downwards, away from Mach 1, where there is room.
     step = np.where(values[name] > 2.0 * size, -size, size)
     return np.asarray((relation.of({**values, name: values[name] + step}) - relation.of(values)) / step)
@@ -376,4 +375,4 @@ def _noise_about_lines(x: FloatArray, time_s: FloatArray) -> float:
         if len(piece) >= 0.5 * PIECE_S / BLOCK_S and len(piece) > 2:
             rest = beside_line(piece, at)
             sds.append(float(np.sqrt(rest @ rest / (len(piece) - 2))))
-    return median(sds) if sds else 0.0
+    return float(np.median(sds)) if sds else 0.0

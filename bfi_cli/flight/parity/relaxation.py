@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...kernels import BoolArray, FloatArray, IntArray
-from ...kernels.runs import median
 from .finding import as_good
 
 # These constants were set on both recorded Citations with leaks of 1 to 20 s (docs/theory.md, 15.6), except where a
@@ -78,7 +77,7 @@ def relaxations(
     """
     if len(time_s) < 3:
         return []
-    step_s = median(np.diff(time_s))
+    step_s = float(np.median(np.diff(time_s)))
     before, after = (max(2, round(seconds / step_s)) for seconds in (RATE_BEFORE_S, RATE_AFTER_S))
     k = np.arange(before, len(time_s) - after)
     earlier = (pressure[k] - pressure[k - before]) / (time_s[k] - time_s[k - before])
@@ -124,7 +123,7 @@ def _fitted(time_s: FloatArray, pressure: FloatArray, onset: int, before: int) -
     start, rate = np.linalg.lstsq(line, pressure[earlier], rcond=None)[0].tolist()
     # Last block of every exponential, without the blocks after a missing one.
     last = np.searchsorted(time_s, time_s[onset] + np.maximum(FITTED * STEPS, LEAST_FITTED_S))
-    missing = np.isnan(pressure[onset - before + 1 :]) | (steps_s[onset - before :] > GAP * median(steps_s))
+    missing = np.isnan(pressure[onset - before + 1 :]) | (steps_s[onset - before :] > GAP * float(np.median(steps_s)))
     last = last[last <= onset - before + (int(np.argmax(missing)) if missing.any() else len(missing))]
     blocks = np.arange(onset, last[-1] + 1 if last.size else onset)[:, None]
     fitted = (since_s[blocks] >= ROUNDED_S) & (blocks <= last)

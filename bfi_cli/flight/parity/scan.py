@@ -12,7 +12,7 @@ import numpy as np
 from ...kernels import BoolArray, FloatArray, IntArray
 from ...kernels.change_scan import steps_and_ramps
 from ...kernels.likelihood_ratio import LikelihoodRatio, NoiseModel, Residual, likelihood_ratios, noise_model
-from ...kernels.runs import bridged, median
+from ...kernels.runs import bridged
 from .record import STATIC_LEAK, STEP_S, Hypothesis, Record, Rounding, climbing, hypotheses, without_fault
 from .residuals import RESIDUALS, Constants, ResidualKind, available, constants_of, weights_of
 from .windows import DEFLECTED
@@ -101,13 +101,13 @@ def rounding_of(kind: ResidualKind, slopes: Slopes, roundings: Sequence[Rounding
     stepped = [(k, x) for k, i in enumerate(slopes.acting.tolist()) if (x := roundings[i]) is not None]
     for k, rounding in stepped:
         sds[:, k] = rounding.sd
-    if median(np.sum(slopes.largest(sds) ** 2, axis=1)) <= counts:
+    if np.median(np.sum(slopes.largest(sds) ** 2, axis=1)) <= counts:
         return None
     covariance = np.zeros((len(sds), len(sds)))
     for k, rounding in stepped:
         made = slopes.of(k).signatures(rounding.factor())[:, 0]
         covariance += made @ made.T
-    return covariance if median(covariance.diagonal()) > counts else None
+    return covariance if np.median(covariance.diagonal()) > counts else None
 
 
 def _noise_of(kind: ResidualKind, slopes: Slopes, roundings: Sequence[Rounding | None], known: BoolArray) -> NoiseModel:
@@ -116,7 +116,7 @@ def _noise_of(kind: ResidualKind, slopes: Slopes, roundings: Sequence[Rounding |
     if rounding is None:
         return _noise(kind.name, known.size, (~known).tobytes(), tuple(kind.levels.tolist()))
     # A sensor that rests within a step shows no noise there: the level of the flight is not below what the steps make.
-    least = 0.0 if kind.rate is not None else float(np.sqrt(median(rounding.diagonal())))
+    least = 0.0 if kind.rate is not None else float(np.sqrt(np.median(rounding.diagonal())))
     return _noise_beside(kind, known, rounding, np.maximum(kind.levels, min(least, kind.levels[-1])))
 
 
@@ -202,7 +202,7 @@ def _samples(record: Record) -> float:
     """Return how many samples a window has where there are no gaps: fewer than seconds in a slower log."""
     n = len(record.time_s)
     sampled = np.flatnonzero(np.any([np.isfinite(values) for values in record.channels.values()], axis=0))
-    return n / median(np.diff(sampled)) if len(sampled) > 1 else float(n)
+    return n / float(np.median(np.diff(sampled))) if len(sampled) > 1 else float(n)
 
 
 def _gaps(record: Record, kind: ResidualKind, fewest: float) -> str:

@@ -18,7 +18,6 @@ from ...flightlog import FlightLog
 from ...flightlog.phases import Phase
 from ...kernels import MAD, TWO_SIDED_95, BoolArray, FloatArray, IntArray
 from ...kernels.quantisation import find_quantum
-from ...kernels.runs import median, median_of_known
 from .finding import Finding, as_good, squares_by_onset
 from .record import STEP_S, Record
 from .windows import Window, flight_stretches, within
@@ -167,9 +166,9 @@ def _airspeed_steps(log: FlightLog, values: FloatArray, flown: BoolArray) -> lis
         if min(before.size, after.size) < FEWEST * beside:
             continue
         spreads = [float(np.ptp(np.quantile(side, (0.16, 0.84)))) / 2.0 for side in (before, after)]
-        level, left = median(before), median(after)
+        level, left = float(np.median(before)), float(np.median(after))
         sd = max(float(np.linalg.norm(spreads)) / float(np.sqrt(BESIDE_S)), 1e-3 * abs(left - level))
-        usual = median_of_known(values[max(0, onset - round(USUAL_S * log.rate_hz)) : onset])
+        usual = float(np.nanmedian(values[max(0, onset - round(USUAL_S * log.rate_hz)) : onset]))
         step = _AirspeedStep(onset_s=float(log.time_s[onset]), usual=usual, before=level, after=left, sd=sd)
         if step.statistic <= 1.0:
             continue
@@ -302,7 +301,7 @@ def _less_what_follows(change: FloatArray, follows: FloatArray) -> tuple[FloatAr
     fitted = known
     for _ in range(FITS):
         unexplained = change - follows @ np.linalg.lstsq(follows[fitted], change[fitted], rcond=None)[0]
-        usual = MAD * median(np.abs(unexplained[known]))
+        usual = MAD * float(np.median(np.abs(unexplained[known])))
         fitted = known & (np.abs(unexplained) <= STANDS_OUT * usual) if usual > 0.0 else known
     return unexplained, usual
 
@@ -316,7 +315,7 @@ def _lasting_peaks(changes: FloatArray, least: FloatArray, values: FloatArray) -
     for k in _peaks(np.abs(changes) / least, 2 * (PROBE_MEAN_S + PROBE_GAP_S)):
         before, after = values[max(0, k - LASTS_S) : k - 2], values[k + 2 : k + LASTS_S]
         known = np.isfinite(before).any() and np.isfinite(after).any()
-        if known and (median_of_known(after) - median_of_known(before)) / changes[k] > 0.5:
+        if known and (np.nanmedian(after) - np.nanmedian(before)) / changes[k] > 0.5:
             lasting.append(k)
     return lasting
 

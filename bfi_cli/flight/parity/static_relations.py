@@ -14,7 +14,6 @@ from ...faults.shapes import SHAPES
 from ...flightlog import FlightLog
 from ...kernels import CHI_SQUARE_95, BoolArray, FloatArray
 from ...kernels.change_scan import ChangeScan, steps_and_ramps
-from ...kernels.runs import median_of_known
 from .finding import AS_GOOD, Bound, Finding, Hidden, squares_by_onset
 from .relation_series import AVERAGED, BLOCK_S, RelationSeries, Series, quantity_measured, relation_series
 from .sampled import unit_of
@@ -158,7 +157,7 @@ def find_static(log: FlightLog, from_s: float, to_s: float, *, series: Series | 
             continue
         candidates = np.hstack(steps_and_ramps(part.time_s, onsets_s))
         scan = part.scan(candidates, declared_at=THRESHOLD)
-        effects = {name: median_of_known(effect) for name, effect in part.effects.items()}
+        effects = {name: float(np.nanmedian(effect)) for name, effect in part.effects.items()}
         effects = {name: effect for name, effect in effects.items() if effect}  # at rest a temperature has none
         stuck = tuple(_stuck_sensors(part, onsets_s, candidates, effects))
         scanned.append(_Scanned(series=part, scan=scan, effects=effects, reach=reach, stuck=stuck))
@@ -185,7 +184,7 @@ def _showing(series: Series, channel: str, window: tuple[float, float]) -> Itera
     for whole in series[0]:
         part = whole.between(*window)
         if whole.relation.declares and channel in part.effects and len(part.time_s) >= FEWEST_BLOCKS:
-            effect = median_of_known(part.effects[channel])
+            effect = float(np.nanmedian(part.effects[channel]))
             if effect:
                 yield part, effect
 

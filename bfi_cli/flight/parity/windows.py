@@ -9,7 +9,7 @@ import numpy as np
 from ...airdata import IMPACT_SOURCES, STATIC_SOURCES, G, air_data_of, zero_lift_angle
 from ...flightlog.phases import Phase, airborne_phases
 from ...flightlog.phases import flight_stretches as flight_stretches
-from ...kernels.runs import median, runs
+from ...kernels.runs import runs
 from ...kernels.runs import within as within
 from .record import Record
 
@@ -69,13 +69,13 @@ def configuration_changes(phases: Sequence[Phase], record: Record | None = None)
         position = record.channels["flaps"]
         flown = position[within(record.time_s, airborne_phases(phases)) & np.isfinite(position)]
         if flown.size:
-            out = runs(np.abs(position - median(flown)) > DEFLECTED)
+            out = runs(np.abs(position - np.median(flown)) > DEFLECTED)
             return [(float(record.time_s[first]) - 0.5, float(record.time_s[end - 1]) + 0.5) for first, end in out]
     speeds = np.empty(0)
     if record is not None and "tas" in record.channels:
         speeds = record.channels["tas"][within(record.time_s, flight_stretches(phases))]
     known = speeds[np.isfinite(speeds)]
-    clean_up_s = min(CLEAN_UP * median(known) / G, CLEAN_UP_S) if known.size else CLEAN_UP_S
+    clean_up_s = min(CLEAN_UP * float(np.median(known)) / G, CLEAN_UP_S) if known.size else CLEAN_UP_S
     parts = [phase for phase in phases if phase.phase not in ("turn", "stall", "parabola")]
     changes = []
     for k, part in enumerate(parts):

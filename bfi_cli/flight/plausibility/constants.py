@@ -12,7 +12,6 @@ from ...airdata import relations as table
 from ...airdata.relations import NAMES, Relation, State
 from ...flightlog import FlightLog
 from ...kernels import TWO_SIDED_95, FloatArray
-from ...kernels.runs import median, median_of_known
 from ...quantities.channels import STANDARD
 from .implausible import FEWEST, NEEDS, circle_scales
 from .misfits import seconds_of
@@ -72,9 +71,9 @@ def _constant_error(relation: Relation, seconds: State, label: tuple[str, str]) 
     difference = difference[np.isfinite(difference)]
     if difference.size < LEAST_SECONDS:
         return None
-    pieces = np.array([median(piece) for piece in np.array_split(difference, PIECES)])
+    pieces = np.array([np.median(piece) for piece in np.array_split(difference, PIECES)])
     half = TWO_SIDED_95 * float(pieces.std(ddof=1)) / math.sqrt(PIECES)
-    value = median(difference)
+    value = float(np.median(difference))
     channel, by = label
     return ConstantError(
         channel=channel, by=by, value=value, unit=STANDARD[channel].unit, ci95=(value - half, value + half)
@@ -87,7 +86,7 @@ def _by_circles(log: FlightLog) -> ConstantError | None:
     if scales.size < FEWEST:
         return None
     # Reading times scale is the airspeed; half the circles may be of a gust.
-    errors = median_of_known(log.channels["tas"].values) * (1.0 - scales)
+    errors = float(np.nanmedian(log.channels["tas"].values)) * (1.0 - scales)
     half = TWO_SIDED_95 * float(errors.std(ddof=1)) / math.sqrt(scales.size)
-    value = median(errors)
+    value = float(np.median(errors))
     return ConstantError(channel="tas", by="circles", value=value, unit="m/s", ci95=(value - half, value + half))

@@ -25,7 +25,6 @@ from ...flightlog.phases import airborne
 from ...flightlog.plausible import impossible_median, sentence_of_impossible
 from ...kernels import TWO_SIDED_95, FloatArray
 from ...kernels.compiled import special
-from ...kernels.runs import median, median_of_known
 from ...model.preprocessing.defaults import tolerance_of
 from ...notes import Note
 from ...quantities.channels import STANDARD
@@ -141,7 +140,7 @@ def _beyond_tolerance(blame: Blame, log: FlightLog, seconds: State) -> Blame:
         if not change.channels:
             return math.inf
         (name,) = change.channels
-        error = abs(change.offset) + abs(change.factor - 1.0) * median_of_known(np.abs(seconds.values[name]))
+        error = abs(change.offset) + abs(change.factor - 1.0) * float(np.nanmedian(np.abs(seconds.values[name])))
         return error / max(tolerance_of(log, log, name), TINY)
 
     every = (blame.change, *blame.rivals)
@@ -328,7 +327,7 @@ def scale_by_circles(log: FlightLog) -> Implausible | None:
     half = float(special.stdtrit(scales.size - 1, 0.975) * scales.std(ddof=1) / math.sqrt(scales.size))
     flown = log.time_s[airborne(log, log.time_s)]
     part = log.window(float(flown[0]), float(flown[-1]))
-    speed = median_of_known(part.channels["tas"].values)
+    speed = float(np.nanmedian(part.channels["tas"].values))
     if abs(mean - 1.0) <= half or abs(mean - 1.0) * speed <= tolerance_of(log, part, "tas"):
         return None
     low, high = 1.0 / (mean + half), 1.0 / max(mean - half, 1e-3)
@@ -385,6 +384,6 @@ def _scale(speed: FloatArray, north: FloatArray, east: FloatArray) -> float:
     unit = np.linalg.norm(A, axis=0)
     unit[unit == 0.0] = 1.0
     start = np.linalg.lstsq(A / unit, north**2 + east**2, rcond=None)[0] / unit
-    steady = median(speed) * 0.01 > speed.std()
+    steady = np.median(speed) * 0.01 > speed.std()
     begin = [1.0 if steady else math.sqrt(max(start[0], 0.01)), start[1], start[2]]
     return float(least_squares(misfit, begin).x[0])

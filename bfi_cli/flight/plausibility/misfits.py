@@ -13,7 +13,7 @@ from ...flightlog import FlightLog
 from ...flightlog.record import LARGEST_VALUE
 from ...flightlog.signs import BORNE, FASTEST, METRES_PER_SECOND, MOVING, WALK
 from ...kernels import BoolArray, FloatArray, IntArray
-from ...kernels.runs import block_means, median, medians_of_rows, runs
+from ...kernels.runs import block_means, runs
 from ...quantities.channels import STANDARD
 
 if TYPE_CHECKING:
@@ -114,11 +114,11 @@ def misfit_of(relation: Relation, rows: IntArray, state: State) -> Misfit:
         difference = reading - expected
     known = np.isfinite(difference)
     difference[~known] = np.inf
-    size = medians_of_rows(np.abs(np.where(known, expected, 0.0)))
+    size = np.median(np.abs(np.where(known, expected, 0.0)), axis=1)
     levels, tolerance = np.zeros(PIECES), np.full(PIECES, np.inf)
     if relation.tolerance is not None:
         tolerance = relation.tolerance + relation.share * size
-        levels = medians_of_rows(difference) / tolerance
+        levels = np.median(difference, axis=1) / tolerance
     moments = (np.zeros(LONG_PIECES), np.ones(LONG_PIECES), *np.zeros((2, LONG_PIECES), dtype=bool))
     if relation.least is not None:
         moments = _motion(relation, reading, expected, known)
@@ -128,9 +128,9 @@ def misfit_of(relation: Relation, rows: IntArray, state: State) -> Misfit:
         slope=moments[1],
         is_informative=moments[2],
         follows=moments[3],
-        difference=median(difference),
-        size=median(size),
-        tolerance=median(tolerance),
+        difference=float(np.median(difference)),
+        size=float(np.median(size)),
+        tolerance=float(np.median(tolerance)),
     )
 
 
@@ -239,12 +239,12 @@ def _flown(values: Mapping[str, FloatArray]) -> BoolArray | None:
             continue
         speed = np.abs(values_of)
         known = speed[np.isfinite(speed)]
-        cruise = median(known[known >= MOVING * np.quantile(known, FASTEST)])
+        cruise = float(np.median(known[known >= MOVING * np.quantile(known, FASTEST)]))
         flies = cruise * METRES_PER_SECOND.get(name, 1.0) > WALK
         shares.append(np.nan_to_num(speed) / cruise if flies else np.zeros(speed.size))
     if not shares:
         return None
-    flown: BoolArray = medians_of_rows(np.stack(shares, axis=1)) >= BORNE
+    flown: BoolArray = np.median(shares, axis=0) >= BORNE
     for low, high in runs(~flown):
         flown[max(0, low - SETTLING) : high + SETTLING] = False
     return flown

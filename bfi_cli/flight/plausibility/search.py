@@ -18,7 +18,6 @@ import numpy as np
 
 from ...airdata.relations import Relation, State
 from ...kernels import FloatArray, IntArray
-from ...kernels.runs import median, median_of_known
 from .changes import Change, named_changes
 from .misfits import ALIKE, Misfit, misfit_of, sides_of
 
@@ -91,9 +90,9 @@ def constant_part(
         return 1.0, sd
     # 3. What it is before it changes.
     onset_s = onsets_s[int(changing.max(axis=0).argmax()) % ONSETS]
-    whole_size = median(columns[1])
+    whole_size = float(np.median(columns[1]))
     before = columns[0][time_s < onset_s] * np.sign(whole_size)
-    size = median(before)
+    size = float(np.median(before))
     is_throughout = float(np.quantile(before, 1.0 - THROUGHOUT)) > tolerance
     if size <= tolerance or not (is_throughout or size > MOSTLY * abs(whole_size)):
         return None
@@ -234,7 +233,7 @@ def _sized(
         misfit = misfit_of(relation, known[relation], state)
         alike = misfit.is_informative & (np.abs(misfit.correlation) >= ALIKE) & (misfit.slope > 0.0)
         if misfit.is_wrong and relation.has_scale and alike.any():
-            slope = median((np.sign(misfit.correlation) * misfit.slope)[alike])
+            slope = float(np.median((np.sign(misfit.correlation) * misfit.slope)[alike]))
             yield Change(what="scale", channels=(relation.needs[0],), factor=1.0 / slope)
             if relation.timed:
                 yield Change(what="clock", channels=(), factor=1.0 / slope)
@@ -251,7 +250,7 @@ def _solved(relation: Relation, rows: IntArray, name: str, state: State, *, is_s
     def left(size: float) -> float:
         return misfit_of(relation, rows, change(size).of(state)).difference
 
-    typical = median_of_known(np.abs(state.values[name])) or 1.0
+    typical = float(np.nanmedian(np.abs(state.values[name]))) or 1.0
     last, size = 0.0, 0.01 * (1.0 if is_scale else typical)
     was, now = left(last), left(size)
     goal = SOLVED * abs(was)

@@ -49,7 +49,6 @@ from ...kernels.onset.scan import (
 )
 from ...kernels.onset.waveform import Waveform
 from ...kernels.progress import Report, parts, shares, silent
-from ...kernels.runs import median
 from ...quantities.text import instant
 from ..preprocessing.defaults import is_any
 from .decision import Rule
@@ -287,8 +286,8 @@ def _bounded(
         )
         candidate = replace(candidate, state="suspected", note=note)
     if form.shape in record.settings.shapes:
-        typical = median([median(limits.declared) for limits in glances])
-        candidate = replace(candidate, minimal_detectable_scan=float(record.unit[form.output]) * typical)
+        median = float(np.median([np.median(limits.declared) for limits in glances]))
+        candidate = replace(candidate, minimal_detectable_scan=float(record.unit[form.output]) * median)
     hidden = max((limits.hidden() for limits in looks), key=lambda hidden: hidden[1])
     return _with_hidden(record, candidate, form, hidden, np.concatenate([limits.seen for limits in glances]))
 

@@ -36,7 +36,7 @@ from ...flightlog.phases import (
 from ...flightlog.quality import gap_starts, held_hz, is_long
 from ...flightlog.signs import HEIGHTS, cruise_of
 from ...kernels import FloatArray
-from ...kernels.runs import left_of, median, runs, within
+from ...kernels.runs import left_of, runs, within
 from ...methods import METHODS
 from ...notes import Note
 from ...quantities.channels import INPUTS, channel_in_words, quantity_of
@@ -232,7 +232,7 @@ def _is_low(log: FlightLog, first: int, stop: int, part: slice) -> bool:
     if not flown.size or not outer.size:
         return False
     low, high = np.quantile(flown, [0.01, 0.99])
-    return bool(median(outer) <= low + LOW * (high - low))
+    return bool(np.median(outer) <= low + LOW * (high - low))
 
 
 def _whole_pieces(log: FlightLog, names: Sequence[str], first: int, stop: int) -> list[tuple[int, int]]:

@@ -23,7 +23,6 @@ from ...kernels import FloatArray
 from ...kernels.atom_signals import LONGEST_REACH, acting
 from ...kernels.lagged import compress
 from ...kernels.low_pass import IDENTITY, WHITE, Lowpass, Response, decimate, lost_samples, lowpass_taps
-from ...kernels.runs import median
 
 # Samples of the log that are made at once: 8 MB, and more than any window has that is not a flight of hours.
 BLOCK = 1_000_000
@@ -568,7 +567,7 @@ def _empty_from(signals: Signals | NativeSignals) -> float | None:
         first, last = np.searchsorted(f, f / 4), np.searchsorted(f, f / 2, side="right")
         # No median exceeds the largest of all that follows, which leaves few of them to be taken.
         hopeful = np.flatnonzero((f > 8 * f[1]) & (above < EMPTY_BAND * above[np.minimum(first, len(f) - 1)]))
-        empty = (k for k in hopeful if above[k] < EMPTY_BAND * median(power[first[k] : last[k]]))
+        empty = (k for k in hopeful if above[k] < EMPTY_BAND * np.median(power[first[k] : last[k]]))
         if (edge := next(empty, None)) is None:
             return None
         edges.append(float(f[edge]))

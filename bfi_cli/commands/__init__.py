@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import atexit
 import contextlib
-import ctypes
 import errno
 import gc
 import importlib
@@ -62,11 +61,6 @@ MEANT = {
 # New objects between searches for circles of references: imports make a hundred thousand that stay, and to search
 # them again and again takes an eighth of a short command.
 COLLECTED = (200_000, 20, 100)
-
-# Bytes from which on glibc asks the system for memory of its own for an array, and of free memory gives it back, by the
-# numbers of its settings. It comes to these, its largest, by itself when large arrays are freed; until then the system
-# takes and clears the same pages again and again, a twenty-fifth of a diagnosis.
-KEPT = {-3: 2**25, -1: 2**26}
 
 # Patterns of click's messages about a value, and the messages of this program for them.
 VALUES = (
@@ -148,9 +142,6 @@ def main(argv: list[str] | None = None) -> None:
     gc.set_threshold(*COLLECTED)
     # pydantic would search every installed package for plugins, on which no check of an input may depend.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-    if sys.platform == "linux" and (mallopt := getattr(ctypes.CDLL(None), "mallopt", None)) is not None:
-        for setting, size in KEPT.items():
-            mallopt(setting, size)
     _open_streams()
     code = run_command(argv)
     sys.exit(code)

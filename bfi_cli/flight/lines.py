@@ -21,7 +21,7 @@ from ..kernels import BoolArray, FloatArray
 from ..kernels.bounded_filter import StackRun
 from ..kernels.runs import noise_of_second_differences, runs
 from .bench import FAULT_STATES, SHOWN_S, ZERO, Bench, Place, jump_seconds, run_place
-from .model import FlightModel, second_airspeed
+from .model import FlightModel, rounding_of, second_airspeed
 from .parity.record import STATIC_LEAK, without_fault
 from .seconds import filled, rate_of, smoothed
 from .tables import AIRSPEED_ROWS
@@ -142,10 +142,10 @@ def rests_about(bench: Bench, at_s: float) -> Iterator[tuple[str, float, float]]
     shows = {PITOT_BLOCKED: (air.p_total, reads), STATIC_BLOCKED: (air.p_static, np.ones(model.n, dtype=bool))}
     for fault, (pressure, read) in shows.items():
         values, stretches = filled(pressure), set()
-        flown = values[model.frame.airborne]
+        flown, rounding = values[model.frame.airborne], _rounding_pa(model, fault)
         # Of flight as it usually is and as it is at its calmest, between which the noise of a trapped line lies.
         for quiet in (0.5, 0.05):
-            noise = noise_of_second_differences(flown, 2 * REFERENCE_S, quiet)
+            noise = max(noise_of_second_differences(flown, 2 * REFERENCE_S, quiet), rounding)
             for second in (at - REFERENCE_S, at, at + REFERENCE_S):
                 level = np.median(values[max(second - COURSE_S // 2, 0) : second + COURSE_S // 2 + 1])
                 away = read & (np.abs(values - level) > STRAYS * noise)
@@ -154,6 +154,14 @@ def rests_about(bench: Bench, at_s: float) -> Iterator[tuple[str, float, float]]
         for first, last in sorted(stretches):
             if last - first >= SHOWN_S:
                 yield fault, float(model.time_s[first]), float(model.time_s[last - 1])
+
+
+def _rounding_pa(model: FlightModel, fault: str) -> float:
+    """Return what the steps of a record leave in the pressure of a line, Pa, in the median of the flight."""
+    c, metres = model.coefficients, rounding_of(model, "altitude")
+    if fault == PITOT_BLOCKED:  # d q = rho V dV
+        metres = np.hypot(metres, rounding_of(model, "tas") * c.airspeed / G)
+    return float(np.median((metres * _metre_pa(c.height))[model.frame.airborne]))
 
 
 def has_lines(model: FlightModel) -> bool:

@@ -66,6 +66,7 @@ PORT = 0.01
 BANKED = 0.15  # share of g times bank^2 by which the load errs, where bank and pitch are of another instant
 # Time constant of a vertical speed indicator, s: an instantaneous one settles within 1 to 3 s, a plain one in 6 to 9.
 VERTICAL_SPEED_S = 1.5
+COARSEST_MACH = 0.6  # m/s of airspeed, standard deviation of its steps of 2 m/s beyond which it measures no airspeed
 KNOB_PA = 5.0  # change of a recorded setting that is none of its rounding: a click is 34 or 100 Pa
 START_SLOPE = (0.01, 0.25)  # rad per load factor, between which wings lie
 
@@ -399,11 +400,11 @@ def second_airspeed(seconds: Seconds) -> str:
 
 
 def _mach_as_airspeed(seconds: Seconds) -> FloatArray | None:
-    """Return the airspeed of a recorded Mach number, m/s; None where its steps are coarser than 2 m/s."""
+    """Return the airspeed of a recorded Mach number, m/s; None where its steps are too coarse."""
     if "mach" not in seconds.channels:
         return None
     sound = speed_of_sound(_temperature(seconds))
-    if seconds.rounding.get("mach", 0.0) * float(np.median(sound)) > 2.0:
+    if "mach" in seconds.rounding and float(np.median(seconds.rounding["mach"] * sound)) > COARSEST_MACH:
         return None
     return seconds.channels["mach"] * sound
 
@@ -467,9 +468,10 @@ def _with_noise(model: FlightModel) -> Frame:
     for j, name in enumerate(model.rows):
         row = ROWS[name]
         shares.append(Share(level=row.level, is_row=True, index=j, weight=courses[row.widened] ** 2))
-        step = _step(model.seconds, name)
         moved = np.abs(c.rates[name])
-        fixed_R[:, j] = step**2 / 12.0 + (LAG_S * np.minimum(moved, np.quantile(moved[frame.airborne], 0.95))) ** 2
+        fixed_R[:, j] = (
+            rounding_of(model, name) ** 2 + (LAG_S * np.minimum(moved, np.quantile(moved[frame.airborne], 0.95))) ** 2
+        )
     for j, name in enumerate(model.states):
         state = STATES[name]
         weight = courses[state.widened] ** 2
@@ -507,17 +509,15 @@ def _with_noise(model: FlightModel) -> Frame:
     return replace(frame, shares=tuple(shares), fixed_R=fixed_R, fixed_Q=fixed_Q)
 
 
-def _step(seconds: Seconds, row: str) -> float:
-    """Return the step in which a row is recorded, in its unit."""
-    if row == "cas":
-        return seconds.rounding.get(second_airspeed(seconds), 0.0)
-    if row == "mach":
-        return seconds.rounding.get("mach", 0.0) * float(np.median(speed_of_sound(_temperature(seconds))))
+def rounding_of(model: FlightModel, row: str) -> FloatArray:
+    """Return (n,) the standard deviation that the steps of its channel leave in a row, in its unit."""
+    rounding, none = model.seconds.rounding, np.zeros(model.n)
     if row == "sat":
-        return max(seconds.rounding.get("sat", 0.0), seconds.rounding.get("tat", 0.0))
-    if row == "tas":
-        return seconds.rounding.get(seconds.record.airspeed, 0.0)
-    return seconds.rounding.get(row, 0.0)
+        return np.maximum(rounding.get("sat", none), rounding.get("tat", none))
+    if row == "mach":
+        return rounding.get("mach", none) * speed_of_sound(_temperature(model.seconds))
+    recorded = {"cas": second_airspeed(model.seconds), "tas": model.seconds.record.airspeed}
+    return rounding.get(recorded.get(row, row), none)
 
 
 def _widening(model: FlightModel) -> dict[str, FloatArray]:

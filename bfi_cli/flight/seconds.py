@@ -11,7 +11,7 @@ from ..airdata import AirData, channels_of, static_temperature
 from ..flightlog import FlightLog
 from ..kernels import MAD, BoolArray, FloatArray
 from ..kernels.runs import bridged, mean_of_stretches
-from .parity.record import Record, over_seconds, record_of, seconds_of_samples
+from .parity.record import Record, over_seconds, record_of, roundings_of, seconds_of_samples
 
 GROUND_VELOCITY = frozenset(("velocity_north", "velocity_east"))
 ANGLES = ("yaw", "track")  # that jump by a turn
@@ -28,13 +28,13 @@ class Seconds:
     ----------
     record : the channels that air data are made of.
     channels : (n,) by standard name, those of the record and beside them headings, geometric height and setting.
-    rounding : by name the step in which a channel is recorded, over the root of the samples of a second.
+    rounding : by name (n,) the standard deviation that the steps of a channel leave in the mean of a second.
     recorded : the names of the log.
     """
 
     record: Record
     channels: Mapping[str, FloatArray]
-    rounding: Mapping[str, float]
+    rounding: Mapping[str, FloatArray]
     recorded: frozenset[str]
 
     @property
@@ -50,7 +50,10 @@ class Seconds:
     def taken(self, rows: slice) -> Seconds:
         """Return some of the seconds."""
         record = self.record.taken(rows)
-        return replace(self, record=record, channels={name: values[rows] for name, values in self.channels.items()})
+        channels, rounding = (
+            {name: values[rows] for name, values in of.items()} for of in (self.channels, self.rounding)
+        )
+        return replace(self, record=record, channels=channels, rounding=rounding)
 
     def with_channels(self, channels: Mapping[str, FloatArray]) -> Seconds:
         """Return the seconds with other values of some channels."""
@@ -82,8 +85,9 @@ def seconds_of(log: FlightLog) -> Seconds | None:
         channels.pop("ground_speed", None)  # the size of what is weighed
     if "tas" not in channels or not {"altitude", "p_static"} & channels.keys():
         return None
-    averaged = np.sqrt(max(1.0, log.rate_hz))
-    rounding = {name: (log.channels[name].step or 0.0) / averaged for name in channels.keys() & log.channels.keys()}
+    others = [name for name in channels if name in log.channels and name not in record.channels]
+    roundings = {**record.rounding, **roundings_of(log, others, seconds, n)}
+    rounding = {name: each.sd for name, each in roundings.items()}
     return Seconds(record=record, channels=channels, rounding=rounding, recorded=frozenset(log.channels))
 
 

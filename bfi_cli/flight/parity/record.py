@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -225,13 +225,12 @@ def record_of(log: FlightLog) -> Record:
         gained=gained,
         airspeed=airspeed,
         is_inertial=is_inertial,
-        rounding=_roundings(log, seconds, n),
+        rounding=roundings_of(log, [name for name in USED if name in log.channels], seconds, n),
     )
 
 
-def _roundings(log: FlightLog, seconds: IntArray, n: int) -> dict[str, Rounding]:
-    """Return what the steps of the channels that may err leave of a mean over a second."""
-    names = [hypothesis.fault for hypothesis in HYPOTHESES if hypothesis.fault in log.channels]
+def roundings_of(log: FlightLog, names: Collection[str], seconds: IntArray, n: int) -> dict[str, Rounding]:
+    """Return what the steps of channels leave of a mean over a second, of those that are recorded in steps."""
     roundings = {}
     for name, step in quanta_of(log, names).items():
         changes = np.abs(np.nan_to_num(np.diff(bridged(log.channels[name].values), prepend=np.nan))) / step

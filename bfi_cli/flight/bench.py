@@ -268,6 +268,28 @@ def place_of(
     )
 
 
+def places_of(bench: Bench, spans: Sequence[tuple[float, float | None]], until_s: float = np.inf) -> list[Place]:
+    """Return spans as places of one part of a flight, none where nothing is flown or one begins after what is weighed.
+
+    A margin is over an ordinary explanation that may jump where its span ends: margins of spans with other ends compare
+    only with the log density of that.
+
+    Parameters
+    ----------
+    spans : onset and end of each, s, the end None where none is known.
+    """
+    ends_s = [end_s for _, end_s in spans if end_s is not None]
+    whole = place_of(bench, min(onset_s for onset_s, _ in spans), max(ends_s, default=None), until_s)
+    if whole is None:
+        return []
+    places = []
+    for span in spans:
+        onset, end = (None if at_s is None else bench.model.second(at_s) - whole.first for at_s in span)
+        assert onset is not None
+        places.append(whole.at(onset, None if end is None or end >= whole.n else end, jumps=JUMP_S))
+    return places if max(place.onset for place in places) + CALM_BEFORE_S <= whole.n else []
+
+
 def _read_until(bench: Bench, at: int) -> int:
     """Return until when an airspeed is read after a fault without an end: what reads nothing says nothing more."""
     model = bench.model

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..kernels import TWO_SIDED_95, FloatArray
 from ..kernels.bounded_filter import StackRun
-from .bench import CALM_BEFORE_S, FAULT_STATES, JUMP_S, SHOWN_S, Bench, Place, jump, jump_seconds, place_of, run_place
+from .bench import FAULT_STATES, SHOWN_S, Bench, Place, jump, jump_seconds, place_of, run_place
 from .lines import line_weights
 from .model import FlightModel, second_airspeed
 from .result import Event
@@ -26,7 +26,6 @@ from .weight import ALIKE, Ordinary, Weight, against, beside, dispersion, floore
 # A temperature drifts with the air that it is measured in: alone it is no rival either.
 REFERENCES = ("ground_speed", "gps_altitude", "sat", "tat")
 FROZEN = "frozen"
-Span = tuple[float, float | None]
 # Standard deviations of an error of a channel before anything is known of it.
 WIDE: Mapping[str, float] = {
     "altitude": 100.0,
@@ -96,34 +95,6 @@ def judge(
     """
     place = place_of(bench, onset_s, offset_s, until_s)
     return None if place is None else judge_place(place, ordinary_of(place), named=named, frozen=frozen)
-
-
-def judge_spans(
-    bench: Bench, spans: Sequence[Span], *, until_s: float = np.inf, named: Collection[str] = ()
-) -> list[tuple[Judgement, float]]:
-    """Return what every fault is worth in spans of one part of a flight, with the log density of the ordinary there.
-
-    A margin is over an ordinary explanation that may jump where its span ends: margins of spans with other ends compare
-    only with that. Empty where nothing is flown, or where a span begins after what is weighed.
-
-    Parameters
-    ----------
-    spans : onset and end of each, s, the end None where none is known.
-    """
-    ends_s = [end_s for _, end_s in spans if end_s is not None]
-    first_s, last_s = min(onset_s for onset_s, _ in spans), max(ends_s, default=None)
-    place = place_of(bench, first_s, last_s, until_s)
-    latest = bench.model.second(max(onset_s for onset_s, _ in spans))
-    if place is None or latest + CALM_BEFORE_S > place.end:
-        return []
-    answers = []
-    for span in spans:
-        onset, end = (None if at_s is None else bench.model.second(at_s) - place.first for at_s in span)
-        assert onset is not None
-        at = place.at(onset, None if end is None or end >= place.n else end, jumps=JUMP_S)
-        ordinary = ordinary_of(at)
-        answers.append((judge_place(at, ordinary, named=named), float(np.nansum(ordinary.log_density))))
-    return answers
 
 
 def judge_place(place: Place, ordinary: Ordinary, *, named: Collection[str] = (), frozen: str = "") -> Judgement:

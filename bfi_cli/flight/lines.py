@@ -74,7 +74,7 @@ LEAKS = tuple(Law(fault=STATIC_LEAK, start=2000.0, time_constant_s=seconds) for 
 ICINGS = tuple(
     Law(fault=PITOT_ICING, start=0.3, grows_s=seconds) for seconds in (30.0, 60.0, 90.0, 135.0, 200.0, 300.0)
 )
-PASSES = 3  # in which the course of a line is made from the filter's answer
+PASSES = 2  # in which the course of a line is made from the filter's answer, before it is weighed
 COURSE_S = 11  # over which a course is smoothed
 MOST_HEIGHT = 8000.0  # m between an aircraft and its cabin: a differential pressure of 0.6 bar
 # LIMITS: bounds of the course of a line that loses: the logarithm of what is left, a share, m.
@@ -114,21 +114,28 @@ def line_weights(place: Place, ordinary: Ordinary, named: Collection[str] = ()) 
     model = place.bench.model
     if not has_lines(model):
         return
-    best: dict[str, Weight] = {}
-
-    def weigh(laws: Sequence[Law]) -> None:
-        # A layer of other air is no rival of a line: it moves the temperature alone.
-        shocks = np.stack([beside(place, ordinary, _moved_rows(model, law.fault)) for law in laws], axis=1)
-        for weight in weights_of_laws([(law, place) for law in laws], ordinary, shocks=shocks):
-            if weight.fault not in best or _rank(weight) > _rank(best[weight.fault]):
-                best[weight.fault] = weight
-
-    weigh(LAWS)
+    best = _best_laws(place, ordinary, LAWS)
     explains = max(best[fault].margin for fault in LIMITS) > 0.0
     finer = [law for law in (*ICINGS, *LEAKS) if explains or law.fault in named]
     if finer:
-        weigh(finer)
+        for fault, weight in _best_laws(place, ordinary, finer).items():
+            best[fault] = max(best[fault], weight, key=_rank)
     yield from best.values()
+
+
+def weight_of_line(place: Place, ordinary: Ordinary, fault: str) -> Weight:
+    """Return what a fault of a pressure line is worth at a place, by the first of its laws."""
+    return _best_laws(place, ordinary, [law for law in LAWS if law.fault == fault])[fault]
+
+
+def _best_laws(place: Place, ordinary: Ordinary, laws: Sequence[Law]) -> dict[str, Weight]:
+    """Return by fault what the best of its laws is worth beside what else may happen at a place."""
+    # A layer of other air is no rival of a line: it moves the temperature alone.
+    shocks = np.stack([beside(place, ordinary, _moved_rows(place.bench.model, law.fault)) for law in laws], axis=1)
+    best: dict[str, Weight] = {}
+    for weight in weights_of_laws([(law, place) for law in laws], ordinary, shocks=shocks):
+        best[weight.fault] = max(best.get(weight.fault, weight), weight, key=_rank)
+    return best
 
 
 def rests_about(bench: Bench, at_s: float) -> Iterator[tuple[str, float, float]]:
@@ -207,55 +214,70 @@ def weights_of_laws(
     ----------
     shocks : (n, n_laws, n_states) variances of what else may happen beside each, which the last pass asks for too.
     """
-    first = hypotheses[0][1]
-    model = first.bench.model
-    # A static temperature is made of a total one and the Mach number that is read, or measured: the log need not say.
-    has_temperature = "sat" in model.rows
-    lags_s: tuple[float | None, ...] = (0.0, THERMOMETER_S) if has_temperature else (0.0,)
-    if has_temperature and "tat" not in model.seconds.recorded:
-        lags_s += (None,)
-    options = [(law, place, lag_s) for lag_s in lags_s for law, place in hypotheses]
-    courses = [_first_course(place, law.fault) for law, place, _ in options]
-    growths = [_growth(place, law) for law, place, _ in options]
-    moves, starts = zip(*(_moves(place, law) for law, place, _ in options), strict=True)
-    best: list[Weight | None] = [None] * len(options)
+    model, lags_s = hypotheses[0][1].bench.model, _lags_s(hypotheses[0][1].bench.model)
+    courses = [_first_course(place, law.fault) for law, place in hypotheses]
     for k in range(PASSES):
-        rows = [
-            _rows_of(place, law.fault, course, k, lag_s)
-            for (law, place, lag_s), course in zip(options, courses, strict=True)
+        rows = [_without_temperature(_about(*each, k)) for each in zip(hypotheses, courses, strict=True)]
+        run = _run_of_laws(hypotheses, rows)
+        courses = [
+            _next_course(place, law.fault, run.mean[:, j]) * _growth(place, law)
+            for j, (law, place) in enumerate(hypotheses)
         ]
-        freedoms = 2 if shocks is not None and k == PASSES - 1 else 1
-        freed = np.zeros((first.n, len(rows) * freedoms, len(model.states)))
-        if shocks is not None and freedoms == 2:
-            freed[:, len(rows) :] = np.tile(shocks, (1, len(lags_s), 1))
-        run = run_place(
-            first,
-            shocks=freed,
-            y=np.stack([law_rows.y for law_rows in rows] * freedoms, axis=1),
-            Z=np.stack([law_rows.Z for law_rows in rows] * freedoms, axis=1),
-            R=np.stack([law_rows.R for law_rows in rows] * freedoms, axis=1),
-            extra=np.stack(
-                [law_rows.extra * growth[:, None, None] for law_rows, growth in zip(rows, growths, strict=True)]
-                * freedoms,
-                axis=1,
-            ),
-            extra_Q=np.stack(moves * freedoms, axis=1),
-            extra_start=np.stack(starts * freedoms),
-        )
-        likelihood = run.log_likelihood
-        for j, ((law, place, lag_s), law_rows) in enumerate(zip(options, rows, strict=True)):
-            fault = law.fault
-            h = j + len(rows) * int(np.argmax(likelihood[j :: len(rows)]))
-            courses[j] = _next_course(place, fault, run.mean[:, h]) * growths[j]
-            if k == 0:
-                continue
-            heats = lag_s is not None and has_temperature and "sat" in model.seconds.recorded
-            weight = replace(_weight_of_law(place, fault, ordinary, run, h, law_rows), heats=heats)
-            known = best[j]
-            if known is None or _rank(weight) > _rank(known):
-                best[j] = weight
-    n = len(hypotheses)
-    return tuple(_likeliest([weight for weight in best[k::n] if weight is not None]) for k in range(n))
+    abouts = [_about(*each, PASSES) for each in zip(hypotheses, courses, strict=True)]
+    rows = [_with_heat(about, lag_s) for lag_s in lags_s for about in abouts]
+    run = _run_of_laws(hypotheses, rows, shocks)
+    weights = []
+    for j, (law, place) in enumerate(hypotheses):
+        options = range(j, len(rows), len(hypotheses))
+        by_lag = []
+        for lag_s, h in zip(lags_s, options, strict=True):
+            freed = max(range(h, len(run.log_likelihood), len(rows)), key=lambda at: run.log_likelihood[at])
+            heats = lag_s is not None and "sat" in model.seconds.recorded
+            weight = _weight_of_law(place, law.fault, ordinary, run, freed, rows[h])
+            by_lag.append(replace(weight, heats=heats))
+        weights.append(_likeliest(by_lag))
+    return tuple(weights)
+
+
+def _lags_s(model: FlightModel) -> tuple[float | None, ...]:
+    """Return the time constants that a thermometer may have, None where the static temperature may be measured.
+
+    It is made of a total one and of the Mach number that is read, or measured: the log need not say.
+    """
+    if "sat" not in model.rows:
+        return (None,)
+    return (0.0, THERMOMETER_S) if "tat" in model.seconds.recorded else (0.0, THERMOMETER_S, None)
+
+
+def _run_of_laws(
+    hypotheses: Sequence[tuple[Law, Place]], rows: Sequence[_Rows], shocks: FloatArray | None = None
+) -> StackRun:
+    """Return the filter of the rows of every law, of several to a law one law after the other.
+
+    Parameters
+    ----------
+    shocks : (n, n_laws, n_states) of what else may happen; the same rows follow with these.
+    """
+    first, n = hypotheses[0][1], len(rows)
+    moves, starts = zip(*(_moves(place, law) for law, place in hypotheses), strict=True)
+    growths = [_growth(place, law)[:, None, None] for law, place in hypotheses]
+    extra = np.stack([law_rows.extra * growths[j % len(growths)] for j, law_rows in enumerate(rows)], axis=1)
+    y, Z, R = (np.stack([getattr(law_rows, name) for law_rows in rows], axis=1) for name in ("y", "Z", "R"))
+    times, freed = n // len(hypotheses), None
+    if shocks is not None:
+        freed = np.concatenate([np.zeros((first.n, n, shocks.shape[2])), np.tile(shocks, (1, times, 1))], axis=1)
+        y, Z, R, extra = (np.concatenate([part, part], axis=1) for part in (y, Z, R, extra))
+        times *= 2
+    return run_place(
+        first,
+        shocks=freed,
+        y=y,
+        Z=Z,
+        R=R,
+        extra=extra,
+        extra_Q=np.tile(np.stack(moves, axis=1), (1, times, 1)),
+        extra_start=np.tile(np.stack(starts), (times, 1)),
+    )
 
 
 def shown_rows(model: FlightModel, fault: str) -> list[str]:
@@ -401,26 +423,47 @@ def _start_rows(place: Place, corrected: FlightModel) -> _Rows:
     )
 
 
-def _rows_of(place: Place, fault: str, course: FloatArray, k: int, lag_s: float | None) -> _Rows:
-    """Return the rows about a course in a pass, the static temperature by the height and the airspeed that are flown.
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _About:
+    """A place, the model around it of the channels without a fault, and the rows with it."""
+
+    place: Place
+    corrected: FlightModel
+    rows: _Rows
+
+
+def _about(hypothesis: tuple[Law, Place], course: FloatArray, k: int) -> _About:
+    """Return what a law makes of its place about a course, in a pass."""
+    law, place = hypothesis
+    corrected = _corrected(place, law.fault, course)
+    return _About(place=place, corrected=corrected, rows=_ROWS_OF[law.fault](place, corrected, course, k))
+
+
+def _without_temperature(about: _About) -> _Rows:
+    """Return the rows without the static temperature while the fault lasts."""
+    is_temperature = np.array([name == "sat" for name in about.place.bench.model.rows])
+    return replace(about.rows, y=np.where(about.place.during[:, None] & is_temperature, np.nan, about.rows.y))
+
+
+def _with_heat(about: _About, lag_s: float | None) -> _Rows:
+    """Return the rows with the static temperature by the height and the airspeed that are flown.
 
     Parameters
     ----------
     lag_s : time constant of the thermometer in the air that is brought to rest, of whose temperature and of the Mach
         number that is read the static one is made; None where it is measured.
     """
-    corrected = _corrected(place, fault, course)
-    rows = _ROWS_OF[fault](place, corrected, course, k)
-    if "sat" in place.bench.model.rows:
-        if k == 0:
-            rows.y[place.during, place.bench.model.row("sat")] = np.nan
-            return rows
-        _add_heat(place, corrected, rows, "altitude", isa_temperature, 0.0)
-        if lag_s is not None:
-            speeds = [name for name in ("tas", "mach") if name in place.bench.model.rows]
-            missing = [np.isnan(rows.y[place.during, place.bench.model.row(name)]).sum() for name in speeds]
-            read = speeds[int(np.argmin(missing))]
-            _add_heat(place, corrected, rows, read, lambda speed: HEATED * speed**2, lag_s)
+    place, corrected, rows = about.place, about.corrected, about.rows
+    model = place.bench.model
+    if "sat" not in model.rows:
+        return rows
+    rows = replace(rows, y=rows.y.copy(), Z=rows.Z.copy(), extra=rows.extra.copy())
+    _add_heat(place, corrected, rows, "altitude", isa_temperature, 0.0)
+    if lag_s is not None:
+        speeds = [name for name in ("tas", "mach") if name in model.rows]
+        missing = [np.isnan(rows.y[place.during, model.row(name)]).sum() for name in speeds]
+        read = speeds[int(np.argmin(missing))]
+        _add_heat(place, corrected, rows, read, lambda speed: HEATED * speed**2, lag_s)
     return rows
 
 

@@ -8,7 +8,7 @@ Nelder 1989, 9.2).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -126,11 +126,14 @@ def _timing(begins: _Peak, ends: _Peak | None, offset_s: float | None) -> Timing
     )
 
 
-def begun_before(bench: Bench, fault: str, end_s: float, *, sure: float, until_s: float = np.inf) -> Timing | None:
+def begun_before(
+    bench: Bench, faults: Collection[str], end_s: float, *, sure: float, until_s: float = np.inf
+) -> Timing | None:
     """Return when a fault began that is over at a time; None where one that begins then explains the flight as well.
 
     Parameters
     ----------
+    faults : that may be over.
     end_s : where a finder proposes the fault: what comes back steps there, too.
     sure : log density by which a fault that is over must explain the flight better, and better than none.
     until_s : what comes later is not weighed.
@@ -138,38 +141,61 @@ def begun_before(bench: Bench, fault: str, end_s: float, *, sure: float, until_s
     flown = bench.model.time_s[min(bench.checks)] + CHECK_S
     earlier_s = int(np.clip(end_s - flown, 0, EARLIER_S))
     place = place_of(bench, end_s, None, until_s, earlier_s=earlier_s)
-    if place is None or not _is_weighed(place, fault):
+    if place is None:
         return None
     end = place.onset
     place = place.until(end + SHOWN_S)
-    ordinary = ordinary_of(place)
-    is_channel = fault in channel_faults(place.bench.model)
-    first_courses = GROWTHS_S if is_channel else [law for law in LAWS if law.fault == fault]
-
-    def best(places: Sequence[Place]) -> tuple[Place, Weight]:
-        weights = _weights(fault, first_courses, places, ordinary)
-        return max(((at, weight) for at, (weight, _) in zip(places, weights, strict=True)), key=lambda at: _rank(at[1]))
-
-    _, begins = best([place.at(second, None) for second in (end - 1, end, end + 1)])
     onsets = range(end - earlier_s, end - FEWEST_S, EARLIER_STEP_S)
     if not onsets:
         return None
-    began, over = best([place.at(second, end) for second in onsets])
-    if over.refused or over.margin <= sure + (0.0 if begins.refused else max(0.0, begins.margin)):
+    ordinary, started, best = ordinary_of(place), [place.at(second, end) for second in onsets], None
+    for fault in faults:
+        if not _is_weighed(place, fault):
+            continue
+        courses = _first_courses(place, fault)
+        at, over = _best_place(fault, courses, started, ordinary)
+        if over.refused or over.margin <= max(sure, -np.inf if best is None else best[1].margin):
+            continue
+        _, begins = _best_place(fault, courses, [place.at(end + beside, None) for beside in (-1, 0, 1)], ordinary)
+        if begins.refused or over.margin > sure + begins.margin:
+            best = at, over
+    if best is None:
         return None
-
-    def peak(courses: Sequence[Course], about: int, reach_s: int) -> _Peak | None:
-        near = range(max(about - reach_s, end - earlier_s), min(about + reach_s, end - FEWEST_S) + 1)
-        return _peak(fault, courses, [place.at(second, end) for second in near], ordinary)
-
-    laws = (*LAWS, *ICINGS, *LEAKS)
-    courses = GROWN_S if is_channel else (_law(place, fault, laws, began.onset, end, ordinary),)
-    onset = peak(courses, began.onset, EARLIER_STEP_S)
-    if onset is not None and not isinstance(onset.course, Law) and 0.0 < onset.course < np.inf:
-        onset = peak([share * onset.course for share in BESIDE], onset.best.onset, EARLIER_STEP_S)
+    onset = _onset_of_over(best[0], best[1].fault, earlier_s, ordinary)
     if onset is None:
         return None
-    return _timing(onset, _end(fault, onset, place.at(end, end), COARSE_S, ordinary), end_s)
+    return _timing(onset, _end(best[1].fault, onset, place.at(end, end), COARSE_S, ordinary), end_s)
+
+
+def _first_courses(place: Place, fault: str) -> Sequence[Course]:
+    """Return the courses of a fault that are tried first."""
+    return GROWTHS_S if fault in channel_faults(place.bench.model) else [law for law in LAWS if law.fault == fault]
+
+
+def _best_place(
+    fault: str, courses: Sequence[Course], places: Sequence[Place], ordinary: Ordinary
+) -> tuple[Place, Weight]:
+    """Return the place at which a fault is worth most, by the best of its courses."""
+    weights = [weight for weight, _ in _weights(fault, courses, places, ordinary)]
+    return max(zip(places, weights, strict=True), key=lambda at: _rank(at[1]))
+
+
+def _onset_of_over(began: Place, fault: str, earlier_s: int, ordinary: Ordinary) -> _Peak | None:
+    """Return when a fault with an end began that began about a place."""
+    end = began.offset
+    assert end is not None
+
+    def peak(courses: Sequence[Course], about: int) -> _Peak | None:
+        near = range(max(about - EARLIER_STEP_S, end - earlier_s), min(about + EARLIER_STEP_S, end - FEWEST_S) + 1)
+        return _peak(fault, courses, [began.at(second, end) for second in near], ordinary)
+
+    if fault not in channel_faults(began.bench.model):
+        laws = (*LAWS, *ICINGS, *LEAKS)
+        return peak([_law(began, fault, laws, began.onset, end, ordinary)], began.onset)
+    onset = peak(GROWN_S, began.onset)
+    if onset is not None and not isinstance(onset.course, Law) and 0.0 < onset.course < np.inf:
+        return peak([share * onset.course for share in BESIDE], onset.best.onset)
+    return onset
 
 
 def _law(place: Place, fault: str, laws: Sequence[Law], onset: int, offset: int | None, ordinary: Ordinary) -> Law:

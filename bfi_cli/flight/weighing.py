@@ -16,7 +16,7 @@ from ..kernels import TWO_SIDED_95
 from ..kernels.runs import runs, within
 from ..notes import Note
 from ..quantities.channels import STANDARD, per_second
-from .bench import AFTER_S, Bench, bench_of, place_of
+from .bench import AFTER_S, Bench, bench_of, place_of, places_of
 from .flight import Flight
 from .gross import FEWEST_S, Gross, gross_errors, swings_of
 from .judge import (
@@ -31,13 +31,13 @@ from .judge import (
     is_on_ground,
     is_set,
     judge,
-    judge_spans,
+    judge_place,
     ordinary_of,
     rows_of,
     weights_of_channel,
     with_known,
 )
-from .lines import rests_about
+from .lines import rests_about, weight_of_line
 from .model import flight_model
 from .naming import channels_of, repeat_advice
 from .noise import noisy_events
@@ -719,15 +719,15 @@ def _as_trapped(bench: Bench, event: Event, until_s: float) -> Event:
     gain, trapped = 0.0, event
     for fault, from_s, to_s in rests:
         rest = replace(event, fault=fault, among=(fault,), onset_s=from_s, offset_s=to_s)
-        spans = [(each.onset_s, each.offset_s) for each in (event, rest)]
-        judgements = judge_spans(bench, spans, until_s=until_s, named=event.among)
-        if not judgements:
+        places = places_of(bench, [(each.onset_s, each.offset_s) for each in (event, rest)], until_s)
+        if not places:
             continue
-        (as_proposed, ordinary), (there, beside) = judgements
-        weight = there.weight(fault)
-        if weight is None or weight.margin <= DECLARED:
+        proposed, there = ((place, ordinary_of(place)) for place in places)
+        weight = weight_of_line(*there, fault)
+        if weight.margin <= DECLARED:
             continue
-        more = weight.margin + beside - max(DECLARED, as_proposed.weights[0].margin) - ordinary
+        as_proposed = judge_place(*proposed, named=event.among).weights[0].margin
+        more = weight.margin + there[1].log_likelihood - max(DECLARED, as_proposed) - proposed[1].log_likelihood
         timing = timing_of(bench, weight, from_s, to_s, until_s=until_s) if more > gain else None
         if timing is None:
             continue
@@ -745,8 +745,7 @@ def _begun_before(bench: Bench, event: Event, until_s: float) -> Timing | None:
     if event.offset_s is not None or event.magnitude is None or "holds" in event.stages or event.shape == "drift":
         return None
     faults = ENDED_BY.get(event.fault, ()) if _line(event) else (event.fault,)
-    timings = [begun_before(bench, fault, event.onset_s, sure=DECLARED, until_s=until_s) for fault in faults]
-    return max((each for each in timings if each is not None), key=lambda each: each.weight.margin, default=None)
+    return begun_before(bench, faults, event.onset_s, sure=DECLARED, until_s=until_s)
 
 
 def _from_its_onset(bench: Bench, event: Event, timing: Timing) -> Event:

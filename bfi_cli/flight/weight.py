@@ -68,6 +68,11 @@ class Ordinary:
     gain: float
     lead: float
 
+    @property
+    def log_likelihood(self) -> float:
+        """Log density of the part."""
+        return float(np.nansum(self.log_density))
+
 
 def beside(place: Place, ordinary: Ordinary, rows: Collection[str]) -> FloatArray:
     """Return (n, n_states) variances of what may happen beside a fault of some rows.

@@ -14,7 +14,7 @@ from made_journeys import WIND, made_journey
 
 from bfi_cli.faults import parse_spec
 from bfi_cli.flight import lines
-from bfi_cli.flight.bench import Bench, bench_of, place_of, run_place
+from bfi_cli.flight.bench import Bench, bench_of, place_of, places_of, run_place
 from bfi_cli.flight.fit import fitted_levels
 from bfi_cli.flight.gross import gross_errors, swings_of
 from bfi_cli.flight.judge import (
@@ -23,7 +23,7 @@ from bfi_cli.flight.judge import (
     is_on_ground,
     is_set,
     judge,
-    judge_spans,
+    judge_place,
     ordinary_of,
     rows_of,
 )
@@ -214,13 +214,15 @@ def test_what_a_line_would_show_at_a_place_is_that_of_the_whole_flight(
 def test_spans_of_one_place_are_judged_on_the_same_samples(with_fault: Callable[[str], Bench]) -> None:
     """A fault without its end gains what no ordinary cause may explain there: with the ordinary it is worth less."""
     bench = with_fault(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S},offset_s=520")
-    (with_end, ordinary), (without, beside) = judge_spans(bench, [(ONSET_S, 520.0), (ONSET_S, None)])
+    places = places_of(bench, [(ONSET_S, 520.0), (ONSET_S, None)])
+    with_end, without = ((ordinary := ordinary_of(place), judge_place(place, ordinary)) for place in places)
     same = judge(bench, ONSET_S, 520.0)
     assert same is not None
-    assert with_end.weights[0].margin == pytest.approx(same.weights[0].margin)
-    assert with_end.weights[0].margin + ordinary > without.weights[0].margin + beside + DECLARED
-    assert judge_spans(bench, [(1e4, None)]) == []
-    assert judge_spans(bench, [(300.0, 330.0), (535.0, None)]) == []  # the second begins where the part ends
+    assert with_end[1].weights[0].margin == pytest.approx(same.weights[0].margin)
+    worth, least = (ordinary.log_likelihood + judged.weights[0].margin for ordinary, judged in (with_end, without))
+    assert worth > least + DECLARED
+    assert places_of(bench, [(1e4, None)]) == []
+    assert places_of(bench, [(300.0, 330.0), (535.0, None)]) == []  # the second begins where the part ends
 
 
 @pytest.mark.parametrize("lag_s", [0.0, lines.THERMOMETER_S, None])
@@ -231,7 +233,9 @@ def test_a_line_that_loses_nothing_leaves_the_temperature_as_it_is(
     """Without a fault its row is that of the flight, which nothing can gain by."""
     place = place_of(healthy, ONSET_S, None)
     assert place is not None
-    rows, sat = lines._rows_of(place, fault, np.zeros(place.n), 1, lag_s), healthy.model.row("sat")
+    law = next(law for law in lines.LAWS if law.fault == fault)
+    rows = lines._with_heat(lines._about((law, place), np.zeros(place.n), lines.PASSES), lag_s)
+    sat = healthy.model.row("sat")
     np.testing.assert_allclose(rows.y[:, sat], healthy.y[place.part, sat], atol=1e-9)
     np.testing.assert_allclose(rows.R[:, sat], place.R[:, sat], atol=1e-9)
     np.testing.assert_allclose(rows.Z[:, sat], healthy.model.Z[place.part, sat], atol=1e-9)
@@ -246,11 +250,19 @@ def test_a_trapped_pressure_strays_from_itself_once_and_never_twice(strays: int,
     pressure[away] += 10.0
     y = np.full((400, 2), 50.0)
     y[away, 0] = speed
-    seconds = SimpleNamespace(air=SimpleNamespace(p_total=pressure, p_static=9e4 + 50.0 * np.arange(400.0)))
+    air = SimpleNamespace(p_total=pressure, p_static=9e4 + 50.0 * np.arange(400.0))
+    seconds = SimpleNamespace(air=air, rounding={}, record=SimpleNamespace(airspeed="tas"))
     frame = SimpleNamespace(airborne=np.ones(400, dtype=bool), middle_speed=50.0)
     rows = ("tas", "altitude")
     model = SimpleNamespace(
-        n=400, time_s=np.arange(400.0), rows=rows, row=rows.index, frame=frame, seconds=seconds, y=y
+        n=400,
+        time_s=np.arange(400.0),
+        rows=rows,
+        row=rows.index,
+        frame=frame,
+        seconds=seconds,
+        coefficients=SimpleNamespace(height=np.full(400, 1000.0), airspeed=np.full(400, 50.0)),
+        y=y,
     )
     bench: Any = SimpleNamespace(model=model)
     assert [*rests_about(bench, 150.0)] == [("pitot_blocked", 100.0, until_s)]

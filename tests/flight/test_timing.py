@@ -123,7 +123,7 @@ def test_an_end_is_found_with_the_onset():
 )
 def test_what_comes_back_began_before(spec: str, fault: str, growth_s: float | None) -> None:
     bench = bench_with(f"{spec},onset_s={ONSET_S},offset_s={OFFSET_S}", part=(250.0, 600.0), names=FEW)
-    timing = begun_before(bench, fault, OFFSET_S + 1.0, sure=20.0)
+    timing = begun_before(bench, [fault], OFFSET_S + 1.0, sure=20.0)
     assert timing is not None
     assert timing.onset_s == pytest.approx(ONSET_S, abs=2.0 if not growth_s else 0.2 * growth_s)
     assert timing.offset_s == pytest.approx(OFFSET_S, abs=1.5)
@@ -132,7 +132,7 @@ def test_what_comes_back_began_before(spec: str, fault: str, growth_s: float | N
 
 def test_what_lasts_began_no_earlier():
     bench = bench_with(f"bias,channel=tas,magnitude=4,onset_s={ONSET_S}")
-    assert begun_before(bench, "tas", ONSET_S, sure=20.0) is None
+    assert begun_before(bench, ["tas"], ONSET_S, sure=20.0) is None
 
 
 def test_an_onset_is_sought_within_a_minute_of_where_it_was_proposed() -> None:
@@ -155,7 +155,7 @@ def test_an_onset_is_sought_in_the_seven_minutes_before_what_may_be_its_end(
         monkeypatch.setattr(f"bfi_cli.flight.timing.{courses}", (0.0,))
     onset_s = 750.0 - lasts_s
     bench = bench_with(f"bias,channel=tas,magnitude=6,onset_s={onset_s},offset_s=750.0", part=(200.0, 850.0), names=FEW)
-    timing = begun_before(bench, "tas", 751.0, sure=20.0)
+    timing = begun_before(bench, ["tas"], 751.0, sure=20.0)
     assert timing is not None
     assert (abs(timing.onset_s - onset_s) < 2.0) is is_dated
 

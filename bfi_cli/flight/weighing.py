@@ -280,7 +280,9 @@ def _sudden_errors(flight: Flight, bench: Bench, events: Sequence[Event], gains:
     events, flown = list(events), spans_of(flight.phases, AIRBORNE)
     for fault, at_s, gain in sudden_errors(bench, events, gains):
         event = _proposed(flight, fault, at_s, {fault: gain})
-        if _is_about(at_s, events) or any(_follows(bench, event, other) for other in events):
+        # What is only suspected of other channels hides no step that is sure.
+        hiding = [other for other in events if other.state == "declared" or {*other.channels} & {*event.channels}]
+        if _is_about(at_s, hiding) or any(_follows(bench, event, other) for other in events):
             continue
         if not within(np.array([at_s]), flown).any():
             continue
@@ -289,14 +291,16 @@ def _sudden_errors(flight: Flight, bench: Bench, events: Sequence[Event], gains:
         place = place_of(bench, at_s, None, until_s)
         if place is None:
             continue
-        (step,) = weights_of_channel(fault, 0.0, [place], ordinary_of(place, without=TWINS.get(fault)))
+        ordinary = ordinary_of(place, without=TWINS.get(fault))
+        (step,) = weights_of_channel(fault, 0.0, [place], ordinary)
         least = abs(step.size) - TWO_SIDED_95 * (step.sd or 0.0)
         surer = DECLARED + float(np.log(len(gains.faults) * bench.model.n))
         if step.margin < surer or least < (flight.tolerance(fault, event.window_s) or np.inf):
             continue
-        judgement, timing = _judgement(bench, event, until_s), timing_of(bench, step, at_s, None, until_s=until_s)
-        if judgement is None or timing is None or _is_about(timing.onset_s, events):
+        timing = timing_of(bench, step, at_s, None, until_s=until_s)
+        if timing is None or _is_about(timing.onset_s, hiding):
             continue
+        judgement = judge_place(place, ordinary, named=event.among)
         clearly = judgement.weights[0].margin - DECLARED * judgement.weights[0].dispersion
         among = (each.fault for each in judgement.weights if not each.refused and each.margin >= clearly)
         event = replace(_timed(bench, event, timing), among=tuple(dict.fromkeys((fault, *among))), state="declared")
@@ -671,6 +675,8 @@ def _rival(bench: Bench, event: Event, weight: Weight, judgement: Judgement) -> 
 
 def _without_rival(event: Event, weight: Weight) -> Event | Note:
     """Return an event that is neither confirmed nor ordinary: refuted, suspected, or beyond what the model can tell."""
+    if event.stages == (MODEL,) and weight.margin <= DECLARED:
+        return _refuted(event, weight)  # it proposed what it does not confirm
     against = _against(weight)
     sees_no_more = "holds" in event.stages or set(event.stages) <= SEES_NO_MORE
     if not (_could_tell(event, weight) or sees_no_more or weight.margin < -DECLARED):

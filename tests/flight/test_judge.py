@@ -251,7 +251,7 @@ def test_a_trapped_pressure_strays_from_itself_once_and_never_twice(strays: int,
     y = np.full((400, 2), 50.0)
     y[away, 0] = speed
     air = SimpleNamespace(p_total=pressure, p_static=9e4 + 50.0 * np.arange(400.0))
-    seconds = SimpleNamespace(air=air, rounding={}, record=SimpleNamespace(airspeed="tas"))
+    seconds = SimpleNamespace(air=air, rounding={}, channels={}, record=SimpleNamespace(airspeed="tas"))
     frame = SimpleNamespace(airborne=np.ones(400, dtype=bool), middle_speed=50.0)
     rows = ("tas", "altitude")
     model = SimpleNamespace(

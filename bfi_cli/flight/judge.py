@@ -329,8 +329,8 @@ SET_WITHIN_S = 15.0  # of an onset, when the altimeter is set at it
 def is_on_ground(bench: Bench, at_s: float) -> bool:
     """Return whether nothing flies about a time and before it: airspeed, ground speed and height agree."""
     model = bench.model
-    about = (model.time_s >= at_s - GROUND_BEFORE_S) & (model.time_s <= at_s)
-    return bool(about.any() and not model.frame.airborne[about].any())
+    about = model.frame.airborne[model.second(at_s - GROUND_BEFORE_S) : model.second(at_s) + 1]
+    return bool(about.size and not about.any())
 
 
 def is_set(bench: Bench, at_s: float) -> bool:

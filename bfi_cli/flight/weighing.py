@@ -450,8 +450,9 @@ def _weighed(
             judgement = seen
     if judgement is not None and "holds" in event.stages:
         event, judgement = _where_it_is_trapped(bench, event, judgement, until_s)
-    weights = [] if judgement is None else _weights(judgement, event)
-    if judgement is None or not weights:
+    if judgement is None:
+        return _unweighed(event)
+    if not _weights(judgement, event):
         return event
     would_be_renamed = _would_be_renamed(judgement, event)
     if would_be_renamed or judgement.weights[0].dispersion > UNDESCRIBED:
@@ -491,6 +492,16 @@ def _weighed(
     if rival:
         return _ordinary(event, rival, {"gain": judgement.gain, "margin": weight.margin})
     return _without_rival(event, weight)
+
+
+def _unweighed(event: Event) -> Event:
+    """Return an event of which too little is flown before it to weigh it.
+
+    How much a residual moves on a healthy flight is known for most of a flight, not for its first minute.
+    """
+    if event.state != "declared" or event.stages != ("parity",):
+        return event
+    return replace(event, state="suspected", note="too little of the flight is recorded before it to confirm it")
 
 
 def _would_be_renamed(judgement: Judgement, event: Event) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -450,18 +450,20 @@ def stamped(*, airborne_from_s: float = 0.0, knob_s: float = 0.0) -> Any:
     """Return a model of which only the time in flight, and when a knob is turned, is known."""
     time_s = np.arange(200.0)
     frame = SimpleNamespace(airborne=time_s >= airborne_from_s)
-    return SimpleNamespace(model=SimpleNamespace(time_s=time_s, frame=frame, knob=time_s == knob_s))
+    second = partial(FlightModel.second, SimpleNamespace(time_s=time_s))
+    return SimpleNamespace(model=SimpleNamespace(time_s=time_s, frame=frame, knob=time_s == knob_s, second=second))
 
 
 def test_what_begins_within_ten_seconds_of_flight_is_no_matter_of_the_ground():
     bench = stamped(airborne_from_s=100.0)
-    assert is_on_ground(bench, 99.9)
-    assert not is_on_ground(bench, 100.0)
+    assert is_on_ground(bench, 0.0)  # before the middle of the first second
+    assert is_on_ground(bench, 99.4)
+    assert not is_on_ground(bench, 99.6)  # within a second that is flown
     landed: Any = SimpleNamespace(
         model=SimpleNamespace(**{**vars(bench.model), "frame": SimpleNamespace(airborne=bench.model.time_s < 100.0)})
     )
-    assert not is_on_ground(landed, 109.0)
-    assert is_on_ground(landed, 110.0)
+    assert not is_on_ground(landed, 109.4)
+    assert is_on_ground(landed, 109.6)
 
 
 @pytest.mark.parametrize(("at_s", "told"), [(115.0, True), (116.0, False), (85.0, True), (84.0, False)])

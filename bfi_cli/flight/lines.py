@@ -74,7 +74,6 @@ LEAKS = tuple(Law(fault=STATIC_LEAK, start=2000.0, time_constant_s=seconds) for 
 ICINGS = tuple(
     Law(fault=PITOT_ICING, start=0.3, grows_s=seconds) for seconds in (30.0, 60.0, 90.0, 135.0, 200.0, 300.0)
 )
-PASSES = 2  # in which the course of a line is made from the filter's answer, before it is weighed
 COURSE_S = 11  # over which a course is smoothed
 MOST_HEIGHT = 8000.0  # m between an aircraft and its cabin: a differential pressure of 0.6 bar
 # LIMITS: bounds of the course of a line that loses: the logarithm of what is left, a share, m.
@@ -194,11 +193,10 @@ def _weight_of_law(place: Place, fault: str, ordinary: Ordinary, run: StackRun, 
     )
 
 
-def _likeliest(weights: Sequence[Weight]) -> Weight:
-    """Return the best of a law's weights, which heats only where a temperature that is measured explains less."""
-    best = max(weights, key=_rank)
-    is_alike = any(weight.margin > best.margin - ALIKE for weight in weights if not weight.heats)
-    return replace(best, heats=False) if is_alike else best
+def _heats(weights: Sequence[Weight]) -> bool:
+    """Return whether a static temperature is made of a line's readings: one that is measured explains less."""
+    most = max(weight.margin for weight in weights)
+    return not any(weight.margin > most - ALIKE for weight in weights if not weight.heats)
 
 
 def _rank(weight: Weight) -> tuple[bool, float]:
@@ -214,29 +212,57 @@ def weights_of_laws(
     ----------
     shocks : (n, n_laws, n_states) variances of what else may happen beside each, which the last pass asks for too.
     """
-    model, lags_s = hypotheses[0][1].bench.model, _lags_s(hypotheses[0][1].bench.model)
+    lags_s, n = _lags_s(hypotheses[0][1].bench.model), len(hypotheses)
+    # 1. The course of every law from all but the temperature, which a wrong course makes wrong, too.
     courses = [_first_course(place, law.fault) for law, place in hypotheses]
-    for k in range(PASSES):
-        rows = [_without_temperature(_about(*each, k)) for each in zip(hypotheses, courses, strict=True)]
-        run = _run_of_laws(hypotheses, rows)
-        courses = [
-            _next_course(place, law.fault, run.mean[:, j]) * _growth(place, law)
-            for j, (law, place) in enumerate(hypotheses)
-        ]
-    abouts = [_about(*each, PASSES) for each in zip(hypotheses, courses, strict=True)]
+    rows = [_without_temperature(_about(*each, 0)) for each in zip(hypotheses, courses, strict=True)]
+    courses = _courses_of(hypotheses, _run_of_laws(hypotheses, rows))
+    # 2. Whether the temperature is made of the line's readings, and how late.
+    abouts = [_about(*each, 1) for each in zip(hypotheses, courses, strict=True)]
     rows = [_with_heat(about, lag_s) for lag_s in lags_s for about in abouts]
-    run = _run_of_laws(hypotheses, rows, shocks)
-    weights = []
-    for j, (law, place) in enumerate(hypotheses):
-        options = range(j, len(rows), len(hypotheses))
-        by_lag = []
-        for lag_s, h in zip(lags_s, options, strict=True):
-            freed = max(range(h, len(run.log_likelihood), len(rows)), key=lambda at: run.log_likelihood[at])
-            heats = lag_s is not None and "sat" in model.seconds.recorded
-            weight = _weight_of_law(place, law.fault, ordinary, run, freed, rows[h])
-            by_lag.append(replace(weight, heats=heats))
-        weights.append(_likeliest(by_lag))
-    return tuple(weights)
+    run = _run_of_laws(hypotheses, rows)
+    weighed = _weights_of_run(hypotheses, ordinary, run, rows, lags_s)
+    likeliest = [max(range(j, len(rows), n), key=lambda h: _rank(weighed[h])) for j in range(n)]
+    # 3. About the course that this makes of it.
+    courses = _courses_of(hypotheses, run, likeliest)
+    rows = [
+        _with_heat(_about(hypothesis, course, 2), lags_s[h // n])
+        for hypothesis, course, h in zip(hypotheses, courses, likeliest, strict=True)
+    ]
+    again = _weights_of_run(hypotheses, ordinary, _run_of_laws(hypotheses, rows, shocks), rows)
+    return tuple(
+        replace(max(weight, weighed[h], key=_rank), heats=_heats([weighed[k] for k in range(j, len(weighed), n)]))
+        for j, (weight, h) in enumerate(zip(again, likeliest, strict=True))
+    )
+
+
+def _courses_of(
+    hypotheses: Sequence[tuple[Law, Place]], run: StackRun, likeliest: Sequence[int] | None = None
+) -> list[FloatArray]:
+    """Return the course of each law that a filter found, in the run of its number."""
+    runs = range(len(hypotheses)) if likeliest is None else likeliest
+    return [
+        _next_course(place, law.fault, run.mean[:, h]) * _growth(place, law)
+        for (law, place), h in zip(hypotheses, runs, strict=True)
+    ]
+
+
+def _weights_of_run(
+    hypotheses: Sequence[tuple[Law, Place]],
+    ordinary: Ordinary,
+    run: StackRun,
+    rows: Sequence[_Rows],
+    lags_s: Sequence[float | None] = (None,),
+) -> list[Weight]:
+    """Return what each law is worth with each of its rows, without or with what else may happen beside it."""
+    weights, likelihood = [], run.log_likelihood
+    for h, law_rows in enumerate(rows):
+        law, place = hypotheses[h % len(hypotheses)]
+        freed = max(range(h, likelihood.size, len(rows)), key=likelihood.__getitem__)
+        weight = _weight_of_law(place, law.fault, ordinary, run, freed, law_rows)
+        heats = lags_s[h // len(hypotheses)] is not None and "sat" in place.bench.model.seconds.recorded
+        weights.append(replace(weight, heats=heats))
+    return weights
 
 
 def _lags_s(model: FlightModel) -> tuple[float | None, ...]:

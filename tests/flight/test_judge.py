@@ -234,7 +234,7 @@ def test_a_line_that_loses_nothing_leaves_the_temperature_as_it_is(
     place = place_of(healthy, ONSET_S, None)
     assert place is not None
     law = next(law for law in lines.LAWS if law.fault == fault)
-    rows = lines._with_heat(lines._about((law, place), np.zeros(place.n), lines.PASSES), lag_s)
+    rows = lines._with_heat(lines._about((law, place), np.zeros(place.n), 2), lag_s)
     sat = healthy.model.row("sat")
     np.testing.assert_allclose(rows.y[:, sat], healthy.y[place.part, sat], atol=1e-9)
     np.testing.assert_allclose(rows.R[:, sat], place.R[:, sat], atol=1e-9)

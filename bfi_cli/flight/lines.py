@@ -175,6 +175,12 @@ def has_lines(model: FlightModel) -> bool:
     return {"tas", "altitude"} <= {*model.rows}
 
 
+def pitot_loss_rows(model: FlightModel) -> dict[str, FloatArray]:
+    """Return what a small loss of impact pressure makes of each airspeed, (n,) by its logarithm."""
+    c = model.coefficients
+    return {name: 0.5 * c.airspeed * (c.cas_share if name == "cas" else 1.0) for name, _ in _airspeed_rows(model)}
+
+
 def _weight_of_law(place: Place, fault: str, ordinary: Ordinary, run: StackRun, h: int, rows: _Rows) -> Weight:
     """Return what a hypothesis of a run is worth."""
     density = floored_density(ordinary, run.log_density[:, h], run.innovation[:, h], run.sd[:, h], rows.floored)

@@ -17,10 +17,11 @@ from numpy.lib.stride_tricks import sliding_window_view
 from ..airdata import DEPENDS_ON
 from ..flightlog.phases import Phase, spans_of
 from ..kernels import FloatArray
-from ..kernels.bounded_filter import Stack, change_scores, filter_stack
+from ..kernels.bounded_filter import Coupling, Stack, Transition, change_scores, filter_stack
 from ..kernels.runs import within
 from .bench import CHECK_S, JUMP_S, Bench, Place, place_of, takeoffs_of
 from .judge import REFERENCES, causes_of, channel_faults, explains, judge_place, ordinary_of, rows_of, width_of
+from .lines import pitot_loss_rows
 from .result import Event, OrdinaryEvent
 from .tables import ALTIMETER_SET, MANOEUVRE, ORDINARY, STATES
 from .weight import ALIKE, Ordinary
@@ -43,6 +44,9 @@ TAKES_S = ((0,), (-4, -2, 0, 2, 4, 6), JUMP_S)
 BESIDE_S = 30  # of a jump, when its size is read
 LARGEST = 3.0  # standard deviations of a jump that a cause still makes
 SAME_S = 60.0  # from an event of a finder, when both are of the same place
+# What ice takes in the end, the logarithm of the impact pressure, and the time constant, s, with which it does: a tenth
+# to a half at 0.1 to 0.5 % in a second.
+ICED, GROWS_S = 0.3, 60.0
 TWINS = {"altitude": ALTIMETER_SET}  # by channel the cause that moves it as its error does: both are told
 UNLIKE_FLIGHT = ("stall", "parabola")  # phases in which the rows are no linear functions of the states
 
@@ -57,10 +61,12 @@ class ChangeGains:
     ----------
     causes : by sought ordinary cause, and "" for a manoeuvre.
     faults : by channel that may err.
+    ice : (n,) of a pitot line that loses by degrees.
     """
 
     causes: Mapping[str, FloatArray]
     faults: Mapping[str, FloatArray]
+    ice: FloatArray
 
 
 def surprising_events(
@@ -116,6 +122,14 @@ def sudden_errors(bench: Bench, events: Sequence[Event], gains: ChangeGains) -> 
     peaks = np.flatnonzero((most > PROPOSED) & (most == _most_about(most, APART_S)))
     for at in peaks[np.argsort(-most[peaks])][:MOST_PLACES]:
         yield names[int(np.argmax(net[:, at]))], float(bench.model.time_s[at]), float(most[at])
+
+
+def slow_losses(bench: Bench, gains: ChangeGains) -> Iterator[tuple[float, float]]:
+    """Yield when a pitot line seems to begin to lose by degrees, and the log density over any ordinary change there."""
+    net = gains.ice - _ordinary_gain(gains, None)
+    peaks = np.flatnonzero((net > PROPOSED) & (net == _most_about(net, APART_S)))
+    for at in peaks[np.argsort(-net[peaks])][:MOST_PLACES]:
+        yield float(bench.model.time_s[at]), float(net[at])
 
 
 def _ordinary_gain(gains: ChangeGains, without: str | None) -> FloatArray:
@@ -219,16 +233,19 @@ def _largest(net: FloatArray) -> list[tuple[int, bool]]:
 def change_gains(bench: Bench) -> ChangeGains:
     """Return what changes of ordinary causes, of a manoeuvre and of errors of channels are worth at every second."""
     model, faults = bench.model, channel_faults(bench.model)
-    errors = np.zeros((model.n, len(model.rows), len(faults)))
-    for k, loads in enumerate(faults.values()):
-        for row, load in loads.items():
+    # Of ice the loss and its rate, which wears off; a rate has loadings by what becomes of it alone.
+    loads = [*faults.values(), pitot_loss_rows(model), {}]
+    errors = np.zeros((model.n, len(model.rows), len(loads)))
+    for k, by_row in enumerate(loads):
+        for row, load in by_row.items():
             errors[:, model.row(row), k] = load
+    of_states, of_errors = np.zeros(len(model.states)), [width_of(name, by_row) for name, by_row in faults.items()]
+    widths = np.concatenate([of_states, of_errors, [0.0, ICED / GROWS_S]])
     causes = {name: jumps for name, jumps in causes_of(model).items() if ORDINARY[name].is_sought}
     sds = {
-        name: np.pad(_deviations(bench, jumps), (0, len(faults))) for name, jumps in {"": MANOEUVRE, **causes}.items()
+        name: np.pad(_deviations(bench, jumps), (0, len(loads))) for name, jumps in {"": MANOEUVRE, **causes}.items()
     }
-    widths = np.append(np.zeros(len(model.states)), [width_of(name, loads) for name, loads in faults.items()])
-    gains, errors_worth = {name: np.zeros((2, model.n)) for name in sds}, np.zeros((len(faults), 2, model.n))
+    gains, errors_worth = {name: np.zeros((2, model.n)) for name in sds}, np.zeros((len(loads), 2, model.n))
     # The stretches between checks run side by side, what follows a jump in one after the other.
     starts = np.array(list(bench.checks))
     ends = np.append(starts[1:], int(np.flatnonzero(model.frame.airborne)[-1]) + 1)
@@ -242,19 +259,30 @@ def change_gains(bench: Bench) -> ChangeGains:
     run = filter_stack(stack, bench.transition, mean=mean, covariance=covariance, with_gains=True)
     assert run.gains is not None
     # Errors that are known to be none move no filter: of their own they have nothing but loadings.
-    transition = bench.transition.with_constants(len(faults))
+    transition = _with_ice(bench.transition.with_constants(len(loads)))
     loaded = np.where(known[..., None], np.concatenate([Z, extra], axis=-1), 0.0)
     takeoffs, after = takeoffs_of(model), None
     for h in range(starts.size - 1, -1, -1):
         n = int(ends[h] - starts[h])
-        part = run.gains.between(0, n, h).with_constants(len(faults))
+        part = run.gains.between(0, n, h).with_constants(len(loads))
         scores = change_scores(loaded[:n, h], part, transition, after, time_constant=GRADUAL_S)
         for name, sd in sds.items():
             gains[name][:, starts[h] : ends[h]] = scores.jump.gain(sd), scores.gradual.gain(sd)
         for how, score in enumerate((scores.jump, scores.gradual)):
             errors_worth[:, how, starts[h] : ends[h]] = score.gains_alone(widths)[:, len(model.states) :].T
         after = None if starts[h] in takeoffs else scores
-    return ChangeGains(causes=gains, faults=dict(zip(faults, errors_worth, strict=True)))
+    return ChangeGains(
+        causes=gains, faults=dict(zip(faults, errors_worth[:-2], strict=True)), ice=errors_worth[-1].max(axis=0)
+    )
+
+
+def _with_ice(transition: Transition) -> Transition:
+    """Return a transition in which the last state is the rate of the one before, and wears off."""
+    last, decay = transition.decay.size - 1, transition.decay.copy()
+    decay[last] = np.exp(-1.0 / GROWS_S)
+    return replace(
+        transition, decay=decay, couplings=(*transition.couplings, Coupling(to=last - 1, source=last, value=1.0))
+    )
 
 
 def _deviations(bench: Bench, jumps: Mapping[str, float]) -> FloatArray:

@@ -52,6 +52,7 @@ from .surprises import (
     TWINS,
     ChangeGains,
     change_gains,
+    slow_losses,
     sudden_errors,
     sudden_winds,
     surprising_events,
@@ -220,6 +221,7 @@ def _placed_events(
             if begun is not None:
                 returns[k] = placed[k].onset_s
                 placed[k] = _from_its_onset(bench, placed[k], begun)
+    placed += _slow_losses(flight, bench, (*swinging, *placed), gains)
     return [*placed, *_sudden_errors(flight, bench, (*swinging, *placed), gains)], returns
 
 
@@ -270,6 +272,36 @@ def _sudden_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains:
             before, after = speed[max(at - SIZED_S, 0)], speed[min(at + SIZED_S, bench.model.n - 1)]
             events.append(replace(loss, magnitude=float((after / before) ** 2 - 1.0), unit="1"))
             yield events[-1]
+
+
+def _slow_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[Event]:
+    """Yield a pitot line that loses by degrees where no event of a line is, from when it begins."""
+    lines = [event for event in events if _line(event)]
+    for at_s, gain in slow_losses(bench, gains):
+        if any(event.onset_s - APART_S < at_s < event.until_s + APART_S for event in lines):
+            continue
+        event = replace(_proposed(flight, "pitot_icing", at_s, {"q_impact": gain}), state="declared")
+        loss = _sure_loss(bench, event, flight.to_s)
+        timing = None if loss is None else timing_of(bench, loss, at_s, None, until_s=flight.to_s)
+        if timing is None:
+            continue
+        event = _timed(bench, event, timing)
+        if _sure_loss(bench, event, flight.to_s) is not None:
+            lines.append(event)
+            yield event
+
+
+def _sure_loss(bench: Bench, event: Event, until_s: float) -> Weight | None:
+    """Return the loss of impact pressure that explains a place best, worth what alone declares it; None where none is.
+
+    What its course leaves unexplained, and for how long readings err alike, counts against it.
+    """
+    judgement = _judgement(bench, event, until_s)
+    if judgement is None or judgement.weights[0].fault not in LOSSES:
+        return None
+    weight = judgement.weights[0]
+    least = SURE * DECLARED * weight.dispersion * weight.memory_s
+    return weight if not weight.refused and weight.margin > least else None
 
 
 def _sudden_errors(flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[Event]:

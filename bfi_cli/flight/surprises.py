@@ -239,8 +239,8 @@ def change_gains(bench: Bench) -> ChangeGains:
     for k, by_row in enumerate(loads):
         for row, load in by_row.items():
             errors[:, model.row(row), k] = load
-    of_states, of_errors = np.zeros(len(model.states)), [width_of(name, by_row) for name, by_row in faults.items()]
-    widths = np.concatenate([of_states, of_errors, [0.0, ICED / GROWS_S]])
+    errors_sd = [width_of(name, by_row) for name, by_row in faults.items()]
+    widths = np.concatenate([np.zeros(len(model.states)), errors_sd, [0.0, ICED / GROWS_S]])
     causes = {name: jumps for name, jumps in causes_of(model).items() if ORDINARY[name].is_sought}
     sds = {
         name: np.pad(_deviations(bench, jumps), (0, len(loads))) for name, jumps in {"": MANOEUVRE, **causes}.items()

@@ -276,32 +276,30 @@ def _sudden_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains:
 
 def _slow_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[Event]:
     """Yield a pitot line that loses by degrees where no event of a line is, from when it begins."""
-    lines = [event for event in events if _line(event)]
+    lines = [event for event in events if _line(event) and event.state == "declared"]
     for at_s, gain in slow_losses(bench, gains):
         if any(event.onset_s - APART_S < at_s < event.until_s + APART_S for event in lines):
             continue
         event = replace(_proposed(flight, "pitot_icing", at_s, {"q_impact": gain}), state="declared")
-        loss = _sure_loss(bench, event, flight.to_s)
-        timing = None if loss is None else timing_of(bench, loss, at_s, None, until_s=flight.to_s)
-        if timing is None:
+        judgement = _judgement(bench, event, flight.to_s)
+        if judgement is None or _sure_loss(judgement) is None:
             continue
-        event = _timed(bench, event, timing)
-        if _sure_loss(bench, event, flight.to_s) is not None:
-            lines.append(event)
-            yield event
+        event, judgement = _where_it_begins(bench, event, judgement, flight.to_s)
+        loss = _sure_loss(judgement)
+        timing = None if loss is None else timing_of(bench, loss, event.onset_s, None, until_s=flight.to_s)
+        if timing is not None:
+            lines.append(_timed(bench, event, timing))
+            yield lines[-1]
 
 
-def _sure_loss(bench: Bench, event: Event, until_s: float) -> Weight | None:
+def _sure_loss(judgement: Judgement) -> Weight | None:
     """Return the loss of impact pressure that explains a place best, worth what alone declares it; None where none is.
 
     What its course leaves unexplained, and for how long readings err alike, counts against it.
     """
-    judgement = _judgement(bench, event, until_s)
-    if judgement is None or judgement.weights[0].fault not in LOSSES:
-        return None
     weight = judgement.weights[0]
     least = SURE * DECLARED * weight.dispersion * weight.memory_s
-    return weight if not weight.refused and weight.margin > least else None
+    return weight if weight.fault in LOSSES and not weight.refused and weight.margin > least else None
 
 
 def _sudden_errors(flight: Flight, bench: Bench, events: Sequence[Event], gains: ChangeGains) -> Iterator[Event]:
@@ -802,7 +800,8 @@ def _from_its_onset(bench: Bench, event: Event, timing: Timing) -> Event:
     fault, weight = timing.weight.fault, timing.weight
     if weight.growth_s not in (None, np.inf) and event.magnitude is not None:
         # By what the reading comes back the finder measures, beside its own relations.
-        timing = replace(timing, weight=replace(weight, size=-event.magnitude, sd=event.sd))
+        as_returned = replace(weight, size=-event.magnitude, sd=event.sd, dispersion=1.0, memory_s=1.0)
+        timing = replace(timing, weight=as_returned)
     return replace(
         _timed(bench, event, timing),
         among=tuple(dict.fromkeys((fault, *(name for name in event.among if name != event.fault)))),
@@ -831,7 +830,8 @@ def _described(bench: Bench, event: Event, weight: Weight) -> Event:
     drifts = growth_s == np.inf
     per = lasts_s if drifts else 1.0
     magnitude = None if line else weight.size / per
-    sd = None if line or weight.sd is None else weight.sd / per
+    # What its course leaves unexplained widens the interval of its size as it does that of its onset.
+    sd = None if line or weight.sd is None else weight.sd / per * np.sqrt(weight.dispersion * weight.memory_s)
     unit = "" if line else STANDARD[weight.fault].unit
     half = None if sd is None else TWO_SIDED_95 * sd
     return replace(

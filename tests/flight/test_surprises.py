@@ -12,6 +12,7 @@ import pytest
 from made_events import event_of
 from made_journeys import WIND, made_journey
 
+from bfi_cli.faults import parse_spec
 from bfi_cli.flight.bench import Bench, Place, bench_of
 from bfi_cli.flight.judge import ordinary_of
 from bfi_cli.flight.model import flight_model
@@ -22,12 +23,14 @@ from bfi_cli.flight.surprises import (
     TOLD,
     ChangeGains,
     change_gains,
+    slow_losses,
     sudden_errors,
     sudden_winds,
     surprising_events,
 )
 from bfi_cli.flight.tables import ALTIMETER_SET
 from bfi_cli.flight.weight import Ordinary
+from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.phases import Phase
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels import FloatArray
@@ -214,5 +217,22 @@ def test_a_step_of_altitude_is_proposed_beside_a_knob_that_nobody_recorded() -> 
     altitude[0, 100], tas[0, 300] = 100.0, 100.0
     bench: Any = SimpleNamespace(model=SimpleNamespace(time_s=np.arange(580.0)))
     causes = {"": np.zeros((2, 580)), ALTIMETER_SET: altitude, "wind": tas}
-    proposed = sudden_errors(bench, (), ChangeGains(causes=causes, faults={"altitude": altitude, "tas": tas}))
+    proposed = sudden_errors(bench, (), ChangeGains(causes=causes, faults={"altitude": altitude, "tas": tas}, ice=tas))
     assert list(proposed) == [("altitude", 100.0, 100.0)]
+
+
+@pytest.mark.parametrize(("spec", "proposes"), [("pitot_icing,magnitude=0.003", True), ("", False)])
+def test_ice_is_proposed_about_its_onset(spec: str, proposes: bool) -> None:
+    log = made_journey(rate_hz=1.0)
+    if spec:
+        log = inject(log, [parse_spec(f"{spec},onset_s={AT_S}")])
+    seconds = seconds_of(log.window(200.0, AT_S + 200.0))
+    assert seconds is not None
+    model = flight_model(seconds)
+    assert model is not None
+    bench = bench_of(model)
+    losses = list(slow_losses(bench, change_gains(bench)))
+    assert bool(losses) == proposes
+    for at_s, gain in losses[:1]:
+        assert at_s == pytest.approx(AT_S, abs=90.0)
+        assert gain > PROPOSED

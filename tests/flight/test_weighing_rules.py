@@ -94,6 +94,7 @@ def weighed(monkeypatch: pytest.MonkeyPatch) -> Callable[[Model, Sequence[Event]
             "oscillating_events",
             "sudden_errors",
             "sudden_winds",
+            "slow_losses",
             "surprising_events",
             "rests_about",
         )
@@ -329,3 +330,17 @@ def test_a_line_that_goes_on_losing_begins_by_the_flight(
     (event,) = weighed(model, [replace(event_of(fault, AT_S, "declared"), stages=(stage,), shape=shape)]).events
     assert event.onset_s == (AT_S - 40.0 if is_dated else AT_S)
     assert event.onset_ci95 == ((AT_S - 45.0, AT_S - 30.0) if is_dated else (AT_S, AT_S))
+
+
+@pytest.mark.parametrize(("stage", "state"), [("parity", "suspected"), ("static relations", "declared")])
+def test_what_no_flight_before_it_can_confirm_is_suspected(weighed: Any, stage: Stage, state: str):
+    model = Model(judgement=lambda onset_s: None)
+    (event,) = weighed(model, [replace(event_of("tas", AT_S, "declared"), stages=(stage,))]).events
+    assert event.state == state
+
+
+def test_what_the_model_proposes_it_has_to_confirm(weighed: Any):
+    model = Model(judgement=lambda onset_s: says(weight("tas", margin=19.0)))
+    proposed = replace(event_of("tas", AT_S, "suspected"), stages=("flight model",))
+    assert weighed(model, [proposed]).events == ()
+    assert len(weighed(model, [replace(proposed, stages=("scan",))]).events) == 1

@@ -7,7 +7,7 @@ lags, are neither. When a step begins the log's own samples about it tell.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -82,23 +82,21 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
         alike = (course for course in scanned if course[0] == shape)
         return max(alike, key=lambda course: scanned[course][0], default=None)
 
-    every_s, coarse_s = (np.arange(from_s + MARGIN_S, to_s, by_s).tolist() for by_s in (FINER_S[0], COARSE_S))
     for shape in ("bias", "drift", "ramp_hold", "lagged_bias"):
-        if shape == "bias":
-            sharp_s = (*every_s, *np.arange(*finding.onset_ci95, FINER_S[2]).tolist())  # as where it was found
-            scan((shape, drawn_out_s, at_s) for drawn_out_s in DRAWN_OUT_S for at_s in sharp_s)
-        elif shape == "drift":
-            scan((shape, None, at_s) for at_s in every_s)
-        elif shape == "ramp_hold":
-            scan((shape, end_s - at_s, at_s) for at_s in coarse_s for end_s in coarse_s)
-        else:
-            begins_s = [course[2] for course in (best_of("bias"), best_of("ramp_hold")) if course is not None]
-            scan((shape, lag_s, at_s) for at_s in np.add.outer(begins_s, ABOUT_S).flat for lag_s in LAGS_S)
+        begins_s = [course[2] for course in (best_of("bias"), best_of("ramp_hold")) if course is not None]
+        scan(_first(shape, finding, window, begins_s))
         for step_s in FINER_S:
             if (likeliest := best_of(shape)) is not None:
                 scan(_about(likeliest, step_s))
     names, (statistic, magnitude, sd) = list(scanned), np.array([*scanned.values()]).T
-    best = int(np.argmax(statistic - [PRICE if shape in HELD else 0.0 for shape, _, _ in names]))
+    prices = [PRICE if shape in HELD else 0.0 for shape, _, _ in names]
+    best = int(np.argmax(statistic - prices))
+    if finding.fault in series.speeds:
+        without = series.without(finding.fault, magnitude[best] * _averaged(names[best], series.time_s))
+        part = without.between(from_s, to_s, shows=finding.fault)
+        changes = part.scan(np.column_stack([effect * _averaged(course, time_s) for course in names]))
+        statistic, magnitude, sd = changes.statistic, changes.amplitude, changes.sd
+        best = int(np.argmax(statistic - prices))
     shape, constant, onset_s = names[best]
     same = np.array([course[0] == shape for course in names]) & np.isfinite(sd)
     if not same[best]:
@@ -119,6 +117,25 @@ def with_course(series: RelationSeries, finding: Finding, window: tuple[float, f
         onset_s=onset_s,
         onset_ci95=(float(near_s.min()) - 0.5 * BLOCK_S, float(near_s.max()) + 0.5 * BLOCK_S),
     )
+
+
+def _first(shape: str, finding: Finding, window: tuple[float, float], begins_s: Sequence[float]) -> Iterator[Candidate]:
+    """Yield the courses of a shape that are tried first in a window.
+
+    Parameters
+    ----------
+    begins_s : where a step and a ramp begin, about which a lag is tried.
+    """
+    every_s, coarse_s = (np.arange(window[0] + MARGIN_S, window[1], by_s).tolist() for by_s in (FINER_S[0], COARSE_S))
+    if shape == "bias":
+        sharp_s = (*every_s, *np.arange(*finding.onset_ci95, FINER_S[2]).tolist())  # as where it was found
+        yield from ((shape, drawn_out_s, at_s) for drawn_out_s in DRAWN_OUT_S for at_s in sharp_s)
+    elif shape == "drift":
+        yield from ((shape, None, at_s) for at_s in every_s)
+    elif shape == "ramp_hold":
+        yield from ((shape, end_s - at_s, at_s) for at_s in coarse_s for end_s in coarse_s)
+    else:
+        yield from ((shape, lag_s, at_s) for at_s in np.add.outer(begins_s, ABOUT_S).flat for lag_s in LAGS_S)
 
 
 def _about(candidate: Candidate, step_s: float) -> Iterator[Candidate]:

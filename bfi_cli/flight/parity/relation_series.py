@@ -55,6 +55,7 @@ POSITION_ERROR = 0.1
 SLOWEST = 0.3
 # `FOLLOWS` in units of other relations, about what 1 m/s of airspeed is worth.
 WORTH = {"m/s": 1.0, "K": 1.0, "m": 10.0, "Pa": 100.0, "rad": 0.02, "1": 0.003}
+SPEED, POSITION = 1, 5  # columns of the airspeed that is followed, of which the second next is the rate
 # Channels of which `FOLLOWS` is made.
 FOLLOWED = frozenset(("cas", "ias", "mach", "altitude", "p_static", "tas"))
 # Headings turn by a whole round, which is no difference; altimeters have a knob each.
@@ -214,6 +215,7 @@ class RelationSeries:
     effects : by channel, (n,) what one unit of its error adds to the relation.
     noise_sd : the least noise: recorded steps, or what pieces of 20 s show.
     resting_step : what the steps of all channels that mostly rest within one make of it together.
+    speeds : by channel, (n,) what one unit of its error adds to the airspeed that the relation may follow.
     readings : (n,) of the two sensors, where it is their difference, and of the air about them; else empty.
     """
 
@@ -225,6 +227,7 @@ class RelationSeries:
     effects: Mapping[str, FloatArray]
     noise_sd: float
     resting_step: float
+    speeds: Mapping[str, FloatArray] = field(default_factory=dict)
     readings: Mapping[str, FloatArray] = field(default_factory=dict)
 
     def between(self, from_s: float, to_s: float, *, shows: str | None = None) -> RelationSeries:
@@ -245,8 +248,19 @@ class RelationSeries:
             values=self.values[inside],
             nuisances=nuisances,
             effects={name: effect[inside] for name, effect in self.effects.items()},
+            speeds={name: effect[inside] for name, effect in self.speeds.items()},
             readings={name: reading[inside] for name, reading in self.readings.items()},
         )
+
+    def without(self, channel: str, error: FloatArray) -> RelationSeries:
+        """Return a relation that follows the airspeed as it was before an error of a channel, (n,)."""
+        nuisances, change = self.nuisances.copy(), self.speeds[channel] * error
+        speed = nuisances[:, SPEED] - change
+        if nuisances.shape[1] > POSITION:
+            nuisances[:, POSITION] *= nuisances[:, SPEED] / speed
+        nuisances[:, SPEED] = speed
+        nuisances[:, SPEED + 2] -= np.gradient(change, self.time_s)
+        return replace(self, nuisances=nuisances)
 
     def scan(self, candidates: FloatArray, *, declared_at: float = np.inf) -> ChangeScan:
         """Return how much better each of these changes, (n, n_candidates), explains the relation than none."""
@@ -287,7 +301,12 @@ def relation_series(log: FlightLog, phases: Sequence[Phase] | None = None) -> Se
         low, high = DOMAIN.get(quantity_measured(name), (-np.inf, np.inf))
         x = blocks.mean(log.channels[name].values[flies])
         values[name] = np.where((x >= low) & (x <= high), x, np.nan)
-    follows = _follows({quantity: values[name] for quantity, name in main.items()}, blocks.time_s)
+    followed = {quantity: values[name] for quantity, name in main.items()}
+    follows = _follows(followed, blocks.time_s)
+    speeds = {
+        name: _difference(lambda changed: _speed(changed, blocks.time_s.size), followed, quantity)
+        for quantity, name in main.items()
+    }
     quanta, series = quanta_of(log, names), []
     resting = {name: step for name, step in quanta.items() if _rests(values[name], step)}
     # A temperature changes on its own; the steps of the others change with the flight that a relation may follow.
@@ -319,6 +338,7 @@ def relation_series(log: FlightLog, phases: Sequence[Phase] | None = None) -> Se
                 nuisances=nuisances,
                 sizes=np.array([np.inf, *(WORTH[relation.unit] * size for size in sizes)]),
                 effects=effects,
+                speeds={name: effect[kept] for name, effect in speeds.items() if name in effects and effect.any()},
                 noise_sd=max(float(np.hypot(np.sqrt(steps), unexplained)), numbers),
                 resting_step=sum(typical[name] * step for name, step in resting.items() if name in effects),
                 readings={read: values[name][kept] for read, name in read_as.items()} if relation.twins else {},
@@ -336,14 +356,17 @@ def _rests(x: FloatArray, step: float) -> bool:
 def _follows(values: Values, time_s: FloatArray) -> FloatArray:
     """Return (n, 5) constant, airspeed in m/s, altitude and the rates of both, 0 for what the log does not have."""
     none = np.zeros(len(time_s))
-    height = values.get("altitude", none)
-    # Not tas where there is another: a relation that follows its steps has lost its own noise.
-    if "altitude" in values and ("cas" in values or ("ias" in values and "mach" not in values)):
-        speed = 340.0 * mach_by(_state(values), "cas" if "cas" in values else "ias", "altitude")
-    else:
-        speed = 340.0 * values["mach"] if "mach" in values else values.get("tas", none)
+    height, speed = values.get("altitude", none), _speed(values, len(time_s))
     rates = (np.gradient(x, time_s) if len(time_s) > 1 else none for x in (speed, height))
     return np.column_stack([np.ones(len(time_s)), speed, height, *rates])
+
+
+def _speed(values: Values, n: int) -> FloatArray:
+    """Return (n,) an airspeed that relations follow, 340 m/s times the Mach number where that is known."""
+    # Not tas where there is another: a relation that follows its steps has lost its own noise.
+    if "altitude" in values and ("cas" in values or ("ias" in values and "mach" not in values)):
+        return np.asarray(340.0 * mach_by(_state(values), "cas" if "cas" in values else "ias", "altitude"))
+    return 340.0 * values["mach"] if "mach" in values else values.get("tas", np.zeros(n))
 
 
 def _with_position_error(follows: FloatArray) -> FloatArray:
@@ -353,12 +376,17 @@ def _with_position_error(follows: FloatArray) -> FloatArray:
 
 
 def _effect(relation: Balance, values: Values, name: str) -> FloatArray:
-    """Return what one unit of a channel's error adds to a relation, by a difference."""
+    """Return what one unit of a channel's error adds to a relation."""
+    return _difference(relation.of, values, name)
+
+
+def _difference(function: Callable[[Values], FloatArray], values: Values, name: str) -> FloatArray:
+    """Return what one unit of a channel adds to what is made of it, by a difference."""
     known = np.abs(values[name][np.isfinite(values[name])])
     size = 1e-4 * max(float(np.median(known)) if known.size else 0.0, 1e-6)
     # Downwards, away from Mach 1, where there is room.
     step = np.where(values[name] > 2.0 * size, -size, size)
-    return np.asarray((relation.of({**values, name: values[name] + step}) - relation.of(values)) / step)
+    return np.asarray((function({**values, name: values[name] + step}) - function(values)) / step)
 
 
 def beside_line(x: FloatArray, time_s: FloatArray) -> FloatArray:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -46,6 +48,30 @@ def told(error: np.ndarray, *, effect: float = 1.0, noise: float = 0.015, seed: 
         resting_step=0.0,
     )
     return with_course(series, FOUND, WINDOW, "m/s")
+
+
+@pytest.mark.parametrize("slope", [-0.03, 0.03])
+def test_a_step_is_not_taken_for_what_its_relation_follows(slope: float):
+    """The airspeed that a relation follows is the one that errs: of a step it would take the share that it follows."""
+    rng = np.random.default_rng(1)
+    flown, step = 100.0 + 8.0 * np.sin(T / 9.0), 8.0 * (T >= 70.0)
+    rate = np.gradient(flown + step, T)
+    none = np.zeros(T.size)
+    series = RelationSeries(
+        relation=Balance("ias", "m/s", "ias", ("tas",), lambda values: 0.0),
+        time_s=T,
+        values=step + slope * flown + 0.02 * rng.standard_normal(T.size),
+        nuisances=np.column_stack([np.ones(T.size), flown + step, none, rate, none]),
+        sizes=np.array([np.inf, 0.05, 2e-4, 0.1, 0.02]),
+        effects={"ias": np.ones(T.size)},
+        noise_sd=0.02,
+        resting_step=0.0,
+    )
+    found = replace(FOUND, fault="ias", among=("ias",), channels=("ias",))
+    follows = with_course(series, found, WINDOW, "m/s")
+    answer = with_course(replace(series, speeds={"ias": np.ones(T.size)}), found, WINDOW, "m/s")
+    assert abs(follows.magnitude - 8.0) > 0.15
+    assert answer.magnitude == pytest.approx(8.0, abs=0.05)
 
 
 @pytest.mark.parametrize("onset_s", [70.0, 70.2, 70.5, 70.8])

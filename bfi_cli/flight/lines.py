@@ -16,7 +16,18 @@ from functools import partial
 
 import numpy as np
 
-from ..airdata import HIGHEST, LOWEST, G, channels_of, isa_temperature, pressure_at, speed_of_sound, total_temperature
+from ..airdata import (
+    HIGHEST,
+    LOWEST,
+    SEA_LEVEL_PRESSURE,
+    SONIC_RATIO,
+    G,
+    channels_of,
+    isa_temperature,
+    pressure_at,
+    speed_of_sound,
+    total_temperature,
+)
 from ..kernels import BoolArray, FloatArray
 from ..kernels.bounded_filter import StackRun
 from ..kernels.runs import noise_of_second_differences, runs
@@ -636,7 +647,8 @@ def _pitot_blocked(place: Place, corrected: FlightModel, course: FloatArray, _: 
     p_static, q_impact, tat = (signal[place.part] for signal in pressures)
     total = (p_static + q_impact)[place.onset : place.onset + REFERENCE_S]
     trapped = float(np.median(total))
-    made = [_readings(p_static, np.maximum(trapped + more - p_static, 0.0), tat) for more in (0.0, 30.0)]
+    sonic = SONIC_RATIO * np.minimum(p_static, SEA_LEVEL_PRESSURE) - 30.0
+    made = [_readings(p_static, np.clip(trapped - p_static, 0.0, sonic) + more, tat) for more in (0.0, 30.0)]
     readings = []
     for name, j in _airspeed_rows(model):
         shares = (model.y[:, j] / np.maximum(as_flown[name], 1.0))[place.before]

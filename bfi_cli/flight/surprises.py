@@ -47,6 +47,7 @@ SAME_S = 60.0  # from an event of a finder, when both are of the same place
 # What ice takes in the end, the logarithm of the impact pressure, and the time constant, s, with which it does: a tenth
 # to a half at 0.1 to 0.5 % in a second.
 ICED, GROWS_S = 0.3, 60.0
+ICY = 150.0  # log density from which on that is looked at more closely: half of what alone declares a fault
 TWINS = {"altitude": ALTIMETER_SET}  # by channel the cause that moves it as its error does: both are told
 UNLIKE_FLIGHT = ("stall", "parabola")  # phases in which the rows are no linear functions of the states
 
@@ -127,7 +128,7 @@ def sudden_errors(bench: Bench, events: Sequence[Event], gains: ChangeGains) -> 
 def slow_losses(bench: Bench, gains: ChangeGains) -> Iterator[tuple[float, float]]:
     """Yield when a pitot line seems to begin to lose by degrees, and the log density over any ordinary change there."""
     net = gains.ice - _ordinary_gain(gains, None)
-    peaks = np.flatnonzero((net > PROPOSED) & (net == _most_about(net, APART_S)))
+    peaks = np.flatnonzero((net > ICY) & (net == _most_about(net, APART_S)))
     for at in peaks[np.argsort(-net[peaks])][:MOST_PLACES]:
         yield float(bench.model.time_s[at]), float(net[at])
 

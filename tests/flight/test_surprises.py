@@ -19,6 +19,7 @@ from bfi_cli.flight.model import flight_model
 from bfi_cli.flight.result import Event, OrdinaryEvent
 from bfi_cli.flight.seconds import seconds_of
 from bfi_cli.flight.surprises import (
+    ICY,
     PROPOSED,
     TOLD,
     ChangeGains,
@@ -235,4 +236,4 @@ def test_ice_is_proposed_about_its_onset(spec: str, proposes: bool) -> None:
     assert bool(losses) == proposes
     for at_s, gain in losses[:1]:
         assert at_s == pytest.approx(AT_S, abs=90.0)
-        assert gain > PROPOSED
+        assert gain > ICY

@@ -281,7 +281,10 @@ def _slow_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains: C
         if any(event.onset_s - APART_S < at_s < event.until_s + APART_S for event in lines):
             continue
         place = place_of(bench, at_s, None, flight.to_s)
-        if place is None or weight_of_line(place, ordinary_of(place), "pitot_icing").margin < SURE * DECLARED:
+        if place is None:
+            continue
+        straight = weight_of_line(place, ordinary_of(place), "pitot_icing")
+        if straight.refused or straight.margin < SURE * DECLARED:
             continue
         event = replace(_proposed(flight, "pitot_icing", at_s, {"q_impact": gain}), state="declared")
         judgement = _judgement(bench, event, flight.to_s)

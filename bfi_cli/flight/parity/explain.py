@@ -35,6 +35,8 @@ RARER = 4.6  # 2 ln 10
 # What another course than a ramp must gain: it was chosen from several (2 ln 4.5; chosen by hand, not tuned). Of these
 # so many are fitted, the best by a linear look.
 PRICE, TRIED = 3.0, 3
+# Between the onsets at which a step is fitted, s: of a second within which it begins the mean shows a part of it.
+STEP_S = 0.25
 # TAILS: factor on the sd of magnitude and onset: 95 % of the magnitudes of twelve trials on those flights lie within
 # 1.9 to 3.2 of them, in the median 2.6, where a normal distribution has 1.96.
 TAILS = 1.3
@@ -68,6 +70,7 @@ class FaultByOnset:
     onsets_s, ratios, magnitudes, sds : (n_onsets,); the ratio is twice the log-likelihood ratio.
     parts : by residual, of the best ratio.
     besides : (n_besides, 4) onsets, ratios, magnitudes and standard deviations of the same shape with other constants.
+    rivals : (n_rivals, 2) onsets and ratios of other shapes.
     """
 
     fault: Hypothesis
@@ -79,6 +82,7 @@ class FaultByOnset:
     sds: FloatArray
     parts: Mapping[str, float]
     besides: FloatArray = field(default_factory=lambda: np.empty((0, 4)))
+    rivals: FloatArray = field(default_factory=lambda: np.empty((0, 2)))
 
     @property
     def best(self) -> int:
@@ -115,8 +119,9 @@ class FaultByOnset:
 
     @property
     def onset_ci95(self) -> tuple[float, float]:
-        """The onsets that explain the window about as well, half a step wider."""
-        onsets_s, ratios = np.append(self.onsets_s, self.besides[:, 0]), np.append(self.ratios, self.besides[:, 1])
+        """The onsets that explain the window about as well, of whatever shape, half a step wider."""
+        mine = np.column_stack([self.onsets_s, self.ratios])
+        onsets_s, ratios = np.vstack([mine, self.besides[:, :2], self.rivals]).T
         near = onsets_s[ratios >= self.ratio - CHI_SQUARE_95 * TAILS**2]
         step = float(self.onsets_s[1] - self.onsets_s[0]) if len(self.onsets_s) > 1 else 1.0
         return float(near.min()) - 0.5 * step, float(near.max()) + 0.5 * step
@@ -207,11 +212,13 @@ def _best_course(scan: WindowScan, record: Record, hypothesis: Hypothesis, looks
     leaks = hypothesis.fault == STATIC_LEAK
     first = [] if leaks else list(looks[:1])
     others = sorted((look for look in looks[1:] if not leaks or look[2][0] == "lagged_bias"), key=lambda look: -look[0])
-    fits = [
-        fit_course(scan, record, hypothesis, *course, near_s=near_s) for _, near_s, course in (*first, *others[:TRIED])
-    ]
+    # A look at whole seconds does not see all of a step.
+    tried = [*others[:TRIED], *(look for look in others[TRIED:] if look[2][0] == "bias")]
+    fits = [fit_course(scan, record, hypothesis, *course, near_s=near_s) for _, near_s, course in (*first, *tried)]
     best = max(fits[len(first) :], key=lambda fit: fit.ratio)
-    return best if not first or best.ratio > fits[0].ratio + PRICE else fits[0]
+    best = best if not first or best.ratio > fits[0].ratio + PRICE else fits[0]
+    rivals = [np.column_stack([fit.onsets_s, fit.ratios]) for fit in fits if fit.shape != best.shape]
+    return replace(best, rivals=np.vstack([best.rivals, *rivals]))
 
 
 def _with_best_constant(scan: WindowScan, record: Record, fit: FaultByOnset) -> FaultByOnset:
@@ -256,11 +263,13 @@ def fit_course(
         ((_, near_s, _),) = _linear_looks(scan, record, hypothesis, [(shape, constant)])
     first, last = float(scan.onsets_s[0]), float(scan.onsets_s[-1])
     weights = scan.weights
-    # Whole seconds from there, also where the window ends the stretch.
+    # By whole steps from there, also where the window ends the stretch.
     reach_s = np.floor(REFINED * scan.length_s)
     before_s, after_s = min(reach_s, np.floor(near_s - first)), min(reach_s, np.floor(last - near_s))
-    onsets_s = near_s + np.arange(-before_s, after_s + 1.0)
-    courses = _course(shape, constant)(record.time_s[:, None] - onsets_s[None, :])
+    step_s = STEP_S if shape == "bias" else 1.0
+    onsets_s = near_s + np.arange(-before_s, after_s + step_s, step_s)
+    since_s = record.time_s[:, None] - onsets_s[None, :]
+    courses = np.clip(since_s + 0.5, 0.0, 1.0) if shape == "bias" else _course(shape, constant)(since_s)
     recorded = [residual_values(record, record, scan.constants, kind) for kind in scan.kinds]
     k, magnitude = 0, 0.0
     for step in range(STEPS):

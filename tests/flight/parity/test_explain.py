@@ -217,6 +217,17 @@ def test_more_than_all_of_a_pressure_is_not_taken():
         assert np.isfinite(clean.channels["tas"]).all()
 
 
+@pytest.mark.parametrize("later_s", [0.25, 0.5, 0.75])
+def test_a_step_within_a_second_is_a_step_and_no_lag(later_s: float):
+    """The mean of the second in which it begins shows a part of it."""
+    onset_s = ONSET_S + later_s
+    _, fits = explained(with_fault(ALONE, "tas", 6.0 * np.clip(T + 0.5 - onset_s, 0.0, 1.0)))
+    assert (fits[0].fault.fault, fits[0].shape) == ("tas", "bias")
+    assert fits[0].onset_s == pytest.approx(onset_s, abs=0.13)
+    assert fits[0].onset_ci95[0] <= onset_s <= fits[0].onset_ci95[1]
+    assert fits[0].magnitude == pytest.approx(6.0, rel=0.01)
+
+
 def test_a_correction_that_takes_all_airspeed_away_explains_nothing():
     """In level flight an error of the climb rate hardly shows; the linear look asks for more than the airspeed."""
     level = {"altitude_rate": np.full(len(T), 1e-3), "tas": np.full(len(T), 110.0)}

@@ -466,26 +466,21 @@ def _start_rows(place: Place, corrected: FlightModel) -> _Rows:
     )
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _About:
-    """A place, the model around it of the channels without a fault, and the rows with it."""
-
-    place: Place
-    corrected: FlightModel
-    rows: _Rows
+_About = tuple[Place, FlightModel, _Rows]  # a place, the model around it without a fault, and the rows with it
 
 
 def _about(hypothesis: tuple[Law, Place], course: FloatArray, k: int) -> _About:
     """Return what a law makes of its place about a course, in a pass."""
     law, place = hypothesis
     corrected = _corrected(place, law.fault, course)
-    return _About(place=place, corrected=corrected, rows=_ROWS_OF[law.fault](place, corrected, course, k))
+    return place, corrected, _ROWS_OF[law.fault](place, corrected, course, k)
 
 
 def _without_temperature(about: _About) -> _Rows:
     """Return the rows without the static temperature while the fault lasts."""
-    is_temperature = np.array([name == "sat" for name in about.place.bench.model.rows])
-    return replace(about.rows, y=np.where(about.place.during[:, None] & is_temperature, np.nan, about.rows.y))
+    place, _, rows = about
+    is_temperature = np.array([name == "sat" for name in place.bench.model.rows])
+    return replace(rows, y=np.where(place.during[:, None] & is_temperature, np.nan, rows.y))
 
 
 def _with_heat(about: _About, lag_s: float | None) -> _Rows:
@@ -496,7 +491,7 @@ def _with_heat(about: _About, lag_s: float | None) -> _Rows:
     lag_s : time constant of the thermometer in the air that is brought to rest, of whose temperature and of the Mach
         number that is read the static one is made; None where it is measured.
     """
-    place, corrected, rows = about.place, about.corrected, about.rows
+    place, corrected, rows = about
     model = place.bench.model
     if "sat" not in model.rows:
         return rows

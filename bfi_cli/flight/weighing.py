@@ -678,7 +678,7 @@ def _dated(bench: Bench, event: Event, judgement: Judgement, until_s: float) -> 
     Of a loss that has come to rest the finder knows the course, and the straight one of the model is none of it.
     """
     weight = judgement.weight(event.fault)
-    goes_on = event.fault in SLOW and event.shape == "drift"
+    goes_on = event.fault in SLOW and (event.shape == "drift" or event.fault == "pitot_icing")
     if not goes_on or weight is None or {*event.stages} & {*EXACT, "holds", MODEL}:
         return event
     timing = timing_of(bench, weight, event.onset_s, event.offset_s, until_s=until_s)

@@ -63,7 +63,13 @@ class _Peak:
 
 
 def timing_of(
-    bench: Bench, weight: Weight, onset_s: float, offset_s: float | None, *, until_s: float = np.inf
+    bench: Bench,
+    weight: Weight,
+    onset_s: float,
+    offset_s: float | None,
+    *,
+    until_s: float = np.inf,
+    latest_s: float = -np.inf,
 ) -> Timing | None:
     """Return when a fault begins and ends; None where the place is not flown for long enough.
 
@@ -71,6 +77,7 @@ def timing_of(
     ----------
     weight : of the fault, about where a finder proposes it.
     until_s : what comes later is not weighed.
+    latest_s : until when an onset is sought where that is later than about the proposed one.
     """
     flown = bench.model.time_s[min(bench.checks)] + CHECK_S
     earlier_s = int(np.clip(onset_s - flown, 0, REACH_S))
@@ -78,15 +85,15 @@ def timing_of(
     if place is None or not _is_weighed(place, weight.fault):
         return None
     fault, proposed = weight.fault, place.onset
-    last = min(proposed + REACH_S, (place.n if place.offset is None else place.offset) - FEWEST_S)
+    later = max(proposed + REACH_S, int(np.searchsorted(bench.model.time_s, latest_s)) - place.first)
+    last = min(later, (place.n if place.offset is None else place.offset) - FEWEST_S)
     courses: Sequence[Course] = () if weight.growth_s is None else (weight.growth_s,)
     if fault == PITOT_ICING:
         courses = [law for law in (*LAWS, *ICINGS) if law.fault == fault]
     elif not courses:
         courses = (_law(place, fault, (*LAWS, *LEAKS), proposed, place.offset, ordinary_of(place)),)
-    part = place.until(
-        last + max([SHOWN_S, *(int(course.grows_s or 0.0) for course in courses if isinstance(course, Law))])
-    )
+    shown_s = max((law.grows_s for law in ICINGS if law in courses and law.grows_s), default=SHOWN_S)
+    part = place.until(last + int(shown_s))
     ordinary = ordinary_of(part.at(proposed, part.offset, jumps=JUMP_S))
     onsets = range(proposed - earlier_s, last + 1)
     places = [part.at(second, part.offset) for second in onsets]

@@ -781,7 +781,9 @@ def _as_trapped(bench: Bench, event: Event, until_s: float) -> Event:
             continue
         as_proposed = judge_place(*proposed, named=event.among).weights[0].margin
         more = weight.margin + there[1].log_likelihood - max(DECLARED, as_proposed) - proposed[1].log_likelihood
-        timing = timing_of(bench, weight, from_s, to_s, until_s=until_s) if more > gain else None
+        if more <= gain:
+            continue
+        timing = timing_of(bench, weight, from_s, to_s, until_s=until_s, latest_s=to_s)
         if timing is None:
             continue
         # A line may rest before the flight contradicts it, and seems to for a while in the steps of its record.

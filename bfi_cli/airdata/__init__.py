@@ -12,6 +12,7 @@ The standard atmosphere is that of ICAO Doc 7488 and, below 20 000 m, of the U.S
 """
 
 from .airspeed import (
+    GAMMA,
     HIGHEST,
     LOWEST,
     PRESSURES,
@@ -59,7 +60,7 @@ from .system import (
     fault_distribution,
 )
 
-__all__ = ["DEPENDS_ON", "EARTH_RADIUS", "HIGHEST", "IMPACT_SOURCES", "KINEMATICS", "LOWEST", "PRESSURES"]
+__all__ = ["DEPENDS_ON", "EARTH_RADIUS", "GAMMA", "HIGHEST", "IMPACT_SOURCES", "KINEMATICS", "LOWEST", "PRESSURES"]
 __all__ += ["SEA_LEVEL_PRESSURE", "SEA_LEVEL_SPEED_OF_SOUND", "SEA_LEVEL_TEMPERATURE", "SENSORS", "SONIC_RATIO"]
 __all__ += ["STATIC_SOURCES", "AirData", "G", "Impossible", "air_data_of", "altitude_of", "calibrated_airspeed"]
 __all__ += ["channels_of", "climb_angle", "constant_wind", "fault_distribution", "ground_speed_of"]

@@ -163,6 +163,8 @@ def channel_faults(model: FlightModel) -> dict[str, Loads]:
     for name in ("altitude", "altitude_rate", "gps_altitude", "normal_acc", "pitch", "aoa"):
         if name in model.rows:
             faults[name] = {name: 1.0}
+    if {"altitude", "cas"} <= {*faults, *model.rows}:  # which is held against a true airspeed at that altitude
+        faults["altitude"] = {"altitude": 1.0, "cas": -c.cas_by_height}
     if "tas" in model.rows:
         airspeed = model.seconds.record.airspeed
         if airspeed in ("tas", ""):

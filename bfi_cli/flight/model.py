@@ -14,6 +14,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..airdata import (
+    GAMMA,
+    SEA_LEVEL_PRESSURE,
+    SEA_LEVEL_SPEED_OF_SOUND,
     G,
     channels_of,
     constant_wind,
@@ -328,6 +331,8 @@ def _coefficients(seconds: Seconds, frame: Frame) -> Coefficients:
     mach = np.clip(airspeed / sound, 0.0, 0.99)
     q_impact = p_static * ((1.0 + 0.2 * mach**2) ** 3.5 - 1.0)
     cas = channels_of(p_static, q_impact, np.full(mach.shape, 288.15))["cas"]
+    square = (cas / SEA_LEVEL_SPEED_OF_SOUND) ** 2  # q = p0 ((1 + square / 5)^3.5 - 1), and dq / dh = -rho g q / p
+    by_cas = GAMMA * SEA_LEVEL_PRESSURE * cas / SEA_LEVEL_SPEED_OF_SOUND**2 * (1.0 + 0.2 * square) ** 2.5
     load = np.clip(_load_over_pressure(seconds, airspeed) / frame.middle_load, -1.0, 4.0)
     load = smoothed(load, LOAD_S)
     heading = steady = track = np.zeros(height.size)
@@ -350,6 +355,7 @@ def _coefficients(seconds: Seconds, frame: Frame) -> Coefficients:
         airspeed=airspeed,
         slow_airspeed=smoothed(airspeed, SLOW_S),
         cas_share=cas / airspeed,
+        cas_by_height=-GAMMA * G / sound**2 * q_impact / by_cas,
         load_factor=load,
         lift_slope=frame.lift_slope,
         height=height,

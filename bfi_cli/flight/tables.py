@@ -24,7 +24,7 @@ class Coefficients:
     Attributes
     ----------
     airspeed, slow_airspeed : true airspeed over 9 s and over a minute, m/s.
-    cas_share : calibrated over true airspeed.
+    cas_share : calibrated over true airspeed; cas_by_height : what a metre adds to the calibrated one, m/s.
     load_factor : lift over dynamic pressure, 1 in the flight's median.
     lift_slope : angle of attack at a load factor of 1 above that of zero lift, rad, a constant.
     height, middle : pressure altitude, and its median, m.
@@ -37,6 +37,7 @@ class Coefficients:
     airspeed: FloatArray
     slow_airspeed: FloatArray
     cas_share: FloatArray
+    cas_by_height: FloatArray
     load_factor: FloatArray
     lift_slope: float
     height: FloatArray
@@ -334,7 +335,12 @@ ROWS: Mapping[str, Row] = {
             level="cas",
             widened="gusts",
             plausible=100.0,
-            loads=lambda c: {**_airspeed(c, c.cas_share), "cas_scale": c.cas_share * c.slow_airspeed},
+            # Of an altitude by another setting what is made of the airspeed is another one.
+            loads=lambda c: {
+                **_airspeed(c, c.cas_share),
+                "cas_scale": c.cas_share * c.slow_airspeed,
+                "setting": -c.cas_by_height,
+            },
         ),
         Row(
             channel="mach",

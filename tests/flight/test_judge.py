@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from made_journeys import WIND, made_journey
 
+from bfi_cli.airdata import calibrated_airspeed, impact_pressure_of_cas, pressure_at
 from bfi_cli.faults import parse_spec
 from bfi_cli.flight import lines
 from bfi_cli.flight.bench import Bench, bench_of, place_of, places_of, run_place
@@ -19,6 +20,7 @@ from bfi_cli.flight.fit import fitted_levels
 from bfi_cli.flight.gross import gross_errors, swings_of
 from bfi_cli.flight.judge import (
     Judgement,
+    channel_faults,
     explains,
     is_on_ground,
     is_set,
@@ -208,6 +210,16 @@ def test_what_a_line_would_show_at_a_place_is_that_of_the_whole_flight(
     whole = lines._corrected(place, fault, course)
     np.testing.assert_allclose(y, whole.y[place.inside], rtol=0.0, atol=1e-9)
     np.testing.assert_allclose(Z, whole.Z[place.inside], rtol=0.0, atol=1e-9)
+
+
+def test_a_calibrated_airspeed_of_another_altitude_is_the_derivative_of_its_equation(healthy: Bench) -> None:
+    """At a Mach number the impact pressure goes with the static one."""
+    c = healthy.model.coefficients
+    ratio = impact_pressure_of_cas(c.cas_share * c.airspeed) / pressure_at(c.height)
+    above, below = (calibrated_airspeed(ratio * pressure_at(c.height + metres)) for metres in (1.0, -1.0))
+    flown = healthy.model.frame.airborne
+    np.testing.assert_allclose(c.cas_by_height[flown], 0.5 * (above - below)[flown], rtol=0.02)
+    assert channel_faults(healthy.model)["altitude"]["cas"][flown].min() > 0.0
 
 
 @pytest.mark.slow

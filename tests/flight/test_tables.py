@@ -16,7 +16,7 @@ WIDENED = {"", "activity", "gusts", "turns"}
 def coefficients() -> Coefficients:
     course = np.linspace(1.0, 2.0, N)
     return Coefficients(
-        **dict.fromkeys(("airspeed", "slow_airspeed", "cas_share", "load_factor", "height"), course),
+        **dict.fromkeys(("airspeed", "slow_airspeed", "cas_share", "cas_by_height", "load_factor", "height"), course),
         **dict.fromkeys(("heading", "steady_heading", "track", "bank", "cos_bank", "position_m"), course),
         lift_slope=0.06,
         middle=1.5,

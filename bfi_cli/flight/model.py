@@ -355,7 +355,7 @@ def _coefficients(seconds: Seconds, frame: Frame) -> Coefficients:
         airspeed=airspeed,
         slow_airspeed=smoothed(airspeed, SLOW_S),
         cas_share=cas / airspeed,
-        cas_by_height=-GAMMA * G / sound**2 * q_impact / by_cas,
+        cas_by_height=-GAMMA * G / speed_of_sound(_standard_temperature(seconds)) ** 2 * q_impact / by_cas,
         load_factor=load,
         lift_slope=frame.lift_slope,
         height=height,

@@ -99,6 +99,7 @@ HEATED = float(total_temperature(1.0, 1.0) - 1.0) / float(speed_of_sound(1.0)) *
 THERMOMETER_S = 20.0
 # STRAYS [1]: standard deviations of its noise beyond which a trapped pressure is never twice in a row.
 STRAYS = 4.0
+AT_ONCE = 12  # laws and places of one filter, of which each takes 20 MB where the part has 800 s
 REFERENCE_S = 20  # after the onset, in which the trapped pressure is read
 # Share of the flight's median airspeed below which an instrument reads anything down to nothing, all of it as likely.
 UNREADABLE = 0.45
@@ -229,6 +230,11 @@ def weights_of_laws(
     ----------
     shocks : (n, n_laws, n_states) variances of what else may happen beside each, which the last pass asks for too.
     """
+    if len(hypotheses) > AT_ONCE:
+        parts = [slice(k, k + AT_ONCE) for k in range(0, len(hypotheses), AT_ONCE)]
+        freed = [None if shocks is None else shocks[:, part] for part in parts]
+        weights = (weights_of_laws(hypotheses[part], ordinary, shocks=x) for part, x in zip(parts, freed, strict=True))
+        return tuple(weight for part in weights for weight in part)
     lags_s, n = _lags_s(hypotheses[0][1].bench.model), len(hypotheses)
     # 1. The course of every law from all but the temperature, which a wrong course makes wrong, too.
     courses = [_first_course(place, law.fault) for law, place in hypotheses]

@@ -15,7 +15,7 @@ import numpy as np
 
 from .bench import CHECK_S, JUMP_S, SHOWN_S, Bench, Place, place_of
 from .judge import GROWTHS_S, channel_faults, ordinary_of, weights_of_channel
-from .lines import ICINGS, LAWS, LEAKS, PITOT_ICING, Law, has_lines, weights_of_laws
+from .lines import ICINGS, LAWS, LEAKS, Law, has_lines, weights_of_laws
 from .weight import Ordinary, Weight
 
 REACH_S = 60  # to both sides of a proposed onset or end, in which it is sought: beyond it another fault begins
@@ -87,18 +87,17 @@ def timing_of(
     fault, proposed = weight.fault, place.onset
     later = max(proposed + REACH_S, int(np.searchsorted(bench.model.time_s, latest_s)) - place.first)
     last = min(later, (place.n if place.offset is None else place.offset) - FEWEST_S)
-    courses: Sequence[Course] = () if weight.growth_s is None else (weight.growth_s,)
-    if fault == PITOT_ICING:
-        courses = [law for law in (*LAWS, *ICINGS) if law.fault == fault]
-    elif not courses:
-        courses = (_law(place, fault, (*LAWS, *LEAKS), proposed, place.offset, ordinary_of(place)),)
-    shown_s = max((law.grows_s for law in ICINGS if law in courses and law.grows_s), default=SHOWN_S)
-    part = place.until(last + int(shown_s))
+    course: Course | None = weight.growth_s
+    if course is None:
+        # A course of ice that stays moves the onset where the ice takes another: the straight one tells it.
+        course = _law(place, fault, (*LAWS, *LEAKS), proposed, place.offset, ordinary_of(place))
+    part = place.until(last + SHOWN_S)
     ordinary = ordinary_of(part.at(proposed, part.offset, jumps=JUMP_S))
     onsets = range(proposed - earlier_s, last + 1)
     places = [part.at(second, part.offset) for second in onsets]
-    begins = _peak(fault, courses, places, ordinary)
-    if begins is not None and (between := _between(begins.course)):
+    begins = _peak(fault, (course,), places, ordinary)
+    if begins is not None and isinstance(course, Law) and course.time_constant_s is not None:
+        between = [replace(course, time_constant_s=share * course.time_constant_s) for share in OCTAVE]
         near = range(begins.first.onset - COARSE_S, begins.last.onset + COARSE_S + 1)
         begins = _peak(fault, between, [place for place in places if place.onset in near], ordinary)
     if begins is None:
@@ -109,14 +108,6 @@ def timing_of(
         ordinary = ordinary_of(part.at(begins.best.onset, part.offset, jumps=JUMP_S))
         ends = _end(fault, begins, part, REACH_S, ordinary)
     return _timing(begins, ends, offset_s)
-
-
-def _between(course: Course) -> list[Law]:
-    """Return laws whose time constants or durations lie about that of one, none where it has neither."""
-    if not isinstance(course, Law):
-        return []
-    names = [name for name in ("time_constant_s", "grows_s") if getattr(course, name) is not None]
-    return [replace(course, **{name: share * getattr(course, name)}) for name in names for share in OCTAVE]
 
 
 def _end(fault: str, begins: _Peak, part: Place, reach_s: int, ordinary: Ordinary) -> _Peak | None:

@@ -673,9 +673,13 @@ def _may_be_renamed(event: Event, best: Weight, as_named: float) -> bool:
 
 
 def _dated(bench: Bench, event: Event, judgement: Judgement, until_s: float) -> Event:
-    """Return a line that loses with its onset by the flight; the windows of its finder tell it less well."""
+    """Return a line that goes on losing with its onset by the flight; the windows of its finder tell it less well.
+
+    Of a loss that has come to rest the finder knows the course, and the straight one of the model is none of it.
+    """
     weight = judgement.weight(event.fault)
-    if event.fault not in SLOW or weight is None or {*event.stages} & {*EXACT, "holds", MODEL}:
+    goes_on = event.fault in SLOW and event.shape == "drift"
+    if not goes_on or weight is None or {*event.stages} & {*EXACT, "holds", MODEL}:
         return event
     timing = timing_of(bench, weight, event.onset_s, event.offset_s, until_s=until_s)
     if timing is None or timing.weight.refused or timing.weight.margin <= DECLARED:

@@ -73,7 +73,7 @@ def test_an_end_behind_what_is_weighed_stays_as_proposed():
         ("static_leak,time_constant_s=8", "static_leak", 16.0, 6.0),
         ("static_leak,time_constant_s=8", "static_leak", -12.0, 6.0),
         ("static_leak,time_constant_s=12", "static_leak", 16.0, 6.0),
-        ("static_leak,time_constant_s=12", "static_leak", -12.0, 6.0),
+        ("static_leak,time_constant_s=12", "static_leak", -12.0, 11.0),
         ("bias,channel=tas,magnitude=4", "tas", -12.0, 4.0),
         ("pitot_leak,time_constant_s=30", "pitot_leak", 16.0, 10.0),
         ("pitot_leak,time_constant_s=30", "pitot_leak", -12.0, 10.0),

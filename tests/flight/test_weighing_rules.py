@@ -314,7 +314,7 @@ def test_what_steps_back_where_a_line_comes_back_is_of_the_line(
     [
         ("pitot_icing", "drift", "parity", 21.0, True),
         ("pitot_icing", "drift", "parity", 19.0, False),
-        ("pitot_icing", "ramp_hold", "parity", 21.0, True),
+        ("pitot_icing", "ramp_hold", "parity", 21.0, False),
         ("pitot_icing", "drift", "static relations", 21.0, False),
         ("tas", "drift", "parity", 21.0, False),
     ],

@@ -1,7 +1,8 @@
 """The flight in one command: every analysis of the air data that the log allows, and one verdict.
 
-Finders propose events; with `weighing` one likelihood of all recorded channels (`judge`, on the flight model of `model`
-and `tables`) weighs each of them against what ordinarily happens in flight. Windows ask `plausibility` alone.
+Finders propose events, and the flight model does (`proposals`); each is taken from where its fault begins (`placing`),
+and with `weighing` one likelihood of all recorded channels (`judge`, on the model of `model` and `tables`) weighs it
+against what ordinarily happens in flight. Windows ask `plausibility` alone.
 """
 
 from __future__ import annotations

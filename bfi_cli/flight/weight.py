@@ -15,6 +15,13 @@ from .tables import MANOEUVRE
 # Ten to one: what explains a place as well as the best but for this is told with it.
 ALIKE = float(np.log(10.0))
 LIKEST = 0.95  # correlation of neighbours that a minute of readings tells from one without an end
+# Log density over the best ordinary explanation above which a fault is declared: none of 14 healthy flights of seven
+# aircraft has one of its own proposals above it (tests/measurements/test_judge.py).
+DECLARED = 20.0
+# Times as much, above which what a finder only suspects is declared: twice what a healthy light aircraft showed.
+SURE = 15.0
+# A channel speaks against a fault by this share of all that is said, and at least by so much log density.
+LOUD, AUDIBLE = 0.05, 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,3 +143,9 @@ def floored_density(
     with np.errstate(invalid="ignore"):
         raised = bounded_log_density(innovation * mine / flight, np.where(low, flight, 1.0))
     return np.where(low, raised, density)
+
+
+def refuting(weight: Weight) -> tuple[str, ...]:
+    """Return the channels that speak against a fault, the loudest first."""
+    total = sum(abs(value) for value in weight.shares.values())
+    return tuple(name for name, value in weight.shares.items() if value < -max(LOUD * total, AUDIBLE))

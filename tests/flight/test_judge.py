@@ -33,8 +33,7 @@ from bfi_cli.flight.lines import rests_about
 from bfi_cli.flight.model import FlightModel, flight_model
 from bfi_cli.flight.seconds import filled, seconds_of
 from bfi_cli.flight.tables import LEVELS
-from bfi_cli.flight.weighing import DECLARED
-from bfi_cli.flight.weight import ALIKE, beside, memory
+from bfi_cli.flight.weight import ALIKE, DECLARED, beside, memory
 from bfi_cli.flightlog import Channel, FlightLog
 from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.record import frozen_array

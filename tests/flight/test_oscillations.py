@@ -24,7 +24,7 @@ from bfi_cli.flight.oscillations import (
 )
 from bfi_cli.flight.result import Event
 from bfi_cli.flight.seconds import seconds_of
-from bfi_cli.flight.weighing import DECLARED
+from bfi_cli.flight.weight import DECLARED
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.record import frozen_array
 from bfi_cli.kernels import FloatArray

@@ -237,3 +237,12 @@ def test_ice_is_proposed_about_its_onset(spec: str, proposes: bool) -> None:
     for at_s, gain in losses[:1]:
         assert at_s == pytest.approx(AT_S, abs=90.0)
         assert gain > ICY
+
+
+@pytest.mark.parametrize(("gain", "proposed"), [(ICY + 6.0, [(300.0, ICY + 1.0)]), (ICY + 4.0, [])])
+def test_ice_is_proposed_from_a_log_density_over_any_ordinary_change(gain: float, proposed: list[Any]) -> None:
+    none, front, ice = np.zeros((2, 580)), np.zeros((2, 580)), np.zeros(580)
+    front[0, 300], ice[300] = 5.0, gain
+    bench: Any = SimpleNamespace(model=SimpleNamespace(time_s=np.arange(580.0)))
+    gains = ChangeGains(causes={"": none, "wind": front}, faults={}, ice=ice)
+    assert list(slow_losses(bench, gains)) == proposed

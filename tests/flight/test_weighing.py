@@ -12,10 +12,11 @@ from test_surprises import event_of
 
 from bfi_cli.config import Config
 from bfi_cli.faults import parse_spec
-from bfi_cli.flight import weighing
+from bfi_cli.flight import proposals
 from bfi_cli.flight.flight import flight_of
 from bfi_cli.flight.gross import Gross
-from bfi_cli.flight.weighing import DECLARED, weigh_events
+from bfi_cli.flight.weighing import weigh_events
+from bfi_cli.flight.weight import DECLARED
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.record import frozen_array
@@ -97,10 +98,10 @@ def test_an_error_of_one_channel_is_none_of_several_that_leave_together(
         "_event_of_gross": lambda *given: event_of("static_leak", FROM_S, "declared"),
     }
     for name, function in replaced.items():
-        monkeypatch.setattr(weighing, name, function)
+        monkeypatch.setattr(proposals, name, function)
     lasting = replace(event_of(fault, FROM_S - 5.0, "declared"), channels=("tas", "altitude_rate"))
     given: Any = None
-    assert len([*weighing._swinging_events(given, given, [lasting])]) == n
+    assert len([*proposals.swinging_events(given, given, [lasting])]) == n
 
 
 @pytest.mark.parametrize(("size", "proposed"), [(6.3, True), (0.5, False)])
@@ -169,7 +170,7 @@ def test_what_swings_behind_a_trapped_tube_is_no_water_in_it(monkeypatch: pytest
     end_s = 500.0
     log = inject(made_part(360.0, 540.0), [parse_spec(f"pitot_blocked,onset_s={ONSET_S},offset_s={end_s}")])
     water = replace(event_of("pitot_water", ONSET_S + 30.0, "declared"), shape="sine", offset_s=end_s - 20.0)
-    monkeypatch.setattr(weighing, "oscillating_events", lambda *args: [water])
+    monkeypatch.setattr(proposals, "oscillating_events", lambda *args: [water])
     hold = replace(
         event_of("pitot_blocked", ONSET_S, "declared"), stages=("holds",), shape="pitot_blocked", offset_s=end_s
     )

@@ -12,7 +12,7 @@ import pytest
 from made_events import event_of
 
 from bfi_cli.config import Config
-from bfi_cli.flight import weighing
+from bfi_cli.flight import placing, proposals, weighing
 from bfi_cli.flight.judge import Judgement
 from bfi_cli.flight.parity.finding import Stage
 from bfi_cli.flight.result import Event
@@ -106,7 +106,8 @@ def weighed(monkeypatch: pytest.MonkeyPatch) -> Callable[[Model, Sequence[Event]
             "begun_before": lambda *args, **sure: None,
         }
         for name, stub in replaced.items():
-            monkeypatch.setattr(weighing, name, stub)
+            for module in (weighing, proposals, placing):
+                monkeypatch.setattr(module, name, stub, raising=False)
         flight: Any = SimpleNamespace(
             log=SimpleNamespace(rate_hz=10.0, channels={}), phases=(), from_s=0.0, to_s=float(N)
         )

@@ -80,20 +80,15 @@ SINES = ("tests/kernels/onset/test_sines.py",)
 # By file, the constants that decide what is declared, suspected, told, joined or claimed, and the tests that hold them.
 FLIGHT, PARITY = "tests/flight/test_{}.py", "tests/flight/parity/test_{}.py"
 CONSTANTS: tuple[tuple[str, tuple[str, ...], tuple[str, ...]], ...] = (
-    (
-        "flight/weighing.py",
-        (
-            *("DECLARED", "SURE", "APART_S", "ABOUT_S"),
-            *("LOUD", "AUDIBLE", "MOVES", "RESTS_S", "UNDESCRIBED"),
-        ),
-        (FLIGHT.format("weighing_rules"),),
-    ),
+    ("flight/weighing.py", ("ABOUT_S",), (FLIGHT.format("weighing_rules"),)),
+    ("flight/proposals.py", ("APART_S",), (FLIGHT.format("weighing_rules"),)),
+    ("flight/placing.py", ("MOVES", "RESTS_S", "UNDESCRIBED"), (FLIGHT.format("weighing_rules"),)),
     ("flight/judge.py", ("BEFORE_NEXT_S", "AFTER_END_S"), (FLIGHT.format("weighing_rules"),)),
-    ("flight/weight.py", ("ALIKE",), (FLIGHT.format("weighing_rules"),)),
+    ("flight/weight.py", ("ALIKE", "DECLARED", "SURE", "LOUD", "AUDIBLE"), (FLIGHT.format("weighing_rules"),)),
     ("flight/judge.py", ("GROUND_BEFORE_S", "SET_WITHIN_S"), (FLIGHT.format("judge"),)),
     ("flight/gross.py", ("HEIGHTS", "SPEEDS", "STAYS", "FEWEST_S", "APART_S", "SETTLED_S"), (FLIGHT.format("gross"),)),
     ("flight/noise.py", ("QUIETEST", "TOLD"), (FLIGHT.format("noise"),)),
-    ("flight/surprises.py", ("PROPOSED", "TOLD", "LEADS", "LARGEST"), (FLIGHT.format("surprises"),)),
+    ("flight/surprises.py", ("PROPOSED", "TOLD", "LEADS", "LARGEST", "ICY"), (FLIGHT.format("surprises"),)),
     ("flight/timing.py", ("REACH_S", "TAIL", "EARLIER_S"), (FLIGHT.format("timing"),)),
     ("flight/oscillations.py", ("PROPOSED", "LEAST", "KNOWN", "WEIGHED_S"), (FLIGHT.format("oscillations"),)),
     ("flight/bench.py", ("ZERO",), (FLIGHT.format("judge"),)),

@@ -20,8 +20,7 @@ from bars import FULL, not_above, not_below
 from bfi_cli.config import Config
 from bfi_cli.faults import Fault, build_up_s
 from bfi_cli.flight import DiagnoseResult, diagnose_flight
-from bfi_cli.flight.weighing import DECLARED
-from bfi_cli.flight.weight import ALIKE
+from bfi_cli.flight.weight import ALIKE, DECLARED
 from bfi_cli.flightlog import FlightLog, inject, read_log
 from bfi_cli.proof import flight_claims
 

@@ -15,7 +15,7 @@ from bars import not_above
 from test_levels_without_aircraft import AIRCRAFT
 
 from bfi_cli.config import Config
-from bfi_cli.flight import noise, surprises, weighing
+from bfi_cli.flight import noise, placing, proposals, surprises, weighing, weight
 from bfi_cli.flight.bench import bench_of
 from bfi_cli.flight.flight import flight_of
 from bfi_cli.flight.model import flight_model
@@ -51,7 +51,7 @@ def largest_surprise(log: FlightLog) -> float:
 def largest_step(log: FlightLog) -> float:
     """Return the log density of the surest step of a channel, surely beyond its tolerance, that the model proposes."""
     answer = weighing.weigh_events(flight_of(log, Config()), (), Config().diagnose)
-    return max((event.margin or 0.0 for event in answer.events if event.stages == (weighing.MODEL,)), default=0.0)
+    return max((event.margin or 0.0 for event in answer.events if event.stages == (placing.MODEL,)), default=0.0)
 
 
 def largest_noise(log: FlightLog) -> float:
@@ -66,7 +66,7 @@ def largest_pitch_step(log: FlightLog) -> float:
 
 LEVELS: Mapping[str, tuple[Callable[[FlightLog], float], float, float]] = {
     "ordinary cause": (largest_surprise, surprises.TOLD, ALIKE),
-    "step of a channel": (largest_step, weighing.DECLARED, 0.0),
+    "step of a channel": (largest_step, weight.DECLARED, 0.0),
     "eddies": (largest_noise, noise.TOLD, ALIKE),
     "step of the pitch": (largest_pitch_step, sensors.UNUSUAL_PITCH, 0.0),
 }
@@ -75,8 +75,10 @@ LEVELS: Mapping[str, tuple[Callable[[FlightLog], float], float, float]] = {
 @pytest.mark.parametrize("what", LEVELS)
 def test_few_healthy_flights_reach_the_level(what: str, flights: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     largest, level, above = LEVELS[what]
-    for module, name in ((surprises, "TOLD"), (surprises, "PROPOSED"), (noise, "TOLD"), (weighing, "DECLARED")):
+    for module, name in ((surprises, "TOLD"), (surprises, "PROPOSED"), (noise, "TOLD")):
         monkeypatch.setattr(module, name, LEAST)
+    for module in (weighing, proposals, placing):
+        monkeypatch.setattr(module, "DECLARED", LEAST)
     for name in ("UNUSUAL_PITCH", "UNUSUAL_JUMP"):
         monkeypatch.setattr(sensors, name, 1.0)
     shown = {

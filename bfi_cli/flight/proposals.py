@@ -11,7 +11,7 @@ from ..airdata import DEPENDS_ON
 from ..flightlog.phases import AIRBORNE, spans_of
 from ..kernels import TWO_SIDED_95
 from ..kernels.runs import within
-from .bench import Bench, place_of
+from .bench import AFTER_S, Bench, place_of
 from .flight import Flight
 from .gross import FEWEST_S, Gross, gross_errors, swings_of
 from .judge import (
@@ -123,10 +123,22 @@ def _slow_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains: C
             continue
         event, judgement = where_it_begins(bench, event, judgement, flight.to_s)
         loss = _sure_loss(judgement)
-        timing = None if loss is None else timing_of(bench, loss, event.onset_s, None, until_s=flight.to_s)
+        if loss is None:
+            continue
+        timing = timing_of(bench, loss, event.onset_s, None, until_s=flight.to_s)
         if timing is not None:
-            lines.append(timed(bench, event, timing))
+            event = timed(bench, event, timing)
+            lines.append(replace(event, effect=_airspeed_error(bench, event, loss)))
             yield lines[-1]
+
+
+def _airspeed_error(bench: Bench, event: Event, loss: Weight) -> dict[str, float]:
+    """Return by how much a loss of impact pressure, as V^2, makes the airspeed wrong in its later half, m/s."""
+    model, first = bench.model, bench.model.second(event.onset_s)
+    left = np.exp(loss.size) if loss.fault == "pitot_leak" else 1.0 + loss.size
+    end = min(first + AFTER_S, model.n)
+    read = float(np.median(model.coefficients.airspeed[(first + end) // 2 : end]))
+    return {"tas" if "tas" in event.channels else model.seconds.record.airspeed: read * (1.0 - 1.0 / np.sqrt(left))}
 
 
 def _sure_loss(judgement: Judgement) -> Weight | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -16,7 +17,7 @@ from bfi_cli.flight import proposals
 from bfi_cli.flight.flight import flight_of
 from bfi_cli.flight.gross import Gross
 from bfi_cli.flight.weighing import weigh_events
-from bfi_cli.flight.weight import DECLARED
+from bfi_cli.flight.weight import DECLARED, Weight
 from bfi_cli.flightlog import FlightLog
 from bfi_cli.flightlog.injection import inject
 from bfi_cli.flightlog.record import frozen_array
@@ -176,3 +177,13 @@ def test_what_swings_behind_a_trapped_tube_is_no_water_in_it(monkeypatch: pytest
     )
     events = weigh_events(flight_of(log, Config()), [hold], Config().diagnose).events
     assert [event.fault for event in events] == ["pitot_blocked"]
+
+
+@pytest.mark.parametrize(("fault", "size"), [("pitot_icing", -0.36), ("pitot_leak", np.log(0.64))])
+def test_an_airspeed_that_reads_four_fifths_has_lost_a_third_of_its_impact_pressure(fault: str, size: float):
+    """V goes with its root: 80 m/s are read of 100."""
+    model = SimpleNamespace(n=500, second=int, coefficients=SimpleNamespace(airspeed=np.full(500, 80.0)))
+    event = replace(event_of(fault, 100.0, "declared"), channels=("tas",))
+    loss = Weight(fault=fault, margin=1e3, shares={}, size=size)
+    bench: Any = SimpleNamespace(model=model)
+    assert proposals._airspeed_error(bench, event, loss) == {"tas": pytest.approx(-20.0)}

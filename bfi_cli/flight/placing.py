@@ -197,8 +197,7 @@ def described(bench: Bench, event: Event, weight: Weight) -> Event:
     drifts = growth_s == np.inf
     per = lasts_s if drifts else 1.0
     magnitude = None if line else weight.size / per
-    # What its course leaves unexplained widens the interval of its size as it does that of its onset.
-    sd = None if line or weight.sd is None else weight.sd / per * np.sqrt(weight.dispersion * weight.memory_s)
+    sd = None if line or weight.wide_sd is None else weight.wide_sd / per
     unit = "" if line else STANDARD[weight.fault].unit
     half = None if sd is None else TWO_SIDED_95 * sd
     return replace(

@@ -172,7 +172,7 @@ def error_events(flight: Flight, bench: Bench, events: Sequence[Event], gains: C
             continue
         ordinary = ordinary_of(place, without=TWINS.get(fault))
         (step,) = weights_of_channel(fault, 0.0, [place], ordinary)
-        least = abs(step.size) - TWO_SIDED_95 * (step.sd or 0.0)
+        least = abs(step.size) - TWO_SIDED_95 * (step.wide_sd or 0.0)
         surer = DECLARED + float(np.log(len(gains.faults) * bench.model.n))
         if step.margin < surer or least < (flight.tolerance(fault, event.window_s) or np.inf):
             continue

@@ -53,6 +53,11 @@ class Weight:
     memory_s: float = 1.0
     heats: bool = False
 
+    @property
+    def wide_sd(self) -> float | None:
+        """Standard deviation of its size, wider by what its course leaves unexplained, and for how long."""
+        return None if self.sd is None else self.sd * float(np.sqrt(self.dispersion * self.memory_s))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ordinary:

@@ -156,23 +156,28 @@ def begun_before(
     onsets = range(end - earlier_s, end - FEWEST_S, EARLIER_STEP_S)
     if not onsets:
         return None
-    ordinary, started, best = ordinary_of(place), [place.at(second, end) for second in onsets], None
+    ordinary, started = ordinary_of(place), [place.at(second, end) for second in onsets]
+    over: dict[str, tuple[Place, Weight]] = {}
     for fault in faults:
         if not _is_weighed(place, fault):
             continue
         courses = _first_courses(place, fault)
-        at, over = _best_place(fault, courses, started, ordinary)
-        if over.refused or over.margin <= max(sure, -np.inf if best is None else best[1].margin):
+        at, weight = _best_place(fault, courses, started, ordinary)
+        if weight.refused or weight.margin <= sure:
             continue
         _, begins = _best_place(fault, courses, [place.at(end + beside, None) for beside in (-1, 0, 1)], ordinary)
-        if begins.refused or over.margin > sure + begins.margin:
-            best = at, over
-    if best is None:
+        if begins.refused or weight.margin > sure + begins.margin:
+            over[fault] = at, weight
+    most = max((weight.margin for _, weight in over.values()), default=0.0)
+    peaks = [
+        (fault, peak)
+        for fault, (at, weight) in over.items()
+        if weight.margin > most - sure * weight.dispersion and (peak := _onset_of_over(at, fault, earlier_s, ordinary))
+    ]
+    if not peaks:
         return None
-    onset = _onset_of_over(best[0], best[1].fault, earlier_s, ordinary)
-    if onset is None:
-        return None
-    return _timing(onset, _end(best[1].fault, onset, place.at(end, end), COARSE_S, ordinary), end_s)
+    fault, onset = max(peaks, key=lambda pair: _rank(pair[1].weight))
+    return _timing(onset, _end(fault, onset, place.at(end, end), COARSE_S, ordinary), end_s)
 
 
 def _first_courses(place: Place, fault: str) -> Sequence[Course]:

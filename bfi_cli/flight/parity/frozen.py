@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...airdata import air_data_of
+from ...airdata import G, air_data_of
 from ...airdata.relations import vane
 from ...flightlog import FlightLog
 from ...flightlog.defects import STILL, WATCHED, unwatched_in
@@ -20,7 +20,7 @@ from ...flightlog.phases import Phase
 from ...flightlog.quality import FEWEST_REPEATS
 from ...flightlog.record import frozen_array
 from ...kernels import BoolArray, FloatArray, IntArray
-from ...kernels.runs import Run, is_repeated, repeats
+from ...kernels.runs import Run, bridged, is_repeated, repeats
 from ...quantities.channels import quantity_of
 from .finding import Finding
 from .record import Record
@@ -46,6 +46,7 @@ VANE_NEEDS = frozenset({"aoa", "tas", "altitude_rate", "pitch", "roll"})
 VANE_RESTS_S = 30.0
 # rad, by which attitude and climb say that it should move meanwhile: half a degree, and so many of its own steps.
 SHOULD_MOVE, STEPS = np.radians(0.5), 2.0
+TURNS_S = 10.0  # over which a heading tells the bank of a turn
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,9 +101,22 @@ class _Rests:
             climbed = np.cumsum(np.nan_to_num(rate)) / self.log.rate_hz
             climbs = np.ptp(climbed) > max(CLIMBED_M, CLIMBING_M_S * len(rate) / self.log.rate_hz)
             return bool(climbs and np.mean(is_repeated(rate)) < 0.5)
+        if quantity_of(name) == "roll" and {"yaw", "tas"} <= during.keys() and not self._turns(name, during):
+            return False
         others = [channel for channel in during if channel != name and self.usual_s(channel, run) < LIVELY_S]
         resting = [max((end - first for first, end in repeats(during[channel])), default=0) for channel in others]
         return bool(resting) and float(np.mean(np.array(resting) < 0.5 * (run[1] - run[0]))) >= MOST
+
+    def _turns(self, name: str, during: Mapping[str, FloatArray]) -> bool:
+        """Return whether the heading turns as at no bank near the one that a roll holds: at g tan(bank) / V."""
+        n = round(TURNS_S * self.log.rate_hz)
+        heading, speed = np.unwrap(bridged(during["yaw"])), float(np.nanmedian(during["tas"]))
+        if heading.size <= n or not speed > 0.0:
+            return False
+        rate = (heading[n:] - heading[:-n]) / TURNS_S
+        step, least = (self.log.channels[channel].step or 0.0 for channel in (name, "yaw"))
+        bank = np.arctan((np.abs(rate) - least / TURNS_S) * speed / G) * np.sign(rate)
+        return bool(np.max(np.abs(bank - during[name][0])) > max(SHOULD_MOVE, STEPS * step))
 
 
 def frozen_sensors(log: FlightLog, record: Record, phases: Sequence[Phase]) -> tuple[Finding, ...]:

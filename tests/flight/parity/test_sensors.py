@@ -392,6 +392,15 @@ def test_what_something_else_holds_is_not_frozen(names: tuple[str, ...]):
     assert frozen_sensors(log, record_of(log), FLIGHT) == ()
 
 
+@pytest.mark.parametrize(("rate", "names"), [(0.0, []), (0.02, ["roll"])])
+def test_a_roll_that_rests_is_frozen_where_the_heading_turns(rate: float, names: list[str]):
+    """An autopilot holds a coarse roll for minutes; at g tan(11 deg) / V it is no level flight."""
+    log, noise = lively(), 1e-3 * np.random.default_rng(8).standard_normal((2, attitudes().n_samples))
+    yaw = replace(log.channels["roll"], name="yaw", values=frozen_array(rate * log.time_s + noise[0]))
+    log = held(with_values(replace(log, channels={**log.channels, "yaw": yaw}), "roll", noise[1]), "roll")
+    assert [finding.fault for finding in frozen_sensors(log, record_of(log), FLIGHT)] == names
+
+
 @pytest.mark.parametrize("is_tube", [True, False])
 def test_a_total_pressure_that_rests_is_frozen_where_the_airspeed_shows_that_its_tube_is_open(is_tube: bool):
     log = lively()

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 
@@ -105,7 +106,7 @@ def judge_place(place: Place, ordinary: Ordinary, *, named: Collection[str] = ()
         *_channel_weights(place, ordinary, named),
         *line_weights(place, ordinary, named),
     ]
-    order = sorted(weights, key=lambda weight: (bool(weight.refused), -weight.margin))
+    order = sorted(weights, key=attrgetter("rank"), reverse=True)
     return Judgement(weights=tuple(order), cause=ordinary.cause, gain=ordinary.gain)
 
 

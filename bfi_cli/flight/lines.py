@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from operator import attrgetter
 
 import numpy as np
 
@@ -130,7 +131,7 @@ def line_weights(place: Place, ordinary: Ordinary, named: Collection[str] = ()) 
     finer = [law for law in (*ICINGS, *LEAKS) if explains or law.fault in named]
     if finer:
         for fault, weight in _best_laws(place, ordinary, finer).items():
-            best[fault] = max(best[fault], weight, key=_rank)
+            best[fault] = max(best[fault], weight, key=attrgetter("rank"))
     yield from best.values()
 
 
@@ -145,7 +146,7 @@ def _best_laws(place: Place, ordinary: Ordinary, laws: Sequence[Law]) -> dict[st
     shocks = np.stack([beside(place, ordinary, _moved_rows(place.bench.model, law.fault)) for law in laws], axis=1)
     best: dict[str, Weight] = {}
     for weight in weights_of_laws([(law, place) for law in laws], ordinary, shocks=shocks):
-        best[weight.fault] = max(best.get(weight.fault, weight), weight, key=_rank)
+        best[weight.fault] = max(best.get(weight.fault, weight), weight, key=attrgetter("rank"))
     return best
 
 
@@ -217,10 +218,6 @@ def _heats(weights: Sequence[Weight]) -> bool:
     return not any(weight.margin > most - ALIKE for weight in weights if not weight.heats)
 
 
-def _rank(weight: Weight) -> tuple[bool, float]:
-    return not weight.refused, weight.margin
-
-
 def weights_of_laws(
     hypotheses: Sequence[tuple[Law, Place]], ordinary: Ordinary, *, shocks: FloatArray | None = None
 ) -> tuple[Weight, ...]:
@@ -245,7 +242,7 @@ def weights_of_laws(
     rows = [_with_heat(about, lag_s) for lag_s in lags_s for about in abouts]
     run = _run_of_laws(hypotheses, rows)
     weighed = _weights_of_run(hypotheses, ordinary, run, rows, lags_s)
-    likeliest = [max(range(j, len(rows), n), key=lambda h: _rank(weighed[h])) for j in range(n)]
+    likeliest = [max(range(j, len(rows), n), key=lambda h: weighed[h].rank) for j in range(n)]
     # 3. About the course that this makes of it.
     courses = _courses_of(hypotheses, run, likeliest)
     rows = [
@@ -254,7 +251,10 @@ def weights_of_laws(
     ]
     again = _weights_of_run(hypotheses, ordinary, _run_of_laws(hypotheses, rows, shocks), rows)
     return tuple(
-        replace(max(weight, weighed[h], key=_rank), heats=_heats([weighed[k] for k in range(j, len(weighed), n)]))
+        replace(
+            max(weight, weighed[h], key=attrgetter("rank")),
+            heats=_heats([weighed[k] for k in range(j, len(weighed), n)]),
+        )
         for j, (weight, h) in enumerate(zip(again, likeliest, strict=True))
     )
 

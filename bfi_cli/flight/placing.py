@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import attrgetter
 
 import numpy as np
 
@@ -40,7 +41,7 @@ MOVES, RESTS_S, UNDESCRIBED = 6, 3.0, 4.0
 
 def best_as_named(judgement: Judgement, event: Event) -> Weight:
     """Return the weight of the best of the faults that an event may be, of which the model knows one."""
-    return max(weights_as_named(judgement, event), key=lambda weight: (not weight.refused, weight.margin))
+    return max(weights_as_named(judgement, event), key=attrgetter("rank"))
 
 
 def where_it_begins(bench: Bench, event: Event, judgement: Judgement, until_s: float) -> tuple[Event, Judgement]:
@@ -62,7 +63,7 @@ def where_it_begins(bench: Bench, event: Event, judgement: Judgement, until_s: f
         ]
         if not timings:
             break
-        best = max(timings, key=lambda timing: (not timing.weight.refused, timing.weight.margin))
+        best = max(timings, key=lambda timing: timing.weight.rank)
         if abs(best.onset_s - event.onset_s) < RESTS_S and best.offset_s == event.offset_s:
             break
         moved = replace(event, onset_s=best.onset_s, onset_ci95=best.onset_ci95, offset_s=best.offset_s)

@@ -22,7 +22,7 @@ from .judge import (
     rows_of,
     weights_of_channel,
 )
-from .lines import weight_of_line
+from .lines import PITOT_ICING, PITOT_LEAK, weight_of_line
 from .naming import channels_of
 from .oscillations import oscillating_events
 from .parity.windows import overlaps
@@ -114,10 +114,10 @@ def _slow_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains: C
         place = place_of(bench, at_s, None, flight.to_s)
         if place is None:
             continue
-        straight = weight_of_line(place, ordinary_of(place), "pitot_icing")
+        straight = weight_of_line(place, ordinary_of(place), PITOT_ICING)
         if straight.refused or straight.margin < SURE * DECLARED:
             continue
-        event = replace(_proposed(flight, "pitot_icing", at_s, {"q_impact": gain}), state="declared")
+        event = replace(_proposed(flight, PITOT_ICING, at_s, {"q_impact": gain}), state="declared")
         judgement = judgement_of(bench, event, flight.to_s)
         if judgement is None or _sure_loss(judgement) is None:
             continue
@@ -135,7 +135,7 @@ def _slow_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains: C
 def _airspeed_error(bench: Bench, event: Event, loss: Weight) -> dict[str, float]:
     """Return by how much a loss of impact pressure, as V^2, makes the airspeed wrong in its later half, m/s."""
     model, first = bench.model, bench.model.second(event.onset_s)
-    left = np.exp(loss.size) if loss.fault == "pitot_leak" else 1.0 + loss.size
+    left = np.exp(loss.size) if loss.fault == PITOT_LEAK else 1.0 + loss.size
     end = min(first + AFTER_S, model.n)
     read = float(np.median(model.coefficients.airspeed[(first + end) // 2 : end]))
     return {"tas" if "tas" in event.channels else model.seconds.record.airspeed: read * (1.0 - 1.0 / np.sqrt(left))}
@@ -147,7 +147,7 @@ def _sure_loss(judgement: Judgement) -> Weight | None:
     What its course leaves unexplained, and for how long readings err alike, counts against it.
     """
     weight = judgement.weights[0]
-    least = SURE * DECLARED * weight.dispersion * weight.memory_s
+    least = SURE * DECLARED * weight.repeated
     return weight if weight.fault in LOSSES and not weight.refused and weight.margin > least else None
 
 

@@ -176,7 +176,7 @@ def begun_before(
     ]
     if not peaks:
         return None
-    fault, onset = max(peaks, key=lambda pair: _rank(pair[1].weight))
+    fault, onset = max(peaks, key=lambda pair: pair[1].weight.rank)
     return _timing(onset, _end(fault, onset, place.at(end, end), COARSE_S, ordinary), end_s)
 
 
@@ -190,7 +190,7 @@ def _best_place(
 ) -> tuple[Place, Weight]:
     """Return the place at which a fault is worth most, by the best of its courses."""
     weights = [weight for weight, _ in _weights(fault, courses, places, ordinary)]
-    return max(zip(places, weights, strict=True), key=lambda at: _rank(at[1]))
+    return max(zip(places, weights, strict=True), key=lambda at: at[1].rank)
 
 
 def _onset_of_over(began: Place, fault: str, earlier_s: int, ordinary: Ordinary) -> _Peak | None:
@@ -217,7 +217,7 @@ def _law(place: Place, fault: str, laws: Sequence[Law], onset: int, offset: int 
     seconds = range(max(onset - reach_s, 0), onset + reach_s + 1, COARSE_S)
     about = [place.at(second, offset) for second in seconds if second < place.n - FEWEST_S]
     weights = _weights(fault, [law for law in laws if law.fault == fault], about, ordinary)
-    law = max(weights, key=lambda pair: _rank(pair[0]))[1]
+    law = max(weights, key=lambda pair: pair[0].rank)[1]
     assert isinstance(law, Law)
     return law
 
@@ -226,10 +226,6 @@ def _is_weighed(place: Place, fault: str) -> bool:
     """Return whether the model knows a fault, as one of a line or of a channel."""
     lines = has_lines(place.bench.model) and any(law.fault == fault for law in LAWS)
     return lines or fault in channel_faults(place.bench.model)
-
-
-def _rank(weight: Weight) -> tuple[bool, float]:
-    return not weight.refused, weight.margin
 
 
 def _weights(
@@ -243,7 +239,7 @@ def _weights(
         weights = weights_of_laws([(law, place) for law in laws for place in places], ordinary)
         by_course += [weights[k : k + len(places)] for k in range(0, len(weights), len(places))]
     used: list[Course] = [*growths, *laws]
-    best = [max(range(len(used)), key=lambda j: _rank(by_course[j][k])) for k in range(len(places))]
+    best = [max(range(len(used)), key=lambda j: by_course[j][k].rank) for k in range(len(places))]
     return [(by_course[j][k], used[j]) for k, j in enumerate(best)]
 
 
@@ -283,7 +279,7 @@ def likeliest(n: int, weigh: Callable[[Sequence[int]], Sequence[Weight]]) -> tup
         weights.update(zip(fine, weigh(fine), strict=True))
     peak, weighed = best(), sorted(weights)
     profile = np.interp(range(n), weighed, [weights[k].margin for k in weighed])
-    share = np.exp((profile - profile.max()) / (weights[peak].dispersion * weights[peak].memory_s))
+    share = np.exp((profile - profile.max()) / weights[peak].repeated)
     below = np.cumsum(share) / share.sum()
     first, last = int(np.searchsorted(below, TAIL)), int(np.searchsorted(below, 1.0 - TAIL))
     return peak, min(first, peak), max(min(last, n - 1), peak)

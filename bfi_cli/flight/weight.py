@@ -54,9 +54,19 @@ class Weight:
     heats: bool = False
 
     @property
+    def rank(self) -> tuple[bool, float]:
+        """By which the best of some is the largest: one that can be none is behind all others."""
+        return not self.refused, self.margin
+
+    @property
+    def repeated(self) -> float:
+        """How many times its log densities say the same: what they have to be divided by."""
+        return self.dispersion * self.memory_s
+
+    @property
     def wide_sd(self) -> float | None:
         """Standard deviation of its size, wider by what its course leaves unexplained, and for how long."""
-        return None if self.sd is None else self.sd * float(np.sqrt(self.dispersion * self.memory_s))
+        return None if self.sd is None else self.sd * float(np.sqrt(self.repeated))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -127,8 +127,8 @@ def _slow_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains: C
             continue
         timing = timing_of(bench, loss, event.onset_s, None, until_s=flight.to_s)
         if timing is not None:
-            event = timed(bench, event, timing)
-            lines.append(replace(event, effect=_airspeed_error(bench, event, loss)))
+            event, seen_s = timed(bench, event, timing), float(bench.model.time_s[place.end - 1])
+            lines.append(replace(event, effect=_airspeed_error(bench, event, loss), seen_until_s=seen_s))
             yield lines[-1]
 
 

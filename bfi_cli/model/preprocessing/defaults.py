@@ -3,9 +3,8 @@
 The output is tas, the inputs are the trusted channels that the log has, of published methods the elevator, and the
 window is the whole log. Where a log lacks them, as an autopilot's without a true airspeed or a Garmin's without an
 elevator, the nearest channels are taken. What differs from the configuration is named in a note. Manoeuvres that no
-linear model of one trim follows are evidence of their own. A tolerance is the largest error of a channel that may stay
-unseen, by which a fault is excluded or not. What an analysis leaves open is answered by channels to record, or by a
-command that works.
+linear model of one trim follows are evidence of their own. A fault is excluded where no error of its channel beyond the
+tolerance can hide. What an analysis leaves open is answered by channels to record, or by a command that works.
 """
 
 from __future__ import annotations

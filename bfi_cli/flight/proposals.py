@@ -128,7 +128,9 @@ def _slow_losses(flight: Flight, bench: Bench, events: Sequence[Event], gains: C
         timing = timing_of(bench, loss, event.onset_s, None, until_s=flight.to_s)
         if timing is not None:
             event, seen_s = timed(bench, event, timing), float(bench.model.time_s[place.end - 1])
-            lines.append(replace(event, effect=_airspeed_error(bench, event, loss), seen_until_s=seen_s))
+            shown = flight.around(event.onset_s, seen_s, AROUND_S)
+            effect = _airspeed_error(bench, event, loss)
+            lines.append(replace(event, effect=effect, seen_until_s=seen_s, window_s=shown))
             yield lines[-1]
 
 
